@@ -102,8 +102,10 @@ def lattice(signal: FloatArray) -> Lattice | None:
         return None  # of an even ramp any rate of samples makes a lattice
     spacings = np.diff(values)
     spacings = spacings[spacings > max(1e-9 * max(abs(values[0]), abs(values[-1])), 1e-12)]  # one value, written twice
+    if not spacings.size:
+        return None
     if values.size == 2:
-        return Lattice(float(f"{spacings[0]:.12g}"), 0.0) if spacings.size else None
+        return Lattice(float(f"{spacings[0]:.12g}"), 0.0)
     whole = Lattice(1.0, 0.0) if np.array_equal(values, np.rint(values)) else None  # a counter's, whatever its noise
     if (exact := _exact(spacings)) is not None and noise_floor(signal) < BURIED * exact.step:
         return exact
