@@ -165,8 +165,7 @@ def _agreed(values: FloatArray, weights: FloatArray, octave: float) -> float | N
         rates = np.arange(low, high + 0.1 / width, 0.1 / width)
         if len(rates) > 20 * SEEN:  # so few values so far apart tell no step so small
             return None
-        turns = weights[few] * np.exp(2j * np.pi * np.outer(rates, x[few]))
-        R = np.abs(turns.sum(axis=1)) / weights[few].sum()  # not as a product: BLAS has threads, and few to share here
+        R = _agreement(rates, x[few], weights[few])
         best = int(np.argmax(R))
         double = R[: np.searchsorted(rates, 0.55 * rates[best])]  # with q agrees q/2 too
         best = int(np.argmax(double)) if np.max(double, initial=0.0) > ALIKE * R[best] else best
@@ -176,6 +175,15 @@ def _agreed(values: FloatArray, weights: FloatArray, octave: float) -> float | N
             return float(1 / rates[best])
         low, high = max(low, rates[best] - 0.3 / width), min(high, rates[best] + 0.3 / width)
         width = min(8 * width, whole)
+
+
+def _agreement(rates: FloatArray, x: FloatArray, weights: FloatArray) -> FloatArray:
+    """R at each of many even rates 1/q: e to a sum is a product, so that √N of N are enough."""
+    some = math.isqrt(len(rates)) + 1
+    coarse = np.exp(2j * np.pi * np.outer(rates[::some], x))
+    fine = np.exp(2j * np.pi * np.outer(rates[:some] - rates[0], x))
+    turns = np.einsum("ct,ft->cf", coarse, weights * fine)  # not by BLAS: it has threads, and few to share here
+    return np.abs(turns.ravel()[: len(rates)]) / weights.sum()
 
 
 def _believed(values: FloatArray, copies: FloatArray, q: float) -> Lattice | None:
