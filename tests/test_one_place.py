@@ -49,7 +49,6 @@ MODEL = '''
 import math
 
 from fracid.models.base import Angle, Model, Parameter
-from fracid.models.base import Written
 from fracid.models.friction import VISCOUS, Friction
 
 SEAL = Friction("seal", power=0, begins=1e-3, off=0.0)
@@ -60,14 +59,6 @@ def rhs(t, x, u, p, out):
     out[1] = -p[0] * math.sin(x[0]) - p[1] * x[1] - p[2] * math.tanh(x[1] / 0.05)
 
 
-def _equations(write, model, orders, driven):
-    q, phi, rate = write.order("nu", orders["nu"]), write.i("φ"), write.sub("ω", "φ")
-    torque = [*write.term("−", "stiffness", write.f("sin", phi)), *write.term("−", "hinge", rate),
-              *write.term("−", "lip", write.tanh(rate, write.n("0.05")))]
-    yield write.D(q, phi), rate
-    yield write.D(q, rate), *write.sum(torque)
-
-
 def door(**values):
     """A door that swings about a leaning hinge."""
     return Model(
@@ -75,7 +66,7 @@ def door(**values):
         parameters=(Parameter("stiffness", "1/s^2", 9.0, "of gravity", symbol=("k", "")),
                     Parameter("hinge", "1/s", 0.2, "of the hinge", symbol=("b", "φ"), friction=VISCOUS.at("phi")),
                     Parameter("lip", "1/s^2", 0.0, "of the seal", symbol=("s", "φ"), friction=SEAL.at("phi"))),
-        zero="hanging", source="an example", angles={"phi": Angle(of_zero=True)}, written=Written(rhs, _equations),
+        zero="hanging", source="an example", angles={"phi": Angle(of_zero=True)},
     ).with_parameters(**values)
 
 

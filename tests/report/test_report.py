@@ -531,17 +531,21 @@ def test_the_equations_leave_out_what_is_zero_and_keep_what_is_free(fitted):
 class Reader:
     """MathML as Python: neighbours are factors, sin, cos and tanh take what follows them."""
 
-    def __init__(self, text):
-        self.lines = ["".join(self.line(row)) for row in ElementTree.fromstring(text).iter("mtd")]
+    SIGNS = ("+", "-", "*", "/", "=", ",", "!=")
 
-    def line(self, element):
-        return self.row([part for child in element for part in ([*child] if child.tag == "mrow" else [child])])
+    def __init__(self, text):
+        self.lines = ["".join(self.row(self.flat(row[0]))) for row in ElementTree.fromstring(text)[0]]
+
+    def flat(self, part):
+        """What stands in a row, and not within brackets."""
+        within = part.tag in ("mtd", "mrow") and [child.text for child in part[:1]] not in (["("], ["|"], ["{"])
+        return [leaf for child in part for leaf in self.flat(child)] if within else [part]
 
     def row(self, parts):
         words, parts = [], [p for p in parts if p.tag != "mspace"]
         while parts:
             word = self.word(parts)
-            if words and words[-1] not in "+-*=(," and word[:1] not in "+-*=),":
+            if words and words[-1] not in self.SIGNS and word not in self.SIGNS:
                 words.append("*")
             words.append(word)
         return words
@@ -550,15 +554,15 @@ class Reader:
         part = parts.pop(0)
         text = (part.text or "").strip()
         if part.tag == "mo":
-            return text.replace("−", "-").replace("·", "*")
+            return {"−": "-", "·": "*", "≠": "!="}.get(text, text)
         if part.tag == "mn":
             return text.replace("−", "-")
         if part.tag == "mi":
             return f"{text}({self.word(parts)})" if text in ("sin", "cos", "tanh", "max", "min") else text
-        if part.tag == "mtext":
-            return "1"
         if part.tag == "msub":
-            return "".join(child.text for child in part)
+            return "".join(self.word([child]) for child in part)
+        if part.tag == "mover":
+            return f"D_{part[0].text}"
         if part.tag == "mfrac":
             over, under = (self.word([child]) for child in part)
             return f"({over}/{under})"
@@ -566,16 +570,18 @@ class Reader:
             base, exponent = part
             if base.text == "D":
                 return f"D_{self.word(parts)}"
-            if base.text == "sin":
-                return f"sin({self.word(parts)})**2"
+            if base.text in ("sin", "cos"):
+                return f"{base.text}({self.word(parts)})**2"
             return f"({self.word([base])})**({self.word([exponent])})"
         inner = [child for child in part if child.tag != "mspace"]
-        if inner and inner[0].text == "=":
-            return "".join(self.row(inner))
         if inner and inner[0].text == "|":
             return f"abs({self.word([inner[1]])})"
-        if any(child.text == "/" for child in inner):
-            return f"({self.word([inner[0]])}/{self.word([inner[2]])})"
+        if inner and inner[0].text == "{":
+            (yes, when), (no, _) = inner[1]
+            return (
+                f"({''.join(self.row([*yes]))} if {''.join(self.row([*when[0]][1:]))} else {''.join(self.row([*no]))})"
+            )
+        inner = inner[1:-1] if inner and inner[0].text == "(" else inner
         return f"({''.join(self.row(inner)).strip()})"
 
 
@@ -608,23 +614,21 @@ def test_the_equations_as_printed_are_those_that_are_solved(zero, sign, elements
     result = {"orders": dict.fromkeys(("lambda", "mu"), estimate(0.9)), "parameters": constants, "recordings": {}}
     printed = []
     for line in Reader(equations(model, result, driven=True)["With the fitted values"]).lines:
-        if line[0] in "=+-":  # goes on
+        if line[0] in "=+-":  # goes on in a row of its own
             printed[-1] += line
         else:
             printed.append(line)
     greek = {"theta": "θ", "D^lambda theta": "ωθ", "alpha": "α", "D^mu alpha": "ωα", "arm": "θa", "D^lambda arm": "ωa"}
     names = [greek.get(n, n.replace("_theta", "θ").replace("_alpha", "α")) for n in model.states]
-    solved = {"um", "τa"} & {equation.split("=")[0] for equation in printed}
+    solved = {"um", "φ", "τa", "εt"} & {equation.split("=")[0] for equation in printed}
     assert len(printed) == len(names) + len(solved)
     for x in rng.uniform(-1, 1, (5, len(names))):
-        if "θa" in names and abs(x[0] - x[names.index("θa")]) < values["play_theta"]:
-            x[0] += 0.5  # in contact, as the equation of the shaft says
         u, out = rng.uniform(-1, 1, 1), np.empty(len(names))
         model.rhs(0.0, x, u, model.parameter_vector(values), out)
         at = {**dict(zip(names, x, strict=True)), **{f"D_{n}": v for n, v in zip(names, out, strict=True)}, "u": u[0],
               "sin": math.sin, "cos": math.cos, "tanh": math.tanh, "abs": abs, "max": max, "min": min, "e": math.e,
               "π": math.pi}  # fmt: skip
-        for left, right in (equation.split("=") for equation in printed):
+        for left, _, right in (equation.partition("=") for equation in printed):
             if left in solved:
                 at[left] = eval(right, at)
             assert eval(left, at) == pytest.approx(eval(right, at), rel=1e-9, abs=1e-12)

@@ -27,7 +27,8 @@ How to write your own (a file ``my_rig.py``, used as ``name = "my_rig.py:model"`
 7. Say what angle zero is (``"hanging"``, ``"upright"`` or ``""``) and where the numbers come from.
 8. What is friction is told by its name, ``b_…``, ``coulomb_…``, ``drag_…``, ``cable_…``, or by the parameter's
    ``friction`` (:mod:`fracid.models.friction`).  The other fields of :class:`Model` may stay empty: they are what the
-   reports, figures and exports of our own models ask for.
+   reports, figures and exports of our own models ask for.  The page prints the equations of any right-hand side;
+   how a name is written there can be said, in a parameter's ``symbol`` and in the model's ``symbols``.
 
 >>> import math
 >>> def rhs(t, x, u, p, out):
@@ -51,7 +52,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -69,7 +70,7 @@ from fracid.units import GREEK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Output", "Parameter", "RightHandSide", "Written"]
+__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Output", "Parameter", "RightHandSide"]
 
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 """``h(t, x, u, p)``: returns an output that is no state."""
@@ -141,17 +142,6 @@ class Angle:
     """The parameter that is its value at rest or the offset of its zero; "" for none."""
     of_zero: bool = False
     """Whether :attr:`Model.zero` says where it is zero: the pendulum's."""
-
-
-@dataclass(frozen=True)
-class Written:
-    """A right-hand side in the forms that people and other languages read."""
-
-    of: RightHandSide
-    """Which one: a model with another has no such forms."""
-    equations: Callable[[Any, Model, Mapping[str, Any], bool], Iterable[tuple[Any, ...]]]
-    """(writer, model, orders, driven) → for each equation its left side and the rows of its right side;
-    :class:`fracid.report.equations.Writer` is what writes them."""
 
 
 @dataclass(frozen=True)
@@ -239,8 +229,11 @@ class Model(CardDisplay):
     """The parameter that makes a torque of the input; "" where there is none."""
     seen_in: Mapping[str, str] = field(default_factory=dict)
     """Order → the output without which it can hardly be seen."""
-    written: Written | None = None
-    """Its equations and its code; None for a program."""
+    symbols: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """State, input or variable of the right-hand side → letter and index, as equations write it, where its name does
+    not say: ``b_theta`` is b with the index θ, ``D^mu alpha`` is ω with the index α."""
+    paper: str = ""
+    """Whose equations the numbers in descriptions of parameters are: "(8)"."""
     drawing: Drawing | None = None
     """None for one that cannot be drawn."""
     postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
@@ -260,8 +253,6 @@ class Model(CardDisplay):
         """Check that the fields fit together, so that no later layer has to."""
         _check_names(self)
         _check_shapes(self)
-        if self.written is not None and getattr(self.rhs, "py_func", self.rhs) is not self.written.of:
-            object.__setattr__(self, "written", None)
 
     @cached_property
     def output_states(self) -> dict[str, int]:

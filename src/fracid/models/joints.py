@@ -198,9 +198,7 @@ def gap(q: float, half: float) -> float:
     >>> gap(0.3, 0.5), gap(0.75, 0.5), gap(-0.75, 0.5)
     (0.0, 0.25, -0.25)
     """
-    if q > half:
-        return q - half
-    return q + half if q < -half else 0.0
+    return q - min(max(q, -half), half)
 
 
 def saturated(u: float, most: float) -> float:

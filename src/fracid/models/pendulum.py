@@ -78,7 +78,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide, Written
+from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide
 from fracid.models.friction import (
     COULOMB,
     DRAG,
@@ -95,7 +95,6 @@ from fracid.models.friction import (
 )
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
-from fracid.models.pendulum_written import equations
 from fracid.models.rigs import RIGS
 
 __all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
@@ -228,6 +227,15 @@ PARAMETERS = (
 )  # fmt: skip
 
 
+SYMBOLS = {
+    "arm": ("θ", "a"), "D^lambda arm": ("ω", "a"), "voltage": ("u", ""), "torque": ("u", ""), "driven": ("u", "m"),
+    "turn": ("φ", ""), "shaft": ("τ", "a"), "across": ("ε", "t"),
+}  # fmt: skip
+"""Of states, inputs and variables, where their names do not say."""
+
+PAPER = "Identification of Fractional-Order System Dynamics for a Rotary Inverted Pendulum"
+
+
 def rotary_pendulum(
     rig: str = "srv02-rotpen",
     zero: str = "hanging",
@@ -295,7 +303,8 @@ def rotary_pendulum(
         input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         drive="torque_per_volt",
         seen_in={"lambda": "theta"},
-        written=_written(zero, ()),
+        symbols=SYMBOLS,
+        paper=PAPER,
         drawing=Drawing(_shape, as_found=("C1",)),
         postures=_postures,
         smooth=_smooth,
@@ -425,7 +434,8 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
             joint_alpha += springpot(x, out, y_alpha, alpha_rate, p[27])
 
         M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
-        f_theta = torque_per_volt * saturated(gap(u[0], dead_zone), saturation) - cable_stiffness * (theta - theta_rest)
+        driven = saturated(gap(u[0], dead_zone), saturation)
+        f_theta = torque_per_volt * driven - cable_stiffness * (theta - theta_rest)
         b_hub, arm_rate = b_theta + back_emf + drag_theta * abs(theta_rate), theta_rate
         play, stiffness, damping, inertia = p[29], p[30], p[31], p[32]
         if arm and (play > 0.0 or stiffness > 0.0):  # two bodies: the hub first, then what the arm gets from it
@@ -470,12 +480,6 @@ def __getattr__(name: str) -> RightHandSide:
     return _right_hand_side(zero, tuple(own))
 
 
-@cache
-def _written(zero: str, own: tuple[str, ...]) -> Written:
-    """The same for people and other languages."""
-    return Written(_right_hand_side(zero, own), equations)
-
-
 def _grown(model: Model, on: frozenset[str]) -> Model:
     """The model with the states that these parameters need."""
     own = tuple(state for state, parameters in STATES.items() if not on.isdisjoint(parameters))
@@ -488,7 +492,7 @@ def _grown(model: Model, on: frozenset[str]) -> Model:
         states |= {"arm": "lambda", "D^lambda arm": "lambda"}
     return replace(
         model, rhs=rhs, states=tuple(states), orders=tuple(states.values()),
-        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")}, written=_written(model.zero, own),
+        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")},
         follows={"arm": "theta", "D^lambda arm": "D^lambda theta"} if "arm" in own else {},
     )  # fmt: skip
 

@@ -378,8 +378,9 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "recordings": [_recording(material, name) | {"charts": _of(charts, f"whole-{k}")}
                        for k, name in enumerate(result["recordings"])],
         "equations": equations(project.problem.model, result, _driven(material)),
+        "latex": equations(project.problem.model, result, _driven(material), "LaTeX"),
         "no_rival": _no_rival(result),
-        "own_model": project.problem.model.written is None,
+        "paper": project.problem.model.paper,
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
         "free": [row for row in _parameters(material) if row["free"]],
         "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],

@@ -5,5 +5,8 @@
 :mod:`fracid.models.written.tree`        the tree: a few kinds of expressions and statements
 :mod:`fracid.models.written.languages`   tree → C in double and single precision, MATLAB, JavaScript, Python
 :mod:`fracid.models.written.portable`    what those languages lack
+:mod:`fracid.models.written.formulas`    a text → tree, by a whitelist
+:mod:`fracid.models.written.equations`   equations of a project file → model, and back
+:mod:`fracid.models.written.mathematics` tree → MathML and LaTeX, as people write equations
 =======================================  ===========================================================================
 """

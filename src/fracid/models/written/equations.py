@@ -35,7 +35,7 @@ from fracid.models.written.tree import (
     mentioned,
 )
 
-__all__ = ["Equation", "equations_of", "model_of"]
+__all__ = ["Equation", "Flat", "equations_of", "model_of"]
 
 
 @dataclass(frozen=True)
@@ -325,13 +325,14 @@ def equations_of(model: Model) -> tuple[dict[str, str], dict[str, str]]:
         raise Untranslatable(
             f"{program.states[program.relaxing[0]]} relaxes with a step of its own, which equations do not say."
         )
-    return _Flat(model).result()
+    return Flat(model).result()
 
 
-class _Flat:
+class Flat:
     """Statements as definitions: what a branch assigns becomes a choice, what a function gives stands in its place."""
 
     def __init__(self, model: Model) -> None:
+        """Read its right-hand side."""
         self.model, self.program = model, model.program
         self.functions = {f.name: f for f in self.program.functions}
         self.values: dict[str, Expression] = {}
@@ -380,6 +381,9 @@ class _Flat:
                     here = here | {f"out {i}": self._within(value, here)}
                 case If(test, yes, no):
                     when = self._within(test, here)
+                    if isinstance(when, Number):
+                        here = self._run(yes if when.value else no, here)
+                        continue
                     a, b = self._run(yes, here), self._run(no, here)
                     for n in {**a, **b}:
                         if a.get(n) != b.get(n):

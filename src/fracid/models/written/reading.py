@@ -46,7 +46,8 @@ from fracid.models.written.tree import (
     parts,
 )
 
-__all__ = ["FUNCTIONS", "Untranslatable", "call", "function_of", "operation", "read", "read_functions", "truth"]
+__all__ = ["FUNCTIONS", "Untranslatable", "call", "function_of", "operation", "read", "read_functions",
+           "read_output", "truth"]  # fmt: skip
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
              "exp", "expm1", "log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil", "trunc", "hypot",
@@ -144,6 +145,27 @@ def read(
     kept = {n + i for i in relaxing} | {*range(n)}
     body = off + (body if written <= kept else _without_entries(body, written - kept))
     return Program(states, relaxing, tuple(f for f in unit.functions.values() if f is not None), body)
+
+
+def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -> tuple[tuple[Function, ...], Function]:
+    """An output ``h(t, x, u, p)``, and before it the functions that it calls.
+
+    Examples
+    --------
+    >>> def height(t, x, u, p):
+    ...     return p[0] * math.sin(x[0])
+    >>> read_output(height, ("l",), 1, 0)[1].body[0].value.sign
+    '*'
+    """
+    unit = _Unit(parameters)
+    scope = _Scope(unit, h, {"x", "u", "p", "t"}, [], (h,))
+    arrays = (_Time(), View("x", 0, states), View("u", 0, inputs), View("p", 0, len(parameters)))
+    scope.here = dict(zip([a.arg for a in scope.node.args.args], arrays, strict=True))
+    value = scope.finish(scope.node.body)
+    if not isinstance(value, Expression):
+        raise scope.wrong(scope.node, "An output is a number.")
+    return tuple(f for f in unit.functions.values() if f is not None), Function(
+        h.__name__, ("t", "x", "u", "p"), (*scope.statements, Return(value)))  # fmt: skip
 
 
 def read_functions(*functions: Any) -> tuple[Function, ...]:
