@@ -9,7 +9,7 @@ PEERS := .venv-bench/.ready
 RIVALS := .venv-rivals/.ready
 PACKING := .venv-package/.ready
 
-.PHONY: setup demo test test-all test-slow lint docs bench orders coverage designs claims benchmarks-public bench-peers rivals scaling fuzz fuzz-ci notebook package clean-cache
+.PHONY: setup demo test test-all test-slow lint count docs bench orders coverage designs claims benchmarks-public bench-peers rivals scaling fuzz fuzz-ci notebook package clean-cache
 
 setup: $(READY)
 
@@ -42,6 +42,10 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Lines of code without blank lines, comments, docstrings and imports.
+count:
+	$(PYTHON) benchmarks/count.py
 
 bench: $(READY)
 	$(BIN)/python benchmarks/solver.py

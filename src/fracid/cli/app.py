@@ -22,7 +22,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -39,13 +39,17 @@ __all__ = [
     "CORES",
     "Jobs",
     "Json",
+    "OtherSeed",
     "Out",
+    "RealFriction",
+    "Scheduler",
     "Seed",
     "Trust",
     "app",
     "each_once",
     "echo_json",
     "main",
+    "named",
     "natural_width",
     "new_console",
     "one_place",
@@ -86,11 +90,35 @@ Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all
 
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Random seed.", show_default=True, min=0)]
 
+OtherSeed = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
+]
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
+]
+
+RealFriction = Annotated[
+    bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
+]
+
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Maximum number of threads.", min=1)]
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Run Python code that the project refers to (my_rig.py:model). Review it first.")
 ]
+
+
+def named(what: str, complete: Callable[..., list[str]], *spelled: str) -> Any:
+    """An option that takes a name which the shell completes.
+
+    Examples
+    --------
+    >>> named("The style.", key_of("presets"), "--style").metavar
+    'NAME'
+    """
+    return typer.Option(*spelled, metavar="NAME", help=what, autocompletion=complete)
 
 
 @quiet_when_closed()

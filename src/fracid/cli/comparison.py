@@ -14,9 +14,12 @@ from fracid.cli.app import (
     CORES,
     Jobs,
     Json,
+    OtherSeed,
     Out,
+    Scheduler,
     Trust,
     app,
+    named,
     natural_width,
     new_console,
     one_place,
@@ -79,24 +82,12 @@ def compare(
         list[str] | None,
         typer.Option("--rung", metavar="NAME", help="A friction model to include, or all; may be repeated."),
     ] = None,
-    preset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="paper: use the cost and the outputs of the paper.", autocompletion=key_of("presets")
-        ),
-    ] = None,
-    executor: Annotated[
-        str, typer.Option(metavar="NAME", help="threads or processes.", autocompletion=key_of("executors"))
-    ] = "threads",
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
-    ] = None,
+    preset: Annotated[str | None, named("paper: use the cost and the outputs of the paper.", key_of("presets"))] = None,
+    executor: Annotated[str, named("threads or processes.", key_of("executors"))] = "threads",
+    scheduler: Scheduler = None,
     trust: Trust = False,
     out: Out = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
-    ] = None,
+    seed: OtherSeed = None,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid.cli.app import app, new_console, say_next, typed
+from fracid.cli.app import app, named, new_console, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, key_of, one_of
 from fracid.errors import InputError
@@ -39,9 +39,7 @@ def init(
     time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
-    rig: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whose constants to begin with.", autocompletion=key_of("rigs"))
-    ] = None,
+    rig: Annotated[str | None, named("Whose constants to begin with.", key_of("rigs"))] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Out, Trust, app
+from fracid.cli.app import CORES, Jobs, Out, Trust, app, named
 from fracid.cli.completion import key_of, one_of
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
@@ -35,25 +35,12 @@ def draw(
             autocompletion=key_of("rigs"),
         ),
     ],
-    style: Annotated[
-        str, typer.Option(metavar="NAME", help="journal or screen.", autocompletion=one_of("journal", "screen"))
-    ] = "journal",
+    style: Annotated[str, named("journal or screen.", one_of("journal", "screen"))] = "journal",
     formats: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="pdf, svg or png; may be repeated \\[default: pdf].",
-            autocompletion=one_of(*WRITTEN),
-        ),
+        list[str] | None, named("pdf, svg or png; may be repeated \\[default: pdf].", one_of(*WRITTEN), "--format")
     ] = None,
     zero: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="For a rig: alpha = 0 hanging or upright \\[default: hanging].",
-            autocompletion=one_of("hanging", "upright"),
-        ),
+        str | None, named("For a rig: alpha = 0 hanging or upright \\[default: hanging].", one_of("hanging", "upright"))
     ] = None,
     trust: Trust = False,
     out: Out = None,

@@ -18,10 +18,12 @@ from fracid.cli.app import (
     CORES,
     Jobs,
     Json,
+    OtherSeed,
     Out,
     Trust,
     app,
     echo_json,
+    named,
     natural_width,
     new_console,
     one_place,
@@ -66,30 +68,15 @@ FIT_EXAMPLE = (
 @app.command(epilog="\n\n".join(FIT_EXAMPLE))
 def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
-    preset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="paper: the settings of the paper.", autocompletion=key_of("presets")),
-    ] = None,
+    preset: Annotated[str | None, named("paper: the settings of the paper.", key_of("presets"))] = None,
     optimiser: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Optimiser: {optimisers}, instead of the file's.",
-            autocompletion=key_of("optimisers"),
-        ),
+        str | None, named("Optimiser: {optimisers}, instead of the file's.", key_of("optimisers"))
     ] = None,
     multi_start: Annotated[
         int | None,
         typer.Option("--multi-start", metavar="N", help="Number of starts: yours, regression, Sobol points.", min=1),
     ] = None,
-    executor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Run each start in its own process: processes.",
-            autocompletion=key_of("executors"),
-        ),
-    ] = None,
+    executor: Annotated[str | None, named("Run each start in its own process: processes.", key_of("executors"))] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: its scheduler, tcp://HOST:8786.")
     ] = None,
@@ -98,9 +85,7 @@ def fit(
     ] = False,
     trust: Trust = False,
     out: Out = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
-    ] = None,
+    seed: OtherSeed = None,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:

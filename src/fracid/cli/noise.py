@@ -13,10 +13,12 @@ from fracid.cli.app import (
     CORES,
     Json,
     Out,
+    Scheduler,
     Seed,
     Trust,
     app,
     echo_json,
+    named,
     new_console,
     one_place,
     print_figures,
@@ -59,32 +61,14 @@ def noise(
         str, typer.Option(metavar="N,N", help="Encoder counts per turn; 0 for no quantisation.")
     ] = "4096,20000",
     seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions for each noise level and encoder.", min=1)] = 50,
-    cost: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="Cost function, instead of the project's: {costs}.", autocompletion=key_of("costs")
-        ),
-    ] = None,
+    cost: Annotated[str | None, named("Cost function, instead of the project's: {costs}.", key_of("costs"))] = None,
     optimiser: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Optimiser, instead of the run's: {optimisers}.",
-            autocompletion=key_of("optimisers"),
-        ),
+        str | None, named("Optimiser, instead of the run's: {optimisers}.", key_of("optimisers"))
     ] = None,
     executor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="processes or threads; a model of your own runs on threads only.",
-            autocompletion=key_of("executors"),
-        ),
+        str | None, named("processes or threads; a model of your own runs on threads only.", key_of("executors"))
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
-    ] = None,
+    scheduler: Scheduler = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,

@@ -12,11 +12,13 @@ from fracid.cli.app import (
     Jobs,
     Json,
     Out,
+    RealFriction,
     Seed,
     Trust,
     app,
     each_once,
     echo_json,
+    named,
     new_console,
     say,
     say_next,
@@ -91,27 +93,15 @@ def design(
         typer.Option(metavar="N", help="Encoder counts per turn \\[default: those of the recordings].", min=0),
     ] = None,
     criterion: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="D, A, Ds (with --for) or T (with --against).",
-            autocompletion=one_of("D", "A", "Ds", "T"),
-        ),
+        str | None, named("D, A, Ds (with --for) or T (with --against).", one_of("D", "A", "Ds", "T"))
     ] = None,
     against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="integer: discriminate the orders from integer-order models.",
-            autocompletion=one_of("integer"),
-        ),
+        str | None, named("integer: discriminate the orders from integer-order models.", one_of("integer"))
     ] = None,
     order: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a rig: an order, mu=0.95; may be repeated.")
     ] = None,
-    friction: Annotated[
-        bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
-    ] = False,
+    friction: RealFriction = False,
     robust: Annotated[
         int,
         typer.Option(

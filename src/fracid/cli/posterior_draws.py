@@ -12,10 +12,12 @@ from fracid.cli.app import (
     CORES,
     Json,
     Out,
+    Scheduler,
     Seed,
     Trust,
     app,
     echo_json,
+    named,
     natural_width,
     new_console,
     one_place,
@@ -50,25 +52,16 @@ def posterior(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     method: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            help="laplace, corrected by importance sampling; nested or dynesty, nested sampling.",
-            autocompletion=one_of("laplace", "nested", "dynesty"),
+        named(
+            "laplace, corrected by importance sampling; nested or dynesty, nested sampling.",
+            one_of("laplace", "nested", "dynesty"),
         ),
     ] = "laplace",
     draws: Annotated[
         int, typer.Option(metavar="N", help="Simulations of laplace; effective draws of nested sampling.", min=100)
     ] = 2000,
-    executor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="threads or processes, for the method laplace.", autocompletion=key_of("executors")
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
-    ] = None,
+    executor: Annotated[str | None, named("threads or processes, for the method laplace.", key_of("executors"))] = None,
+    scheduler: Scheduler = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,

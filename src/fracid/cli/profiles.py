@@ -16,6 +16,7 @@ from fracid.cli.app import (
     Trust,
     app,
     echo_json,
+    named,
     new_console,
     print_figures,
     say,
@@ -50,11 +51,7 @@ def profile(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
     parameter: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="A free parameter; may be repeated \\[default: the free orders].",
-            autocompletion=from_run("orders", "parameters"),
-        ),
+        named("A free parameter; may be repeated \\[default: the free orders].", from_run("orders", "parameters")),
     ] = None,
     joint: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="Two free parameters, also profiled together.")

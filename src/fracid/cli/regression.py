@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, named, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import ZEROS, key_of, one_of
@@ -82,19 +82,9 @@ def regress(
     ] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     rig: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="For a recording: the rig whose constants are used for those not estimated.",
-            autocompletion=key_of("rigs"),
-        ),
+        str | None, named("For a recording: the rig whose constants are used for those not estimated.", key_of("rigs"))
     ] = None,
-    zero: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME", help="For a recording: alpha = 0 hanging or upright.", autocompletion=one_of(*ZEROS)
-        ),
-    ] = None,
+    zero: Annotated[str | None, named("For a recording: alpha = 0 hanging or upright.", one_of(*ZEROS))] = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 0,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, print_figures, say, say_next, typed
+from fracid.cli.app import Json, Out, Trust, app, echo_json, named, new_console, print_figures, say, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
@@ -36,10 +36,7 @@ RESID_EXAMPLE = (
 def resid(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     recording: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", help="A recording; may be repeated \\[default: all].", autocompletion=from_run("recordings")
-        ),
+        list[str] | None, named("A recording; may be repeated \\[default: all].", from_run("recordings"))
     ] = None,
     output: Annotated[
         list[str] | None,

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json
+from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json, named
 from fracid.cli.completion import key_of
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
@@ -34,12 +34,7 @@ RESUME_EXAMPLE = (
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of an interrupted run.")],
     executor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="For noise and compare: threads or processes, instead of the run's.",
-            autocompletion=key_of("executors"),
-        ),
+        str | None, named("For noise and compare: threads or processes, instead of the run's.", key_of("executors"))
     ] = None,
     scheduler: Annotated[
         str | None,

@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, new_console, say_next, typed
+from fracid.cli.app import (
+    Jobs,
+    Json,
+    Out,
+    RealFriction,
+    Seed,
+    Trust,
+    app,
+    each_once,
+    echo_json,
+    named,
+    new_console,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text
 from fracid.cli.completion import ZEROS, from_run, key_of, one_of
@@ -76,10 +90,7 @@ def simulate(
         str | None,
         typer.Option(metavar="S", help="Time at rest before the release; fracid check finds the release by it."),
     ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Method of the solver: {methods}.", autocompletion=key_of("methods")),
-    ] = None,
+    method: Annotated[str | None, named("Method of the solver: {methods}.", key_of("methods"))] = None,
     input_: Annotated[
         str | None,
         typer.Option(
@@ -95,20 +106,10 @@ def simulate(
     counts: Annotated[
         int, typer.Option(metavar="N", help="Encoder counts per turn; 0 for no quantisation.", min=0)
     ] = 0,
-    friction: Annotated[
-        bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
-    ] = False,
-    zero: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="For a rig: alpha = 0 hanging or upright.", autocompletion=one_of(*ZEROS)),
-    ] = None,
+    friction: RealFriction = False,
+    zero: Annotated[str | None, named("For a rig: alpha = 0 hanging or upright.", one_of(*ZEROS))] = None,
     recording: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="The recording of the project or run to simulate.",
-            autocompletion=from_run("recordings"),
-        ),
+        str | None, named("The recording of the project or run to simulate.", from_run("recordings"))
     ] = None,
     states: Annotated[bool, typer.Option("--states", help="Write all states, also the fractional rates.")] = False,
     to: Annotated[
