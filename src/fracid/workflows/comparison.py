@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.bayes.evidence import require_evidence
-from fracid.cards import Card, CardDisplay
-from fracid.errors import InputError
 from fracid.models.friction import RUNGS
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of, lines_of
@@ -25,38 +23,28 @@ from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.fit import loaded
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
+from fracid.workflows.study import Finished, journal_of, refuse_fit
 
 if TYPE_CHECKING:
     from fracid.problem.project import Project
 
 __all__ = ["FinishedComparison", "run_comparison"]
 
-RESULT, TABLE = "compare.json", "compare.csv"
+TABLE = "compare.csv"
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedComparison(CardDisplay):
+class FinishedComparison(Finished):
     """A comparison with its folder."""
+
+    FILE, FOUND = "compare.json", "comparison"
 
     project: Project
     comparison: Comparison
-    folder: Path
-    figures: tuple[Path, ...]
-    result: Mapping[str, Any]
-    """The content of compare.json."""
-
-    def _card(self) -> Card:
-        return self.comparison._card().of_folder(self.folder)
-
-    @property
-    def path(self) -> Path:
-        """Path of compare.json."""
-        return self.folder / RESULT
 
     @property
     def table(self) -> Path:
@@ -135,19 +123,13 @@ def run_comparison(
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
     watching.stage("fits")
-    with (
-        one_blas_thread(),
-        Journal(folder / JOURNAL, study, _fault(project, options)) as journal,
-        watching.progress("fits") as tell,
-    ):
-        for note in journal.notes:
-            watching.notice(note)
-        comparison = compare(project, executor=executor, jobs=jobs, journal=journal, progress=tell, **options)
+    with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, "fits") as kept:
+        comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     watching.stage("figures")
     figures = _written(comparison, project, record, folder)
     watching.stage("")
-    return FinishedComparison(project, comparison, folder, figures, record)
+    return FinishedComparison(folder, figures, record, project, comparison)
 
 
 def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -194,12 +176,11 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
 
 def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> None:
     """Make the folder, or go on in it; a comparison that is finished gives way to another one."""
-    journal = folder / JOURNAL
-    if (folder / "result.json").exists():
-        raise InputError(f"{folder} holds a fit; give the comparison a folder of its own: --out DIR.")
-    if (folder / RESULT).exists() and journal.exists() and _header(journal) != study:
+    journal, result = folder / JOURNAL, folder / FinishedComparison.FILE
+    refuse_fit(folder, "the comparison")
+    if result.exists() and journal.exists() and _header(journal) != study:
         with FolderLock(folder):
-            (folder / RESULT).unlink()
+            result.unlink()
             journal.unlink()
     if not journal.exists():  # else environment.json keeps the command that is gone on with
         open_folder(folder, command)
@@ -213,7 +194,11 @@ def _written(comparison: Comparison, project: Project, record: Mapping[str, Any]
     """Write all that was found; gives the figures."""
     from fracid.plots import save
 
-    texts = {"project.toml": project.text, TABLE: csv_text(comparison.table()), RESULT: json_document(record)}
+    texts = {
+        "project.toml": project.text,
+        TABLE: csv_text(comparison.table()),
+        FinishedComparison.FILE: json_document(record),
+    }
     write_files(folder, texts)
     paths = [*save(comparison.plot(), folder / FIGURES, "ladder")]
     for name, stem in file_stems(comparison.amplitude).items():

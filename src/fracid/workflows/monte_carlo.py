@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from math import degrees, inf, isfinite, nextafter, pi, radians
 from pathlib import Path
 from typing import Any
@@ -16,28 +15,26 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError
 from fracid.estimation.search import search
 from fracid.optimise import optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.project import Project, load_project
 from fracid.runs.environment import versions
-from fracid.runs.folder import FIGURES, JOURNAL, open_folder
+from fracid.runs.folder import FIGURES, open_folder
 from fracid.runs.saved import load_run
-from fracid.safety.door import bytes_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
+from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
 
 __all__ = ["FinishedNoiseStudy", "run_noise_study"]
 
-RESULT, TABLE = "noise.json", "noise.csv"
+TABLE = "noise.csv"
 
 LEVELS = tuple(map(radians, (0.05, 0.1, 0.2)))
 """Of noise [rad], if none are given."""
@@ -47,23 +44,12 @@ RESOLUTIONS = (2 * pi / 4096, 2 * pi / 20000)
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedNoiseStudy(CardDisplay):
+class FinishedNoiseStudy(Finished):
     """A study of noise with its folder."""
 
+    FILE, FOUND = "noise.json", "study"
+
     study: NoiseStudy
-    folder: Path
-    figures: tuple[Path, ...]
-    """Empty where no repetition gave an estimate."""
-    result: Mapping[str, Any]
-    """The content of noise.json."""
-
-    def _card(self) -> Card:
-        return self.study._card().of_folder(self.folder)
-
-    @property
-    def path(self) -> Path:
-        """Path of noise.json."""
-        return self.folder / RESULT
 
     @property
     def table(self) -> Path:
@@ -152,7 +138,7 @@ def run_noise_study(
     record = study.to_json() | {"source": str(source)}
     figures = _written(study, record, folder)
     watching.stage("")
-    return FinishedNoiseStudy(study, folder, figures, record)
+    return FinishedNoiseStudy(folder, figures, record, study)
 
 
 def _folder(source: Path) -> Path:
@@ -222,8 +208,7 @@ def _of_project(path: Path, jobs: int, trust: bool, observer: Observer) -> _Trut
 
 
 def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
-    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
-    return _Truth(problem, x, optimiser, project.starts, sha256(b"".join(parts)).hexdigest()[:16])
+    return _Truth(problem, x, optimiser, project.starts, digest_of(project))
 
 
 def _refuse_other_units(problem: Problem) -> None:
@@ -245,19 +230,16 @@ def _studied(
     command: Sequence[str],
 ) -> NoiseStudy:  # fmt: skip
     """Run it, going on with what the journal in the folder has."""
-    if (folder / "result.json").exists():
-        raise InputError(f"{folder} holds a fit; give the study a folder of its own: --out DIR.")
-    journal_file = open_folder(folder, command) / JOURNAL
-    with (
-        Journal(
-            journal_file, _header(plan, truth), lambda _, said: fault_of_repetition(said, plan.problem.names)
-        ) as journal,
-        observer.progress("repetitions") as tell,
-    ):
-        for note in (*journal.notes, *plan.findings):
-            observer.notice(str(note))
-        where = executor or ("threads" if plan.own else "processes")
-        return plan.run(executor=where, jobs=jobs, journal=journal, progress=tell)
+    refuse_fit(folder, "the study")
+    open_folder(folder, command)
+
+    def fault(_key: str, said: Any) -> str:
+        return fault_of_repetition(said, plan.problem.names)
+
+    with journal_of(folder, _header(plan, truth), fault, observer, "repetitions") as kept:
+        for finding in plan.findings:
+            observer.notice(str(finding))
+        return plan.run(executor=executor or ("threads" if plan.own else "processes"), jobs=jobs, **kept)
 
 
 def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
@@ -278,6 +260,6 @@ def _written(study: NoiseStudy, record: Mapping[str, Any], folder: Path) -> tupl
     """Write all that was found; gives the figures."""
     from fracid.plots import noise_levels, save
 
-    write_files(folder, {RESULT: json_document(record), TABLE: csv_text(study.table())})
+    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.table())})
     has_estimates = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
     return tuple(save(noise_levels(study), folder / FIGURES, "noise")) if has_estimates else ()

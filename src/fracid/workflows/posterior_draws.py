@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -16,44 +15,33 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
-from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, unknown_name, unwritable
 from fracid.runs.environment import versions
-from fracid.runs.folder import FIGURES, JOURNAL, open_folder
+from fracid.runs.folder import FIGURES, open_folder
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.door import bytes_of, write_whole
+from fracid.safety.door import write_whole
 from fracid.safety.paths import refuse_mistaken
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
+from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
 
 __all__ = ["FinishedPosterior", "run_posterior"]
 
-RESULT, DRAWN = "posterior.json", "draws.npz"
+DRAWN = "draws.npz"
 
 PARTIAL = ("interrupted", "stopped as asked")
 """In the outcome of a search that did not reach its end."""
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedPosterior(CardDisplay):
+class FinishedPosterior(Finished):
     """A posterior with its folder."""
 
+    FILE, FOUND = "posterior.json", "posterior"
+
     posterior: Posterior
-    folder: Path
-    figures: tuple[Path, ...]
-    result: Mapping[str, Any]
-    """The content of posterior.json."""
-
-    def _card(self) -> Card:
-        return self.posterior._card().of_folder(self.folder)
-
-    @property
-    def path(self) -> Path:
-        """Path of posterior.json."""
-        return self.folder / RESULT
 
     @property
     def draws(self) -> Path:
@@ -121,32 +109,25 @@ def run_posterior(
                 f"fracid fit {saved.project.path}."
             )
         folder = run / "posterior" if out is None else Path(out)
-        if (folder / "result.json").exists():
-            raise InputError(f"{folder} holds a fit; give the posterior a folder of its own: --out DIR.")
+        refuse_fit(folder, "the posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
-        journal_file = open_folder(folder, words) / JOURNAL
-        with (
-            Journal(journal_file, _header(saved), _fault) as journal,
-            watching.progress("simulations") as tell,
-        ):
-            for note in journal.notes:
-                watching.notice(note)
-            drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads",
-                              journal=journal, progress=tell)  # fmt: skip
+        open_folder(folder, words)
+        with journal_of(folder, _header(saved), _fault, watching, "simulations") as kept:
+            drawn = posterior(
+                saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
+            )
     record = drawn.to_json() | {"source": str(run)}
-    return FinishedPosterior(drawn, folder, _written(drawn, record, folder), record)
+    return FinishedPosterior(folder, _written(drawn, record, folder), record, drawn)
 
 
 def _header(saved: SavedRun) -> dict[str, Any]:
     """All that a batch depends on beside its key, which has the method, the draws and the seed."""
-    project = saved.project
-    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
     return {
         "kind": "posterior",
-        "project": sha256(b"".join(parts)).hexdigest()[:16],
+        "project": digest_of(saved.project),
         "fit": dict(zip(saved.problem.names, saved.x.tolist(), strict=True)),
-        "data": {r.name: r.sha256 for r in project.recordings},
+        "data": {r.name: r.sha256 for r in saved.project.recordings},
         "versions": versions(),
     }  # fmt: skip
 
@@ -161,7 +142,7 @@ def _written(drawn: Posterior, record: Mapping[str, Any], folder: Path) -> tuple
     """Write it; gives the figures."""
     from fracid.plots import posterior_corner, posterior_predictive, save
 
-    write_files(folder, {RESULT: json_document(record)})
+    write_files(folder, {FinishedPosterior.FILE: json_document(record)})
     content = io.BytesIO()
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
     try:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from fracid.arrays import FloatArray
-from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, Failure, unwritable
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
@@ -32,32 +31,21 @@ from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.workflows.records import json_document, write_files
+from fracid.workflows.study import Finished
 
 __all__ = ["FinishedProfiles", "run_profiles"]
 
-RESULT = "profiles.json"
-
 
 @dataclass(frozen=True, repr=False)
-class FinishedProfiles(CardDisplay):
+class FinishedProfiles(Finished):
     """Profiles with what stands beside them, and their folder."""
+
+    FILE, FOUND = "profiles.json", "profiles"
 
     profiles: Profiles
     bootstrap: Bootstrap | Failure
     """Or why there is none, in words."""
     verdicts: Mapping[str, Verdict]
-    folder: Path
-    figures: tuple[Path, ...]
-    result: Mapping[str, Any]
-    """The content of profiles.json."""
-
-    def _card(self) -> Card:
-        return self.profiles._card().of_folder(self.folder)
-
-    @property
-    def path(self) -> Path:
-        """Path of profiles.json."""
-        return self.folder / RESULT
 
 
 def run_profiles(
@@ -146,7 +134,7 @@ def run_profiles(
         if isinstance(memo, Memo):
             memo.remove()
     watching.stage("")
-    return FinishedProfiles(likelihood, resampling, verdicts, folder, figures, record)
+    return FinishedProfiles(folder, figures, record, likelihood, resampling, verdicts)
 
 
 def _note(problem: Problem) -> str:
@@ -210,5 +198,5 @@ def _written(likelihood: Profiles, record: Mapping[str, Any], folder: Path) -> t
     """Write it; gives the figures."""
     from fracid.plots import profiles, save
 
-    write_files(folder, {RESULT: json_document(record)})
+    write_files(folder, {FinishedProfiles.FILE: json_document(record)})
     return tuple(save(profiles(likelihood), folder / FIGURES, "profiles"))

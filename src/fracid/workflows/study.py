@@ -1,0 +1,93 @@
+"""What every study does alike: what it leaves in its folder, and the journal by which the same call goes on.
+
+A study is a list of repetitions whose results are lines of a journal.  Its workflow says what is done, its header (all
+that a result depends on beside its key) and what is wrong with a result; the rest is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, ClassVar
+
+from fracid.cards import Card, CardDisplay
+from fracid.errors import InputError
+from fracid.problem.project import Project
+from fracid.runs.folder import JOURNAL
+from fracid.safety.door import bytes_of
+from fracid.tasks.journal import Journal
+from fracid.tasks.observer import Observer
+
+__all__ = ["Finished", "digest_of", "journal_of", "refuse_fit"]
+
+
+@dataclass(frozen=True, repr=False)
+class Finished(CardDisplay):
+    """What a command found, with its folder."""
+
+    FILE: ClassVar[str]
+    FOUND: ClassVar[str]
+    """The attribute with the result itself."""
+
+    folder: Path
+    figures: tuple[Path, ...]
+    """Empty where there was nothing to draw."""
+    result: Mapping[str, Any]
+    """The content of the JSON file."""
+
+    def _card(self) -> Card:
+        card: Card = getattr(self, self.FOUND)._card()
+        return card.of_folder(self.folder)
+
+    @property
+    def path(self) -> Path:
+        """Path of the JSON file."""
+        return self.folder / self.FILE
+
+
+def refuse_fit(folder: Path, what: str) -> None:
+    """Refuse a folder with a fit, whose result would be lost.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> refuse_fit(Path("nowhere/rig"), "the study")
+    """
+    if (folder / "result.json").exists():
+        raise InputError(f"{folder} holds a fit; give {what} a folder of its own: --out DIR.")
+
+
+def digest_of(project: Project) -> str:
+    """Hash a project file with its own code."""
+    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
+    return sha256(b"".join(parts)).hexdigest()[:16]
+
+
+@contextmanager
+def journal_of(
+    folder: Path, study: Mapping[str, Any], fault: Callable[[str, Any], str], observer: Observer, counted: str
+) -> Iterator[dict[str, Any]]:
+    """Open the journal of a study's folder; gives how the work is kept and told: ``journal`` and ``progress``.
+
+    Parameters
+    ----------
+    folder : Path
+        As :func:`fracid.runs.folder.open_folder` made it.
+    study : mapping
+        All that a result depends on beside its key.
+    fault : function (key, result) -> str
+        What is wrong with a result that the journal has.
+    observer : Observer
+    counted : str
+        What there are many of: ``repetitions``.
+    """
+    with Journal(folder / JOURNAL, study, fault) as journal, observer.progress(counted) as tell:
+        for note in journal.notes:
+            observer.notice(note)
+        yield {"journal": journal, "progress": tell}
