@@ -9,7 +9,7 @@ import pytest
 
 import fracid
 from fracid import identification
-from fracid.errors import Failure, FailureReason, InputError
+from fracid.errors import InputError
 from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.search import search
@@ -327,7 +327,7 @@ def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
     monkeypatch.setattr(discretisation, "nearly_equal_shift", lambda *_: None)
-    monkeypatch.setattr(discretisation, "settled", lambda *_, **__: Failure(FailureReason.RUN, "a run fails"))
+    monkeypatch.setattr(discretisation, "beside", lambda *_: None)
     monkeypatch.setattr(horizons, "minimise", second_is_interrupted)
     fit = identify(problem(twin(end=1.0)), optimiser="least-squares")
     assert fit.outcome.startswith("interrupted")

@@ -388,18 +388,19 @@ class _Findings:
         return None
 
     def _halve(self, jobs: int) -> bool:
-        """Halve the step where the fit may choose it and its errors are as large as noise; whether it was."""
+        """Halve the step where the fit may choose it and its errors may bend intervals; whether it was."""
         if self.fixed_step or self.check is None or self.near is None or is_coarse(self.problem):
             return False
-        if not is_rough(self.near):
+        rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
+        if not rises.size or not is_rough(self.near, float(rises.min())):
             return False
         finer = halved(Refined(self.problem, self.result.best, self.known, self.check, self.near), jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
         began = 1 if self.sampled is None else self.sampled.substeps
         said = (
-            f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors are as large as "
-            "noise."
+            f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors may bend an "
+            "interval."
         )
         self.take(replace(finer, check=replace(finer.check, refinement=said)))
         return True

@@ -94,7 +94,7 @@ from fracid.estimation.block_covariance import (
     summed,
 )
 from fracid.estimation.block_jacobian import BlockJacobian
-from fracid.estimation.bounded import reach
+from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.derivatives import by_blocks, loss_of, rows_and_scores, rows_and_scores_by_recording
 from fracid.estimation.rounding import edges, half_widths
 from fracid.estimation.tangent import UNSEEN, Tangent, tangent
@@ -333,9 +333,9 @@ def _spread_out(
 def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
     """Of the 95 % intervals of the free unknowns, and by how much V rises to them, shapes (n_free, 2)."""
     free, space = estimator.free, here.problem.space
-    delta = here.step()[free]  # to the least of the parabola: next to nothing at a minimum
-    R, low, high = here.R[:, free], (space.lower - here.x)[free] - delta, (space.upper - here.x)[free] - delta
-    y = here.y + R @ delta
+    R, low, high = here.R[:, free], (space.lower - here.x)[free], (space.upper - here.x)[free]
+    delta = lowest(R, here.y, low, high)  # next to nothing at a minimum
+    y, low, high = here.y + R @ delta, low - delta, high - delta
     inverse, covariance = np.diag(estimator.inverse), np.diag(estimator.covariance)
     kappa = np.divide(covariance, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     ends, rise = np.empty((len(free), 2)), np.outer(0.5 * NORMAL_95**2 * kappa, (1.0, 1.0))

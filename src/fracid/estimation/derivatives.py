@@ -26,6 +26,7 @@ __all__ = [
     "difference_steps",
     "jacobian",
     "loss_of",
+    "pulls",
     "rows_and_pulls",
     "rows_and_scores",
     "rows_and_scores_by_recording",
@@ -125,11 +126,18 @@ def rows_and_scores_by_recording(
 
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
     """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
+    weights = problem.criterion.sample_weights(errors)
+    curvature = loss_of(problem).curvature(np.concatenate([e.ravel() for e in errors]))
+    for w, y, j in zip(weights, pulls(problem, errors), J, strict=True):
+        rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
+        yield np.column_stack([rows, y])
+
+
+def pulls(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
+    """The y of each recording alone, shape (n_samples * n_outputs,)."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
-    for w, e, j in zip(weights, errors, J, strict=True):
-        rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
-        yield np.column_stack([rows, (np.sqrt(w / curvature) * loss.psi(e)).ravel()])
+    return [(np.sqrt(w / curvature) * loss.psi(e)).ravel() for w, e in zip(weights, errors, strict=True)]
 
 
 def loss_of(problem: Problem) -> Loss:

@@ -7,8 +7,9 @@ there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.U
 .. math::  h(v) = \sqrt{(V_i(v) - V(\hat x))/L}
 
 should be 1.  Where it is off by more than a tenth, the end is moved to where it is: by the secant of h, which is a line
-where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, one run each.  If a
-point lies lower than the minimum, that was none, and the search goes on from there.
+where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, each run corrects them
+on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs.  If a point lies lower
+than the minimum, that was none, and the search goes on from there.
 """
 
 from __future__ import annotations
@@ -20,10 +21,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fracid.errors import Failure
-from fracid.estimation.bounded import lowest
 from fracid.estimation.covariance import Uncertainty
-from fracid.estimation.minimum import settled
+from fracid.estimation.linearised import Linearised, linearised
+from fracid.estimation.minimum import onward
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 
@@ -35,8 +35,11 @@ OFF = 0.1
 CLOSE = 0.03
 """A height that is off by less ends the walk."""
 
-POINTS = 6
-"""Of one walk, at most."""
+POINTS, RUNS = 6, 20
+"""Of one walk, at most: points, and runs after which no other point is begun."""
+
+EXACT = 0.3
+"""Part of its limit by which V of a refit may still be above the least."""
 
 LOWER = 0.05
 """Part of its limit by which V is lower at a lower point."""
@@ -66,6 +69,7 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
     >>> noise = 1e-3 * np.random.default_rng(1).standard_normal((751, 2))
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
+    >>> from fracid.estimation.minimum import settled
     >>> here = settled(problem, problem.start)
     >>> found = walked(here, uncertainty(problem, here.x, near=here), [0])
     >>> found.method(0), bool(found.ends[0, 0] < 0.95 < found.ends[0, 1])
@@ -74,8 +78,9 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
     sides = [
         (i, side) for i in which for side in (0, 1) if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side])
     ]
+    start = linearised(here)
     with ThreadPoolExecutor(jobs) as pool:
-        found = list(pool.map(lambda where: _end(here, known, *where), sides))
+        found = list(pool.map(lambda where: _end(start, known, *where), sides))
     lower = [point for point in found if isinstance(point, Evaluation)]
     if lower:
         return min(lower, key=lambda e: e.cost)
@@ -86,24 +91,25 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
     return replace(known, ends=ends, walked=moved)
 
 
-def _end(here: Tangent, known: Uncertainty, i: int, side: int) -> float | Evaluation:
+def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> float | Evaluation:
     """Where the interval of unknown i ends on one side; a lower point, if one is on the way."""
-    space, value, end = here.problem.space, float(here.x[i]), float(known.ends[i, side])
+    space, value, end = here.near.problem.space, float(here.x[i]), float(known.ends[i, side])
     limit = float(known.rise[i, side])
     room = float(abs((space.upper if side else space.lower)[i] - value))
     sign, distance = (1 if side else -1), abs(end - value)
     inside, outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
+    last = here
     if distance == 0:
         return end
     for point in range(POINTS):
-        there = _refitted(here, i, value + sign * distance)
+        there = _refitted(last, i, value + sign * distance, EXACT * limit)
         if there is None:  # the runs fail there
             outside, distance = (distance, math.inf), 0.5 * (inside[0] + distance)
             continue
-        rise = there.value - here.value
+        last, rise = there, there.value - here.value
         if rise < -LOWER * limit:
             return there.evaluation
-        height = math.sqrt(max(rise, 0.0) / limit)
+        height = math.sqrt(max(rise + there.foreseen(there.step([i])), 0.0) / limit)
         if abs(height - 1) <= (OFF if point == 0 else CLOSE) or (distance == room and height <= 1):
             return end if point == 0 else value + sign * distance
         if height < 1:
@@ -111,6 +117,8 @@ def _end(here: Tangent, known: Uncertainty, i: int, side: int) -> float | Evalua
         else:
             outside = (distance, height)
         distance = min(room, _next(inside, outside))
+        if len(last.axes) > RUNS:
+            break
     return value + sign * distance
 
 
@@ -126,12 +134,9 @@ def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
     return inside[0] + (1 - inside[1]) / slope
 
 
-def _refitted(here: Tangent, i: int, value: float) -> Tangent | None:
+def _refitted(last: Linearised, i: int, value: float, enough: float) -> Linearised | None:
     """The minimum over all other unknowns with unknown i at a value; None where the runs fail."""
-    space = here.problem.space
-    others = np.arange(len(here.x)) != i
-    delta = np.where(others, 0.0, value - here.x)
-    ahead = here.y + here.R @ delta
-    delta[others] = lowest(here.R[:, others], ahead, *((end - here.x)[others] for end in (space.lower, space.upper)))
-    found = settled(here.problem, here.x + delta, held=[i], near=here)
-    return None if isinstance(found, Failure) else found
+    moved = np.zeros(len(last.x))
+    moved[i] = value - last.x[i]
+    there = last.at(last.x + last.step([i], moved))
+    return None if there is None else onward(there, enough, held=[i])

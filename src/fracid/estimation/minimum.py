@@ -3,7 +3,9 @@ r"""The minimum itself: from where a search ended, by derivatives that hold over
 A search ends where its steps gain next to nothing: in a valley that may be some standard errors from where the cost is
 least, and its tangent is not to be trusted there (:mod:`fracid.estimation.tangent`).  :func:`settled` goes on with
 Gauss and Newton's steps, each to the least of the parabola within the bounds (:mod:`fracid.estimation.bounded`), where
-the cost confirms it.  An unknown that a bound stops ends *on* that bound, all others at the minimum beside it.
+the cost confirms it.  Each run on the way corrects the derivatives by what it shows of them, so that a step costs one
+run (:mod:`fracid.estimation.linearised`); they are asked anew where the way was long.  An unknown that a bound stops
+ends *on* that bound, all others at the minimum beside it.
 """
 
 from __future__ import annotations
@@ -14,27 +16,29 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
+from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.problem import Problem
 
-__all__ = ["settled"]
+__all__ = ["beside", "onward", "settled"]
 
-FRACTIONS = (1.0, 0.5, 0.25, 0.125)
-"""Of a step, of which the cost is asked."""
+ROUNDS = 6
+"""Of fresh derivatives, at most."""
 
-ROUNDS = 12
-"""Steps, at most."""
+RUNS = 12
+"""With the same derivatives, at most."""
+
+SHORTEST = 1 / 8
+"""Of a step, that is asked where longer ones lead up."""
 
 GAIN = 3e-3
 """Twice the log likelihood by which the last step may still rise."""
 
-KEPT = 0.5
-"""A step that gains less than this part of what the parabola promised has worn derivatives."""
+WORN = 1.0
+"""The same of a way after which derivatives are asked anew."""
 
 
-def settled(
-    problem: Problem, x: FloatArray, *, jobs: int = 1, held: Sequence[int] = (), near: Tangent | None = None
-) -> Tangent | Failure:
+def settled(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Tangent | Failure:
     """Go from x, where a search ended, to the minimum beside it.
 
     Parameters
@@ -44,10 +48,6 @@ def settled(
     x : array, shape (n_unknowns,)
     jobs : int
         Threads.
-    held : sequence of int
-        Unknowns that stay.
-    near : Tangent, optional
-        At a point close by: its derivatives serve as long as steps gain what they promise.
 
     Returns
     -------
@@ -65,36 +65,56 @@ def settled(
     >>> settled(problem, problem.start).x.round(5)
     array([0.95])
     """
-    here = tangent(problem, x, jobs=jobs) if near is None else near.there(x) or tangent(problem, x, jobs=jobs)
-    fresh, renewals = near is None, ROUNDS if near is None else 1
     for _ in range(ROUNDS):
+        here = tangent(problem, x, jobs=jobs)
         if isinstance(here, Failure):
             return here
+        lower = onward(linearised(here), GAIN * here.unit)
+        x = lower.x
+        if here.value - lower.value <= WORN * here.unit:
+            break
+    return _onto_bounds(lower.tangent)
+
+
+def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Linearised:
+    """Go to the least, a run a step.
+
+    Parameters
+    ----------
+    here : Linearised
+    enough : float
+        By how much V may still be above the least.
+    held : sequence of int
+        Unknowns that stay.
+    """
+    part = 1.0
+    for _ in range(RUNS):
         delta = here.step(held)
-        promised = -here.foreseen(delta)
-        there = promised <= GAIN * here.unit
-        if there and (fresh or near is not None):
+        if part < SHORTEST or -here.foreseen(delta) <= enough:
             break
-        lower = None if there else _lower(here, delta)
-        if lower is None and (fresh or not renewals):
-            break
-        fresh = renewals > 0 and (lower is None or here.value - lower.value < KEPT * promised)
-        here, renewals = lower or here, renewals - fresh
-        if fresh:  # the derivatives are worn
-            here = tangent(problem, here.x, jobs=jobs)
-    return here if isinstance(here, Failure) else _onto_bounds(here, held)
+        there = here.at(here.x + part * delta)
+        if there is not None and there.value < here.value:
+            here, part = there, 1.0
+        else:
+            here, part = here if there is None else here.taught(there), 0.5 * part
+    return here
 
 
-def _lower(here: Tangent, delta: FloatArray) -> Tangent | None:
-    """Where the cost is lower along a step, its end first."""
-    points = (here.there(here.x + f * delta) for f in FRACTIONS)
-    return next((p for p in points if p is not None and p.value < here.value), None)
+def beside(near: Tangent, x: FloatArray) -> Tangent | None:
+    """The minimum next to x, by the derivatives of a point close by or of nearly the same problem; None where x fails.
+
+    Parameters
+    ----------
+    near : Tangent
+    x : array, shape (n_unknowns,)
+    """
+    here = linearised(near).at(x)
+    return None if here is None else onward(here, GAIN * near.unit).tangent
 
 
-def _onto_bounds(here: Tangent, held: Sequence[int]) -> Tangent:
+def _onto_bounds(here: Tangent) -> Tangent:
     """The same point with what lies at a bound on it."""
-    space, x, touching = here.problem.space, here.x.copy(), here.touching.copy()
-    touching[list(held)] = False
+    space, x, touching = here.problem.space, here.x.copy(), here.touching
     nearer = np.where(x - space.lower < space.upper - x, space.lower, space.upper)
     x[touching] = nearer[touching]
     return here if np.array_equal(x, here.x) else here.there(x) or here

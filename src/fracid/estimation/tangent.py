@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, Failure
-from fracid.estimation.bounded import lowest
-from fracid.estimation.derivatives import DIFFERENCE, difference_steps, jacobian, rows_and_pulls
+from fracid.estimation.derivatives import DIFFERENCE, difference_steps, jacobian, pulls, rows_and_pulls
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.qr import triangle
@@ -106,7 +105,7 @@ class Tangent:
 
     @cached_property
     def _triangle(self) -> FloatArray:
-        R = triangle([*rows_and_pulls(self.problem, self.errors, self.derivatives), self._priors()])
+        R = triangle(self._parts())
         seen = np.any([np.any(j, axis=(0, 1)) for j in self.derivatives], axis=0)
         R[:, :-1][:, ~seen] = 0.0  # QR leaves 1e-17 of a column of zeros
         return R
@@ -120,6 +119,19 @@ class Tangent:
     def y(self) -> FloatArray:
         """What they leave: V is about ½|Rδ + y|² and a constant, shape (n_unknowns + 1,)."""
         return self._triangle[:, -1]
+
+    @property
+    def rows(self) -> FloatArray:
+        """Those of R and y before they are made a triangle, shape (n_rows, n_unknowns + 1)."""
+        return np.vstack(self._parts())
+
+    def pulls(self, errors: list[FloatArray], x: FloatArray) -> FloatArray:
+        """The last column of those with the errors of another point, shape (n_rows,)."""
+        priors = self._priors()
+        return np.concatenate([*pulls(self.problem, errors), priors[:, :-1] @ (x - self.x) + priors[:, -1]])
+
+    def _parts(self) -> list[FloatArray]:
+        return [*rows_and_pulls(self.problem, self.errors, self.derivatives), self._priors()]
 
     def _priors(self) -> FloatArray:
         """A prior is a datum at the level D/n of the recordings' own: D/n z²."""
@@ -147,18 +159,6 @@ class Tangent:
             TOUCHING * math.sqrt(2 * self.unit) / self.norms, np.where(np.isfinite(width), BOUND * width, 0.0)
         )
         return np.asarray(away <= small)
-
-    def step(self, held: Sequence[int] = ()) -> FloatArray:
-        """From x to the least of the parabola within the bounds, shape (n_unknowns,); what is `held` stays."""
-        delta, space = np.zeros(len(self.x)), self.problem.space
-        free = np.setdiff1d(np.arange(len(self.x)), [*held, *np.flatnonzero(self.problem.absent(self.x))])
-        delta[free] = lowest(self.R[:, free], self.y, (space.lower - self.x)[free], (space.upper - self.x)[free])
-        return delta
-
-    def foreseen(self, delta: FloatArray) -> float:
-        """By how much V rises from x to x + δ, were it the parabola."""
-        ahead = self.R @ delta
-        return float(0.5 * ahead @ ahead + ahead @ self.y)
 
     def there(self, x: FloatArray) -> Tangent | None:
         """The same derivatives at another point within the bounds; None where its run fails."""

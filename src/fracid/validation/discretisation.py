@@ -12,6 +12,7 @@ each half step makes what the check complains of smaller, and no further than :d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -22,7 +23,7 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
-from fracid.estimation.minimum import settled
+from fracid.estimation.minimum import beside, settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
 from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding
@@ -96,6 +97,9 @@ COARSE = 0.05
 FINEST = 32
 """Steps a sample that a fit chooses at most."""
 
+BUMPS = 0.5
+"""Part of the rise that ends an interval, by which the step may raise the cost."""
+
 HELPS = 0.7
 """A half step that leaves more than this part of what the check complains of does not help."""
 
@@ -125,8 +129,8 @@ def discretisation_check(
 def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None) -> FloatArray:
     """The minimum of a problem that is nearly another one, from x, that one's."""
     if near is not None:
-        there = settled(other, x, jobs=jobs, near=replace(near, problem=other))
-        if not isinstance(there, Failure):
+        there = beside(replace(near, problem=other), x)
+        if there is not None:
             return there.x
     shift = nearly_equal_shift(problem, x, other, jobs)
     if shift is None:
@@ -220,17 +224,16 @@ def halved(at: Refined, jobs: int) -> Refined | None:
     return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near)
 
 
-def is_rough(near: Tangent) -> bool:
-    """Whether what the step does wrong is as large as noise: then the cost has bumps of its own.
+def is_rough(near: Tangent, rise: float) -> bool:
+    """Whether what the step does wrong may raise the cost by half of what ends an interval: then it has bumps there.
 
-    A change of the rows by one standard error, which half the step makes, changes twice the log likelihood by 1, up or
-    down, as the samples that cross a steep friction fall.
+    Half the step changes the rows r by c, and V by 2r·c, up or down as the samples that cross a steep friction fall.
     """
     finer = replace(near.problem, substeps=2 * near.problem.substeps).evaluate(near.x).residuals
     if finer is None or near.evaluation.residuals is None:
         return False
     change = finer - near.evaluation.residuals
-    return float(change @ change) > near.unit
+    return 2 * math.sqrt(near.unit * float(change @ change)) > BUMPS * rise
 
 
 def _minimum_of(
@@ -239,8 +242,8 @@ def _minimum_of(
     """The minimum of `other`, nearly `problem`, from x, that one's; with the tangent there, where one is given."""
     if near is not None:
         far = near.evaluation.cost * (1 + COARSE) < other.cost(x)  # there its derivatives are others
-        there = settled(other, x, jobs=jobs, near=None if far else replace(near, problem=other))
-        if not isinstance(there, Failure):
+        there = settled(other, x, jobs=jobs) if far else beside(replace(near, problem=other), x)
+        if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
     return uninterrupted(refined(other, x, jobs, Watch())).best if point is None else other.evaluate(point), None
