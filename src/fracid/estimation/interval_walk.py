@@ -125,11 +125,8 @@ def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> float | Eva
 def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
     """Where the height is 1, were it a line between two points; at most three times as far as was seen."""
     if not math.isfinite(outside[1]):
-        return (
-            3 * inside[0]
-            if not math.isfinite(outside[0]) and inside[1] < 1 / 3
-            else min(inside[0] / inside[1], 0.5 * (inside[0] + outside[0]))
-        )
+        ahead = inside[0] / max(inside[1], 1 / 3)
+        return min(ahead, 0.5 * (inside[0] + outside[0]))
     slope = (outside[1] - inside[1]) / (outside[0] - inside[0])
     return inside[0] + (1 - inside[1]) / slope
 
