@@ -461,7 +461,9 @@ def test_the_program_says_what_is_wrong_without_a_traceback(folder):
 def test_ctrl_c_ends_the_program_with_1_and_its_result(folder, tmp_path):
     path = tmp_path / "long.toml"  # a search that would take a minute
     text = RECORDING.replace("swing.csv", str(folder / "swing.csv")) + FIT
-    path.write_text(text + 'optimiser = "differential-evolution"\nsubsteps = 100\n', encoding="utf-8")
+    assert "substeps = 1\n" in text
+    slow = text.replace("substeps = 1\n", 'substeps = 100\noptimiser = "differential-evolution"\n')
+    path.write_text(slow, encoding="utf-8")
     command = [sys.executable, "-m", "fracid", "fit", str(path), "--out", str(tmp_path / "run"), "--jobs", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         log, began = tmp_path / "run" / "evaluations.jsonl", time.monotonic()
