@@ -100,7 +100,7 @@ def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Line
     return here
 
 
-def beside(near: Tangent, x: FloatArray) -> Tangent | None:
+def beside(near: Tangent, x: FloatArray) -> Linearised | None:
     """The minimum next to x, by the derivatives of a point close by or of nearly the same problem; None where x fails.
 
     Parameters
@@ -109,7 +109,7 @@ def beside(near: Tangent, x: FloatArray) -> Tangent | None:
     x : array, shape (n_unknowns,)
     """
     here = linearised(near).at(x)
-    return None if here is None else onward(here, GAIN * near.unit).tangent
+    return None if here is None else onward(here, GAIN * near.unit)
 
 
 def _onto_bounds(here: Tangent) -> Tangent:

@@ -250,14 +250,14 @@ def integer_alternatives(
     trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
     others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs)]
     trials += [trial for _, trial in others]
-    settled = any(t.as_well for t in trials)
+    settled, base = any(t.as_well for t in trials), here
     for change in ELEMENTS:
-        for element in () if settled else change(here.problem):
+        for element in () if settled else change(base.problem):
             if not element.possible or (element.slow and not slow):
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
             beside = _on_the_same_samples(problem, best, element)
-            there = None if beside is None else fitted_with(element, here, beside.cost, jobs=jobs)
+            there = None if beside is None else fitted_with(element, base, beside.cost, jobs=jobs)
             if there is None or beside is None:
                 continue
             samples, gain_there = gain_over(there, problem, beside)
@@ -265,6 +265,7 @@ def integer_alternatives(
             trials.append(Trial(element.name, there.evaluation.cost, gain_there, as_well))
             if as_well or (element.whole is None and gain_there < gain - STRONG):
                 here, n, gain = there, samples, gain_there
+                base = there if element.whole is None else base  # not on a record in parts
             if as_well and not there.limited:
                 settled = True
                 break

@@ -22,6 +22,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
 from fracid.estimation.minimum import beside, settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
@@ -131,7 +132,7 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
     if near is not None:
         there = beside(replace(near, problem=other), x)
         if there is not None:
-            return there.x
+            return there.x + there.step()
     shift = nearly_equal_shift(problem, x, other, jobs)
     if shift is None:
         return uninterrupted(refined(other, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
@@ -243,6 +244,8 @@ def _minimum_of(
     if near is not None:
         far = near.evaluation.cost * (1 + COARSE) < other.cost(x)  # there its derivatives are others
         there = settled(other, x, jobs=jobs) if far else beside(replace(near, problem=other), x)
+        if isinstance(there, Linearised):
+            return there.evaluation, there.tangent
         if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
