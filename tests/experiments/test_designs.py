@@ -100,16 +100,6 @@ def test_correlated_residuals_count_as_their_effective_samples(plan):
     assert all(n.step == 0.0 for n in subject.noise.values())
 
 
-@pytest.mark.broad
-def test_a_value_at_its_bound_on_which_others_depend_is_named(plan):
-    problem = read(joint(plan), plan.subject.noise, np.random.default_rng(2))
-    free = problem.parameters["b_alpha"]
-    bounded = replace(problem, parameters=problem.parameters | {"b_alpha": replace(free, lower=free.start)})
-    (note,) = subject_of(bounded, SPACE).notes
-    assert note.startswith("b_alpha lies at its bound and is held there, on which the intervals of mu")
-    assert subject_of(bounded, SPACE, of=("b_alpha",)).notes == subject_of(problem, SPACE).notes == ()
-
-
 def test_a_clamped_arm_shows_no_lambda():
     space = fracid.DesignSpace(release=40, arm="clamped", seconds=2, rate=100)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)

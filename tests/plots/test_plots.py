@@ -411,10 +411,10 @@ def test_an_interrupted_write_leaves_the_old_file(tmp_path, monkeypatch):
     (old,) = save(cost_plane(LAMBDA, MU, VALLEY), tmp_path, "plane", ("svg",))
     content = old.read_bytes()
 
-    def full(self, data):
+    def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(Unfinished, match="cannot be written: the disk is full"):
         save(cost_plane(LAMBDA, MU, 2 * VALLEY), tmp_path, "plane", ("svg",))
     assert old.read_bytes() == content

@@ -20,7 +20,6 @@ from fracid.cli.app import (
     echo_json,
     named,
     new_console,
-    say,
     say_next,
     typed,
 )
@@ -220,6 +219,4 @@ def _show(finished: FinishedDesign, console: Console) -> None:
     if len(plan.alone or {}) > 1:
         alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
         console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
-    for note in plan.subject.notes:
-        say(console, escape(note), "  • ", 4)
     console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)

@@ -121,7 +121,7 @@ class Plan(CardDisplay):
             "experiments": [c.to_json() | {"text": str(c)} for c in self.experiments],
             "expected": {n: v.to_json() for n, v in self.expected.items()},
             "gain": {n: g if math.isfinite(g) else None for n, g in self.gain_over().items()},
-            "candidates": self.candidates, "excluded": self.excluded, "notes": list(self.subject.notes),
+            "candidates": self.candidates, "excluded": self.excluded,
             "distances": None if self.distances is None else dict(self.distances),
             "alone": None if self.alone is None else dict(self.alone),
         }  # fmt: skip
@@ -174,8 +174,7 @@ class Plan(CardDisplay):
                  for n, v in self.expected.items()}  # fmt: skip
         excluded = f", {self.excluded} more excluded" if self.excluded else ""
         tail = [("expected", listed(texts[n] for n in named)), *self._comparisons(named),
-                ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}"),
-                *(("note", note) for note in self.subject.notes)]  # fmt: skip
+                ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}")]  # fmt: skip
         details = [*(rows[MOST_ROWS - 1 :] if len(rows) > MOST_ROWS else []),
                    *((n, text) for n, text in texts.items() if n not in named)]  # fmt: skip
         count = len(self.experiments)

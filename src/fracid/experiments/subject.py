@@ -77,8 +77,6 @@ class Subject:
     """What the plan is for, in words."""
     table: Mapping[str, Any]
     """The project file's tables ``model`` and ``recording`` (the first), as far as there is one."""
-    notes: tuple[str, ...] = ()
-    """What a plan should be read with, in sentences."""
 
     @cached_property
     def scale(self) -> FloatArray:

@@ -89,7 +89,8 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
             break
     else:
         return False
-    columns, own = np.column_stack([*_regressors(motion)]), unknowns()[:n]
+    nothing = np.zeros(n)  # where no signal moves, and nothing is unknown
+    columns, own = np.column_stack([nothing, *_regressors(motion)]), np.column_stack([nothing, unknowns()[:n]])
     filtered, theirs = (lfilter(whitening, [1.0], c, axis=0)[p:] for c in (columns, own))
     Q = _directions(theirs)
     ε = ε - Q @ (Q.T @ ε)
