@@ -46,10 +46,10 @@ function curves(trace) {
     const residual = trace.t.map((_, i) => o.measured[i] - o.fitted[i]), unit = o.unit ? ` [${o.unit}]` : "";
     const shaded = o.step ? `; shaded: ± ½ ${o.unit === "°" ? "encoder step" : "step"} of ${round(o.step, 3)}${o.unit === "°" ? "°" : ` ${o.unit}`}` : "";
     return [
-      { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: alone ? 290 : 146, ...shared, bare: true,
+      { title: o.letter, ylabel: o.letter + unit, xlabel: "", height: alone ? 290 : 138, ...shared, bare: true,
         series: [{ label: "measured", y: line(o.measured), kind: "measured", ...o.read }, { label: "simulated", y: line(o.fitted), kind: "fitted", ...o.read }] },
       { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? timeAxis(trace.said.start) : "",
-        height: alone ? 250 : last ? 152 : 114, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
+        height: alone ? 250 : last ? 148 : 110, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
         bands: o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [],
         series: [{ label: "residual", y: line(residual), kind: "residual", ...o.read, digits: 3, more: 1 }] },
     ];
