@@ -6,6 +6,7 @@ times, for other programs do not count in these; Octave and gcc are used where t
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import subprocess
 import tempfile
@@ -19,7 +20,7 @@ from fracid.export import HOURS
 from fracid.export.c import c_model
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
-from fracid.export.state_space import follows, integer_model
+from fracid.export.state_space import DECIBEL, DEGREES, Operator, follows, integer_model, positive_sum
 
 STEPS, H = 20_000, 1e-3
 
@@ -91,7 +92,35 @@ PROGRAMS = (
 """Name, what runs it, what must be installed, and for how many steps its memory is."""
 
 
+BAND = (2 * np.pi / (STEPS * H), np.pi / H)
+
+ORDERS = (0.1, 0.3, 0.5, 0.7, 0.8623, 0.9146, 0.95, 0.99, 1.05, 1.5)
+
+
+def oustaloup(order: float) -> Operator:
+    """His filter for s^(1 - order), over s: the smallest that keeps the same promise."""
+    gamma = 1 - order
+    for N, wider in itertools.product(range(1, 26), (10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0)):
+        (low, high), k = (BAND[0] / wider, BAND[1] * wider), np.arange(2 * N + 1)
+        zeros, poles = (low * (high / low) ** ((k + (1 + s * gamma) / 2) / (2 * N + 1)) for s in (-1, 1))
+        poles = np.append(0.0, poles)
+        residues = [high**gamma * np.prod((zeros - p) / (np.delete(poles, m) - p)) for m, p in enumerate(poles)]
+        found = Operator(order, poles, np.array(residues), BAND)
+        if found.errors[0] <= DECIBEL and found.errors[1] <= DEGREES:
+            break
+    return found
+
+
+def operators() -> None:
+    """Poles, and the fastest [rad/s], of a positive sum and of Oustaloup's filter."""
+    print(f"1/s^q right within {DECIBEL} dB and {DEGREES} degrees from {BAND[0]:.3g} to {BAND[1]:.4g} rad/s")
+    for q in ORDERS:
+        ours, his = positive_sum(q, BAND), oustaloup(q)
+        print(f"  {q}: {len(ours.poles)} poles up to {ours.poles[-1]:.1e}; {len(his.poles)} up to {his.poles[-1]:.1e}")
+
+
 def main() -> None:
+    operators()
     for driven in (False, True):
         p = problem(driven)
         e = p.experiments[0]

@@ -153,6 +153,15 @@ def constant_force(t, x, u, p, out):
     out[0] = 1.0
 
 
+@given(st.floats(0.001, 0.999), st.integers(3, 7), st.floats(-12, -6))
+@settings(max_examples=5, deadline=None)
+def test_below_order_1_the_memory_is_a_positive_sum_of_lags(q, log_steps, log_tolerance):
+    for family, sign in (("pi", 1), ("gl", -1)):
+        kernel = compressed(10.0**log_tolerance).kernel(family, q, 10**log_steps)
+        assert np.all(sign * kernel.amplitude > 0)
+        assert np.all((kernel.decay <= 0) & (kernel.decay > -1))
+
+
 def test_a_certificate_says_it_in_a_sentence():
     said = str(compressed(1e-10).certificate("pi", 0.9, 20_000))
     assert said.startswith(

@@ -60,8 +60,8 @@ def export(
 
     json: the result with its curves.
 
-    state-space: the model of integer order, by Oustaloup's filter, as matrices, with its poles and its linear models
-    about hanging and upright.
+    state-space: the model of integer order, operators as sums of lags: matrices, poles, and its linear models about
+    hanging and upright.
     """
     from fracid.export import export_run
     from fracid.runs.saved import load_run

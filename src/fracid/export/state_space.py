@@ -1,43 +1,43 @@
-r"""Integer-order state space: each fractional operator by Oustaloup's filter, nonlinear and linearised.
+r"""Integer-order state space: each fractional operator as a positive sum of lags, nonlinear and linearised.
 
-A state of order q with :math:`τ_0^{q-1} D^q x = f` is :math:`x = x_0 + τ_0^{1-q} s^{-q} f`.  With
+A state of order q with :math:`τ_0^{q-1} D^q x = f` is :math:`x = x_0 + τ_0^{1-q} s^{-q} f`.  Below order 1
 
 .. math::
 
-    s^{-q} = \frac{1}{s}\,s^{γ}, \quad γ = 1 - q, \qquad
-    s^{γ} ≈ ω_h^{γ} \prod_{k=-N}^{N} \frac{s + ω'_k}{s + ω_k}, \qquad
-    ω'_k, ω_k = ω_b \Big(\frac{ω_h}{ω_b}\Big)^{\frac{k + N + (1 ∓ γ)/2}{2N + 1}},
+    s^{-q} = \frac{\sin πq}{π} \int_0^\infty \frac{r^{-q}}{s + r}\,dr ≈ \sum_k \frac{a_k}{s + p_k}, \qquad
+    a_k > 0,\; p_0 = 0 < p_1 < p_2 < …,
 
-Oustaloup's filter [Ou]_ (after 1/s, so that constants are integrated exactly), partial fractions make 2N + 2 real
-poles of it, and one, 1/s, at order 1.  All states together:
+and so is the sum that stands for it: the :math:`a_k` are those of non-negative least squares [LH]_ for poles at equal
+ratios.  Such an operator is stable and passive whatever is rounded off it.  Of an order above 1 it is 1/s times the sum
+for q − 1.  All states together:
 
 .. math::  \dot z = P z + B f(x, u), \qquad x = x_0 + C z,
 
-P diagonal.  The data can tell from one period in the longest recording to half the sampling rate.  N is the smallest,
-and :math:`ω_b … ω_h` reaches beyond that band by the smallest of :data:`WIDER`, with which the error within the band is
-below :data:`DECIBEL` and :data:`DEGREES`.  What is slower, such as the drift of a free arm, is off most; so is what
-dies within a swing, since the filter is right along the imaginary axis.
+P diagonal.  The data can tell from one period in the longest recording to half the sampling rate.  The poles are the
+fewest with which the error from a tenth of the lower frequency to the upper is below :data:`DECIBEL` and
+:data:`DEGREES`.  What is slower is off most; so is what dies within a swing, since the sum is right along the imaginary
+axis.
 
 Linearised about a posture, :math:`f ≈ F (x - x_e) + G u`:
 
 .. math::  \dot z = (P + B F C)\,z + B G\,u, \qquad x - x_e = C z,
 
 and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G u`, whose poles, zeros of the determinant, are
-found from the filter's by the secant method.  Dry friction has no linear part in motion: it is left out, and so are
+found from those of the sum by the secant method.  Dry friction has no linear part in motion: it is left out, and so are
 the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring σ₀ and a dashpot σ₁.
 
 References
 ----------
-.. [Ou] A. Oustaloup, F. Levron, B. Mathieu, F. M. Nanot, *Frequency-band complex noninteger differentiator*, IEEE
-   Trans. Circuits Syst. I 47 (2000) 25.
+.. [LH] C. L. Lawson, R. J. Hanson, *Solving Least Squares Problems* (1974), chapter 23.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,21 +64,24 @@ if TYPE_CHECKING:
 
     from fracid.runs.saved import SavedRun
 
-__all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "oustaloup", "sentences"]
+__all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "positive_sum", "sentences"]
 
 ComplexArray = NDArray[np.complex128]
 
 DECIBEL, DEGREES = 0.01, 0.02
 """Errors of an operator over the data's band that are allowed; a swing that dies slowly notices five times as much."""
 
-MOST = 25
-"""Largest N."""
+WIDER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 64.0)
+"""By what factor the poles may reach beyond the data's band, on each side."""
 
-WIDER = (10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10_000.0)
-"""By what factor the filter's band may reach beyond the data's on each side, since it is wrong near its ends."""
+BELOW = 10.0
+"""How far below the band the sum is as good: a step that is held for a recording's length drifts as slowly."""
+
+PLACES, CHECKED = 12, 400
+"""Frequencies a decade at which a sum is made, and of the band at which it is held against the operator."""
 
 OVERDAMPED = 0.95
-"""Damping from which on a pair of poles is the filters', two real poles that nearly meet."""
+"""Damping from which on a pair of poles is the sums', two real poles that nearly meet."""
 
 STIFF = 1e3
 """Poles [rad/s] from which on an explicit solver would need small steps."""
@@ -102,40 +105,34 @@ class Operator:
     """Shape (n,)."""
     band: tuple[float, float]
     """Of the recording: one period in the longest to half the sampling rate [rad/s]."""
-    filter_band: tuple[float, float]
-    """ω_b and ω_h [rad/s]."""
-
-    @property
-    def pairs(self) -> int:
-        """2N + 1, none at order 1."""
-        return len(self.poles) - 1
 
     def response(self, omega: ArrayLike) -> ComplexArray:
         """At iω."""
         s = 1j * np.asarray(omega, dtype=np.float64)
         return np.asarray((self.residues / (s[..., None] + self.poles)).sum(axis=-1))
 
-    @property
+    @cached_property
     def errors(self) -> tuple[float, float]:
         """Largest error over the band, in dB and in degrees."""
-        omega = np.geomspace(*self.band, 400)
+        omega = np.geomspace(*self.band, CHECKED)
         ratio = self.response(omega) * (1j * omega) ** self.order
         return float(np.abs(20 * np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
 
     def __str__(self) -> str:
         """Say it in a sentence."""
-        if self.pairs == 0:
+        if len(self.poles) == 1:
             return "1/s is exact."
         decibel, degrees = self.errors
         return (
-            f"1/s^{self.order:.6g} is 1/s and {self.pairs} pairs of a pole and a zero from {self.filter_band[0]:.3g} "
-            f"to {self.filter_band[1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, the band of "
+            f"1/s^{self.order:.6g} is 1/s and {len(self.poles) - 1} lags 1/(s + p) from {self.poles[1]:.3g} to "
+            f"{self.poles[-1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, the band of "
             f"the recording, it is right within {decibel:.2g} dB and {degrees:.2g}°."
         )
 
 
-def oustaloup(order: float, band: tuple[float, float], half: int | None = None) -> Operator:
-    """Oustaloup's filter for 1/s^order.
+@lru_cache(maxsize=64)
+def positive_sum(order: float, band: tuple[float, float]) -> Operator:
+    """1/s^order as a sum of lags, below order 1 with residues above 0.
 
     Parameters
     ----------
@@ -143,12 +140,11 @@ def oustaloup(order: float, band: tuple[float, float], half: int | None = None) 
         Strictly between 0 and 2.
     band : (float, float)
         Where it must be right [rad/s].
-    half : int, optional
-        N; the smallest that meets the bars if left out.
 
     Returns
     -------
     Operator
+        With the fewest poles that meet :data:`DECIBEL` and :data:`DEGREES`.
 
     Raises
     ------
@@ -157,10 +153,10 @@ def oustaloup(order: float, band: tuple[float, float], half: int | None = None) 
 
     Examples
     --------
-    >>> operator = oustaloup(0.9, (0.3, 3000.0))
-    >>> operator.pairs, max(operator.errors) < 0.05
-    (19, True)
-    >>> bool(abs(operator.response(10.0) * (10j) ** 0.9 - 1) < 0.01)
+    >>> operator = positive_sum(0.9, (0.3, 3000.0))
+    >>> len(operator.poles), max(operator.errors) < 0.02, bool(operator.residues.min() > 0)
+    (14, True, True)
+    >>> bool(abs(operator.response(10.0) * (10j) ** 0.9 - 1) < 2e-3)
     True
     """
     if not 0 < order < 2:
@@ -168,27 +164,33 @@ def oustaloup(order: float, band: tuple[float, float], half: int | None = None) 
     if not 0 < band[0] < band[1] < math.inf:
         raise InputError(f"band = {band!r}: expected two frequencies above 0 [rad/s], the lower first.")
     if order == 1.0:
-        return Operator(order, np.zeros(1), np.ones(1), band, band)
-    for N in range(1, MOST + 1) if half is None else (half,):
-        for wider in WIDER:
-            ends = band[0] / wider, band[1] * wider
-            operator = Operator(order, *_partial_fractions(1 - order, *ends, N), band, ends)
+        return Operator(order, np.zeros(1), np.ones(1), band)
+    low, high = wide = band[0] / BELOW, band[1]
+    for count in itertools.count(2):
+        for lower, higher in itertools.product(WIDER, WIDER):
+            operator = Operator(order, *_fitted(order, wide, np.geomspace(low / lower, high * higher, count)), wide)
             decibel, degrees = operator.errors
-            if decibel <= DECIBEL and degrees <= DEGREES:
-                return operator
-    return operator
+            if decibel <= DECIBEL and degrees <= DEGREES and operator.poles[0] == 0.0:
+                return replace(operator, band=band)
+    raise AssertionError  # with more poles any band is met
 
 
-def _partial_fractions(gamma: float, low: float, high: float, N: int) -> tuple[FloatArray, FloatArray]:
-    """Poles and residues of s^(γ−1)."""
-    k = np.arange(2 * N + 1)
-    zeros = low * (high / low) ** ((k + (1 - gamma) / 2) / (2 * N + 1))
-    poles = np.concatenate([[0.0], low * (high / low) ** ((k + (1 + gamma) / 2) / (2 * N + 1))])
-    residues = np.empty(len(poles))
-    for m, p in enumerate(poles):  # ratio by ratio, since the products alone would leave the floats' range
-        others = np.delete(poles, m)
-        residues[m] = high**gamma * np.prod((zeros - p) / (others - p))
-    return poles, residues
+def _fitted(order: float, band: tuple[float, float], poles: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Poles, 0 among them, and residues of s^−order: relative errors as large, for their bounds, in size and angle."""
+    from scipy.optimize import nnls
+
+    places = math.ceil(PLACES * math.log10(band[1] / band[0])) + 2
+    s, above = 1j * np.geomspace(*band, places)[:, None], order > 1
+    poles = poles if above else np.append(0.0, poles)
+    ratio = s ** (order - above) / (s + poles)
+    size, angle = math.log(10) / 20 * DECIBEL, math.radians(DEGREES)
+    wanted = np.repeat([1 / size, 0.0], places)
+    amplitudes, _ = nnls(np.vstack([ratio.real / size, ratio.imag / angle]), wanted, maxiter=100 * len(poles))
+    kept = amplitudes > 0
+    poles, amplitudes = poles[kept], amplitudes[kept]
+    if not above:
+        return poles, amplitudes
+    return np.append(0.0, poles), np.append((amplitudes / poles).sum(), -amplitudes / poles)  # a/s/(s + p)
 
 
 # --- models ------------------------------------------------------------------------------------------
@@ -510,7 +512,7 @@ class IntegerModel:
             "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e: z' = A z + B u, y - y_e = C z",
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
-                    "filter_band": list(o.filter_band), "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
+                    "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
                 for n, o in operators.items()
             },
             "decay": self.decay.tolist(), "B": self.B.tolist(), "C": self.C.tolist(),
@@ -548,8 +550,8 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((5000, 2)), np.zeros((1, 1)))
     >>> problem = fracid.Problem(fracid.rotary_pendulum(b_alpha=2e-4), (swing,), {"lambda": 0.9, "mu": 1.0})
     >>> found = integer_model(problem)
-    >>> [o.pairs for o in found.operators], list(found.linear)
-    ([17, 17, 0, 0], ['hanging', 'upright'])
+    >>> [len(o.poles) for o in found.operators], list(found.linear)
+    ([13, 13, 1, 1], ['hanging', 'upright'])
     >>> (mode,) = found.linear["hanging"].modes
     >>> bool(abs(mode.pole - mode.exact) < 1e-2 * mode.frequency)
     True
@@ -558,7 +560,7 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     orders, parameters, _ = problem.unpack(values, problem.experiments[0])
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
-    operators = {q: oustaloup(q, band) for q in set(orders.tolist())}
+    operators = {q: positive_sum(q, band) for q in set(orders.tolist())}
     return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
                         problem.experiments[0].units)  # fmt: skip
 
