@@ -10,6 +10,7 @@ import itertools
 import shutil
 import subprocess
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -72,21 +73,24 @@ def octave(folder: Path, tables: Recursion, case: Case) -> tuple[np.ndarray, str
     return loadmat(folder / "x.mat")["x"], f"{done.stdout} s of the processor"
 
 
-def in_c(folder: Path, tables: Recursion, case: Case) -> tuple[np.ndarray, str]:
+def in_c(folder: Path, tables: Recursion, case: Case, real: str = "double") -> tuple[np.ndarray, str]:
     """States, time and memory of the C function."""
-    for name, text in {**c_model(tables, case, "benchmarks/export.py"), "main.c": MAIN}.items():
+    kind = {"double": "f8", "float": "f4"}[real]
+    texts = c_model(tables, case, "benchmarks/export.py", single=real == "float")
+    for name, text in {**texts, "main.c": MAIN.replace("static double", f"static {real}")}.items():
         (folder / name).write_text(text, encoding="utf-8")
     command = ["gcc", "-std=c99", "-O2", f"-DSTEPS={case.steps}", "fracid_model.c", "main.c", "-o", "model", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     u = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(float)
-    done = subprocess.run([folder / "model"], input=np.concatenate([case.past[-1], u.ravel()]).tobytes(),
+    done = subprocess.run([folder / "model"], input=np.concatenate([case.past[-1], u.ravel()]).astype(kind).tobytes(),
                           capture_output=True, check=True)  # fmt: skip
-    return np.frombuffer(done.stdout).reshape(-1, 4), done.stderr.decode()
+    return np.frombuffer(done.stdout, kind).reshape(-1, 4), done.stderr.decode()
 
 
 PROGRAMS = (
     ("model.m", octave, "octave-cli", None),
     ("fracid_model.c", in_c, "gcc", None),
+    ("fracid_model.c in single precision", partial(in_c, real="float"), "gcc", None),
     ("fracid_model.c, memory of hours", in_c, "gcc", HOURS),
 )
 """Name, what runs it, what must be installed, and for how many steps its memory is."""

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -162,19 +163,21 @@ int main(int argc, char **argv)
 """
 
 
-def in_c(folder, problem):
+def in_c(folder, problem, real="double"):
     """The states of the run by the compiled function, and the exit code."""
     tables, case = tables_and_case(problem)
-    for name, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+    texts = c_model(tables, case, "a test", single=real == "float")
+    for name, text in {**texts, "main.c": MAIN.replace("double", real)}.items():
         (folder / name).write_text(text, encoding="utf-8")
     strict = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
     done = subprocess.run([*strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder, capture_output=True,
                           text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
-    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(np.float64)
-    given = np.concatenate([case.past[-1], inputs.ravel()]).tobytes()
+    kind = {"double": "f8", "float": "f4"}[real]
+    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1))
+    given = np.concatenate([case.past[-1], inputs.ravel()]).astype(kind).tobytes()
     done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
-    return np.frombuffer(done.stdout).reshape(-1, len(problem.model.states)), done.returncode
+    return np.frombuffer(done.stdout, kind).reshape(-1, len(problem.model.states)), done.returncode
 
 
 STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controller does not know
@@ -190,6 +193,18 @@ def test_the_c_function_steps_as_fracid_does(tmp_path, name):
     ours = problem.simulate(problem.start, problem.experiments[0])
     assert code == 0
     np.testing.assert_allclose(found, ours.states, atol=1e-9)
+
+
+@compiler
+@pytest.mark.parametrize("name", ["a motor as it is", "LuGre, fractional orders", "LuGre, gl", "elastic arm"])
+def test_in_single_precision_the_c_function_is_off_by_little(tmp_path, name):
+    problem = VARIANTS[name]
+    found, code = in_c(tmp_path, problem, "float")
+    exact = problem.simulate(problem.start, problem.experiments[0]).states
+    assert code == 0
+    assert "In single precision" in (tmp_path / "fracid_model.h").read_text(encoding="utf-8")
+    assert "double" not in re.sub(r"/\*.*?\*/", "", (tmp_path / "fracid_model.c").read_text(), flags=re.DOTALL)
+    np.testing.assert_allclose(found[:, [0, 2]], exact[:, [0, 2]], atol=2e-5)
 
 
 @compiler
@@ -275,6 +290,19 @@ def test_what_a_recording_is_called_is_no_code(tmp_path):
     named = replace(case, name="bad\nerror('run')")
     text = matlab_model(tables, named, "runs\nerror('run')")
     assert not any(line.lstrip().startswith("error('run')") for line in text.splitlines())
+
+
+def test_what_a_model_its_states_and_units_are_called_is_no_code_in_c():
+    evil = "*/ int evil; /*"
+    problem = problem_of()
+    named = tuple(replace(p, unit=evil, description=evil) for p in problem.model.parameters)
+    states = (evil, *problem.model.states[1:])
+    model = replace(problem.model, name=evil, states=states, source=evil, inputs=(evil,), parameters=named)
+    tables, case = tables_and_case(problem)
+    for single in (False, True):
+        texts = c_model(replace(tables, model=model), replace(case, name=evil), evil, single=single)
+        for text in texts.values():
+            assert "evil" not in re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
 
 
 def test_a_table_holds_time_measured_fitted_residual_and_the_input(fitted, exported):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -42,6 +42,9 @@ def export(
             metavar="N", min=1, help="Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C]."
         ),
     ] = None,
+    precision: Annotated[
+        Literal["double", "single"], typer.Option(help="Numbers of the C function: doubles, or floats.")
+    ] = "double",
     trust: Trust = False,
     out: Out = None,
     json_: Json = False,
@@ -50,7 +53,8 @@ def export(
 
     matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
 
-    c: fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets.
+    c: fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets; with --precision
+    single in floats.
 
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
@@ -67,7 +71,9 @@ def export(
     from fracid.runs.saved import load_run
 
     with shown("files"):
-        bundle = export_run(load_run(run, trust=trust), out or run / "export", to or (), steps=steps)
+        bundle = export_run(
+            load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision
+        )
     if json_:
         echo_json({"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)})
     else:

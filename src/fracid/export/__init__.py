@@ -21,8 +21,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from fracid.errors import InputError, unknown_name, unwritable
 from fracid.safety.door import write_text
@@ -45,7 +46,14 @@ class Export:
     """What could not be written, and why; what to know of what was."""
 
 
-def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *, steps: int | None = None) -> Export:
+def export_run(
+    run: SavedRun,
+    folder: str | Path,
+    formats: Sequence[str] = (),
+    *,
+    steps: int | None = None,
+    precision: Literal["double", "single"] = "double",
+) -> Export:
     """Write a run for other programs.
 
     Parameters
@@ -59,6 +67,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     steps : int, optional
         Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
         :data:`HOURS` for the C function.
+    precision : str
+        Of the C function: ``double``, or ``single`` for processors without a double unit.
 
     Returns
     -------
@@ -77,6 +87,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     for name in formats:
         if name not in FORMATS:
             raise unknown_name("format", name, FORMATS)
+    if precision not in ("double", "single"):
+        raise unknown_name("precision", precision, ("double", "single"))
     folder = Path(folder)
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run)]
@@ -84,7 +96,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
             before = len(files)
-            for thing in FORMATS[name](run, folder, steps):
+            write = partial(_c, single=precision == "single") if name == "c" else FORMATS[name]
+            for thing in write(run, folder, steps):
                 if isinstance(thing, Path):
                     files.append(thing)
                 else:
@@ -126,7 +139,7 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
         yield f"model.m has the constants of the recording {case.name!r}; each other's are in results.mat."
 
 
-def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
+def _c(run: SavedRun, folder: Path, steps: int | None, *, single: bool = False) -> Iterator[Path | str]:
     from fracid.export.c import c_model
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
@@ -136,7 +149,8 @@ def _c(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
         return
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
-    for name, text in c_model(Recursion.of(run.problem, run.x, steps or HOURS), case, run.folder.name).items():
+    tables = Recursion.of(run.problem, run.x, steps or HOURS)
+    for name, text in c_model(tables, case, run.folder.name, single=single).items():
         write_text(folder / name, text)
         yield folder / name
     if run.problem.per_recording or len({e.step for e in run.problem.experiments}) > 1:

@@ -62,7 +62,8 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
             "or refers to something that changes. Load the model again; refer to constants only."
         )
     zero = f"; {model.pendulum} = 0 is {model.zero}" if model.pendulum and model.zero else ""
-    title = f"Right-hand side of the model {' '.join(model.name.split())}{zero}."
+    name = " ".join(model.name.split()).replace("*/", "* /")
+    title = f"Right-hand side of the model {name}{zero}."
     return LANGUAGES[language](model.program, taken, title).text()
 
 
