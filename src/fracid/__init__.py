@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from fracid.export.state_space import integer_model
     from fracid.fit import Fit
     from fracid.identification import identify
-    from fracid.models import Model, Parameter, rotary_pendulum
+    from fracid.models import Model, Parameter, model, rotary_pendulum
     from fracid.problem import Experiment, Free, Problem, Sensor
     from fracid.problem.draft import draft_project
     from fracid.problem.project import Project, load_project
@@ -132,6 +132,7 @@ _HOME = {
     "load_recording": "recording",
     "load_run": "runs.saved",
     "log_odds": "bayes.result",
+    "model": "models",
     "multi_term": "solver.reduction",
     "noise_study": "validation.monte_carlo",
     "posterior": "bayes.inference",
@@ -166,11 +167,11 @@ __all__ = ["AmplitudeTest", "Bootstrap", "Chirp", "Comparison", "CutCheck", "Dat
            "Sensitivities", "Sensor", "Spread", "System", "Task", "Trajectory", "Twin", "Unfinished", "Verdict",
            "__version__", "amplitude_test", "bootstrap", "compare", "cut_check", "derivative", "design",
            "draft_project", "export_run", "identifiability", "identify", "integer_model", "linear_multi_term",
-           "linear_system", "load_project", "load_recording", "load_run", "log_odds", "multi_term", "noise_study",
-           "posterior", "profile", "regress", "reproduce", "residual_analysis", "resume_run", "rotary_pendulum",
-           "run", "run_comparison", "run_noise_study", "run_posterior", "run_profiles", "run_residuals", "run_tasks",
-           "save_recording", "sensitivities", "simulate", "solve_fde", "solve_fde_batch", "spread",
-           "write_report"]  # fmt: skip
+           "linear_system", "load_project", "load_recording", "load_run", "log_odds", "model", "multi_term",
+           "noise_study", "posterior", "profile", "regress", "reproduce", "residual_analysis", "resume_run",
+           "rotary_pendulum", "run", "run_comparison", "run_noise_study", "run_posterior", "run_profiles",
+           "run_residuals", "run_tasks", "save_recording", "sensitivities", "simulate", "solve_fde", "solve_fde_batch",
+           "spread", "write_report"]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

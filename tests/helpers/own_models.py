@@ -1,12 +1,12 @@
-"""Models of one's own: those of the examples, and a cart with a pendulum."""
+"""Models of one's own: those of the examples, and those of the library, which are equations as well."""
 
 import importlib.util
-import math
 from functools import cache
 from pathlib import Path
 
-from fracid.models import Model, Parameter
-from fracid.models.joints import sliding
+import fracid
+from fracid.models import Model
+from fracid.models.library import MODEL as LIBRARY
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -20,24 +20,11 @@ def of_file(path):
     return module
 
 
-def cart_rhs(t, x, u, p, out):
-    M, ml, J, g, b_cart, b_alpha, coulomb_cart = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
-    sin, cos = math.sin(x[2]), math.cos(x[2])
-    force = u[0] - b_cart * x[1] - sliding(x[1], coulomb_cart, 0.0, 1.0, 0.01) + ml * sin * x[3] * x[3]
-    torque = -ml * g * sin - b_alpha * x[3]
-    det = M * J - ml * ml * cos * cos
-    out[0], out[2] = x[1], x[3]
-    out[1] = (J * force - ml * cos * torque) / det
-    out[3] = (M * torque - ml * cos * force) / det
-
-
-def cart_pole():
-    """A cart on a rail with a pendulum that hangs."""
-    values = {"M": 0.8, "ml": 0.07, "J": 0.03, "g": 9.81, "b_cart": 5.0, "b_alpha": 2e-3, "coulomb_cart": 0.4}
-    return Model(
-        "cart-pole", cart_rhs, ("s", "D^lambda s", "alpha", "D^mu alpha"), ("lambda", "lambda", "mu", "mu"),
-        {"s": 0, "alpha": 2}, ("force",), tuple(Parameter(n, "1", v, "") for n, v in values.items()), "", "an example",
-    )  # fmt: skip
+def of_library():
+    """Each model of the library with all the states that it may have."""
+    for name in LIBRARY:
+        model = fracid.model(name)
+        yield name, model.equipped([p.name for p in model.parameters])
 
 
 def own_models():
@@ -48,5 +35,5 @@ def own_models():
     return {
         "duffing": of_file("duffing.py").model, "dashpot": of_file("duffing.py").dashpot,
         "flexible link": of_file("flexible_link.py").model, "supercapacitor": of_file("supercapacitor.py").model,
-        "cart-pole": cart_pole(), **others,
+        **dict(of_library()), **others,
     }  # fmt: skip

@@ -469,7 +469,7 @@ def test_a_users_file_gives_a_model_or_a_function_that_makes_one(users_folder, n
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("rotary_pendulum", {}, r"unknown model .*'rotary_pendulum': did you mean rotary-pendulum\?"),
+        ("rotary_pendulum", {}, r"unknown model .*'rotary_pendulum': did you mean rotary-pendulum or pendulum\?"),
         ("rotary-pendulum", {"parameters": {"C9": 1.0}}, "unknown rotary-pendulum parameter 'C9'"),
         ("none.py:model", {}, "there is no file .*none.py"),
         ("mine.py", {}, 'expected a file and a name in it, like "my_rig.py:model"'),

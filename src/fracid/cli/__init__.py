@@ -1,6 +1,6 @@
 """The command line, ``fracid check``, ``fit`` …: one file a command; :mod:`fracid.cli.app` holds the frame."""
 
-from fracid.cli import check, demo, export, fit, noise, report, resume
+from fracid.cli import check, demo, export, fit, models, noise, report, resume
 from fracid.cli import comparison as compare
 from fracid.cli import draft as init
 from fracid.cli import figures as draw
@@ -14,11 +14,11 @@ from fracid.cli import simulation as simulate
 from fracid.cli.app import app, main
 from fracid.cli.completion import WithTables
 
-__all__ = ["app", "check", "compare", "demo", "design", "draw", "export", "fit", "init", "main", "noise", "posterior",
-           "profile", "regress", "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
+__all__ = ["app", "check", "compare", "demo", "design", "draw", "export", "fit", "init", "main", "models", "noise",
+           "posterior", "profile", "regress", "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
 
 PANELS = {
-    "Look": ["check", "init"],
+    "Look": ["check", "models", "init"],
     "Identify": ["fit", "regress", "resume"],
     "Judge": ["resid", "profile", "posterior", "compare", "noise", "reproduce"],
     "Plan": ["design"],

@@ -26,6 +26,7 @@ TABLES = {
     "costs": ("problem.costs", "COSTS"),
     "executors": ("tasks.tasks", "EXECUTORS"),
     "formats": ("export", "FORMATS"),
+    "models": ("models", "MODELS"),
     "methods": ("solver.methods", "METHODS"),
     "optimisers": ("optimise", "OPTIMISERS"),
     "presets": ("problem.presets", "PRESETS"),

@@ -1,4 +1,4 @@
-"""``fracid simulate RIG|PROJECT|RUN``: a simulated recording, as a rig's encoders would have read it."""
+"""``fracid simulate RIG|MODEL|PROJECT|RUN``: a simulated recording, as a rig's encoders would have read it."""
 
 from __future__ import annotations
 
@@ -47,6 +47,7 @@ SIMULATE_EXAMPLE = (
     "twin.csv  [dim]# then: fracid check twin.csv[/dim]",
     "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim]# a twin of its recording[/dim]",
     "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim]# what if?[/dim]",
+    "fracid simulate --model cart-pole --noise position=0.0002 --to cart.csv  [dim]# with an input of its own[/dim]",
     "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
     "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim]# an exercise: the "
     "recording does not contain the solution[/dim]",
@@ -54,7 +55,8 @@ SIMULATE_EXAMPLE = (
 
 UNITS = {
     "": 1.0, "rad": 1.0, "deg": pi / 180, "°": pi / 180, "turn": 2 * pi, "turns": 2 * pi, "rad/s": 1.0,
-    "deg/s": pi / 180, "°/s": pi / 180, "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "V": 1.0, "mV": 1e-3,
+    "deg/s": pi / 180, "°/s": pi / 180, "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "V": 1.0, "mV": 1e-3, "m": 1.0,
+    "mm": 1e-3, "A": 1.0, "mA": 1e-3, "N": 1.0,
 }  # fmt: skip
 """What may stand behind a number, in SI."""
 
@@ -62,13 +64,18 @@ UNITS = {
 @app.command(epilog="\n\n".join(SIMULATE_EXAMPLE))
 def simulate(
     source: Annotated[
-        str,
+        str | None,
         typer.Argument(
-            metavar="RIG|PROJECT|RUN",
-            help="The name of a rig, a project file, a run folder, or my_rig.py:model.",
+            metavar="RIG|MODEL|PROJECT|RUN",
+            help="The name of a rig or a model, a project file, a run folder, or my_rig.py:model.",
             autocompletion=key_of("rigs"),
+            show_default=False,
         ),
-    ],
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="A model that fracid models lists.", autocompletion=key_of("models")),
+    ] = None,
     order: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="An order, lambda=0.86; may be repeated. A rig's are 1 by default."),
@@ -134,6 +141,9 @@ def simulate(
     recording.  Exit code 0 if the simulation reaches its end, 3 if not.
     """
     del jobs  # one run is not parallel; every command takes the same options
+    source = source or model
+    if source is None or (model is not None and source != model):
+        raise InputError("Name what to simulate, a rig, project, run or model: fracid simulate --model cart-pole.")
     from fracid.workflows.simulation import simulate_twin, twin_of
 
     twin = twin_of(source, recording=recording, zero=zero, friction=friction, trust=trust,
@@ -201,7 +211,7 @@ def _changed(
     twin: Twin, order: list[str] | None, parameter: list[str] | None, initial: list[str] | None, **more: Any
 ) -> Twin:
     """With what the options name."""
-    angles = dict.fromkeys(twin.model.outputs, "deg or rad") if twin.model.zero else {}
+    angles = _angles(twin)
     fields: dict[str, Any] = {}
     for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
         if more[name] is not None:
@@ -218,6 +228,11 @@ def _changed(
         orders=_assigned(order, "--order mu=0.91"), parameters=_assigned(parameter, "--set b_alpha=2e-4"),
         initial=_assigned(initial, "--initial alpha=10deg", angles), **fields,
     )  # fmt: skip
+
+
+def _angles(twin: Twin) -> dict[str, str]:
+    """The outputs whose values need a unit."""
+    return {n: "deg or rad" for n in twin.model.outputs if twin.model.output_unit(n) == "rad"}
 
 
 def _method(name: str) -> str:
@@ -239,11 +254,11 @@ def _driven(twin: Twin, spec: str, end: str | None) -> Twin:
 
 
 def _noise(texts: list[str] | None, twin: Twin) -> dict[str, float]:
-    """Output → standard deviation [rad]; a value without a name is that of all."""
-    unit = "deg or rad" if twin.model.zero else ""
-    levels: list[tuple[str, float]] = []
+    """Output → standard deviation [SI]; a value without a name is that of all."""
+    angles, levels = _angles(twin), list[tuple[str, float]]()
     for text in texts or ():
         name, _, value = text.rpartition("=")
+        unit = angles.get(name.strip() or next(iter(twin.model.outputs)), "")
         level = quantity(value, "--noise 0.05deg" if unit else "--noise 0.001", unit=unit)
         levels.append((name.strip() or "all", level))
     deviations = each_once("--noise", levels)
@@ -262,7 +277,8 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     twin, run, data, files = simulated.twin, simulated.run, simulated.recording, simulated.files
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
     console.print(
-        f"[bold]{escape(source)}[/bold]: {escape(twin.model.name)}, {twin.model.zero or 'no zero'}; {escape(orders)}; "
+        f"[bold]{escape(source)}[/bold]: {escape(twin.model.name)}{', ' * bool(twin.model.zero)}{twin.model.zero}; "
+        f"{escape(orders)}; "
         f"{run.method}, memory {run.memory}, step {1e3 * run.step:g} ms, {data.time.size:,} samples to "
         f"{data.time[-1]:g} s: {run.outcome.value}",
         soft_wrap=True,

@@ -7,6 +7,7 @@ the paper's pendulum    :func:`rotary_pendulum`, with a rig of :data:`RIGS` and 
 its constants           :func:`lumped_constants`, from masses and lengths
 your own system         a :class:`Model`; the numbered list in :mod:`fracid.models.base` shows how
 what is friction in it  :mod:`fracid.models.friction`
+one of the library      :func:`model`: "cart-pole", "capacitor", one file each in :mod:`fracid.models.library`
 what a file names       :func:`model_from_name`: "rotary-pendulum", or "my_rig.py:model"
 ======================  ================================================================================
 """
@@ -34,6 +35,7 @@ __all__ = [
     "energy",
     "lumped_constants",
     "mass_matrix",
+    "model",
     "model_from_name",
     "rotary_pendulum",
 ]
@@ -46,7 +48,36 @@ def _collected() -> dict[str, Callable[..., Model]]:
 
 
 MODELS = _collected()
-"""The built-in models, by the name a project file gives them: a new one is a file here with its ``MODEL``."""
+"""The library's models, by the name a project file gives them: a new one is a file of equations in ``library/``, or
+a file here with its ``MODEL``."""
+
+
+def model(name: str, **parameters: Any) -> Model:
+    """Return a model of the library.
+
+    Parameters
+    ----------
+    name : str
+        As ``fracid models`` lists it.
+    **parameters
+        Values that replace the model's own [SI]; of a model with a pendulum also ``zero``, ``"hanging"`` or
+        ``"upright"``, and of the rotary pendulum all that :func:`rotary_pendulum` takes.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, an unknown parameter, or an impossible value.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> cart = fracid.model("cart-pole", M=0.5)
+    >>> cart.inputs, tuple(cart.outputs), cart.parameter("M").value
+    (('force',), ('position', 'angle'), 0.5)
+    """
+    if name not in MODELS:
+        raise unknown_name('model (a user\'s own is written "my_rig.py:model")', name, tuple(MODELS))
+    return MODELS[name](**parameters)
 
 
 def model_from_name(
@@ -92,9 +123,7 @@ def model_from_name(
     values = dict(parameters or {})
     if ":" in name or name.endswith(".py"):
         return _built(_attribute(name, Path(folder)), options, name).with_parameters(**values)
-    if name not in MODELS:
-        raise unknown_name('model (a user\'s own is written "my_rig.py:model")', name, tuple(MODELS))
-    return MODELS[name](**{**values, **options})
+    return model(name, **{**values, **options})
 
 
 def _attribute(name: str, folder: Path) -> Any:

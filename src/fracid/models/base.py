@@ -222,6 +222,10 @@ class Model(CardDisplay):
     """Output → what there is to say of it, for those that are angles."""
     input_units: Mapping[str, str] = field(default_factory=dict)
     """Input → its unit; SI where it says nothing."""
+    output_units: Mapping[str, str] = field(default_factory=dict)
+    """Output → its unit; "rad" of an angle, else 1 where it says nothing."""
+    about: str = ""
+    """One line for lists of models."""
     input_rates: Mapping[str, str] = field(default_factory=dict)
     """Input → the input of which it is the rate, such as the speed of a position that was recorded: it is the slope of
     the lines between its samples where no column of its own is given."""
@@ -276,9 +280,29 @@ class Model(CardDisplay):
         >>> [name for name, kind in rotary_pendulum().friction.items() if kind.dry]
         ['coulomb_theta', 'coulomb_alpha']
         """
-        kinds = {p.name: p.friction or next((k for b, k in BY_NAME.items() if p.name.startswith(b)), None)
-                 for p in self.parameters}  # fmt: skip
+        kinds = {p.name: p.friction or self._by_name(p.name) for p in self.parameters}
         return {name: kind for name, kind in kinds.items() if kind is not None}
+
+    def _by_name(self, name: str) -> Friction | None:
+        """What a parameter is by the beginning of its name, at the joint that the end of its name says."""
+        kinds = ((k, name.removeprefix(b)) for b, k in BY_NAME.items() if name.startswith(b))
+        kind, joint = next(kinds, (None, ""))
+        if kind is None or joint not in self.outputs:
+            return kind
+        rests = tuple(n for n in (f"{joint}_rest",) if kind.rests and n in self.parameter_names)
+        return replace(kind, joint=joint, rests=rests)
+
+    def output_unit(self, name: str) -> str:
+        """Return the unit of an output.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().output_unit("alpha")
+        'rad'
+        """
+        angle = name in self.angles or (self.zero and name in self.output_states)
+        return self.output_units.get(name, "rad" if angle else "1")
 
     @property
     def rests(self) -> tuple[str, ...]:

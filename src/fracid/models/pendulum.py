@@ -302,6 +302,7 @@ def rotary_pendulum(
         angles={"theta": Angle("theta_rest"), "alpha": Angle("alpha_rest", of_zero=True)},
         input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         drive="torque_per_volt",
+        about="an arm that a motor turns in a plane, with a pendulum at its end: Furuta's",
         seen_in={"lambda": "theta"},
         symbols=SYMBOLS,
         paper=PAPER,

@@ -37,8 +37,9 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.models import Model
+from fracid.models import Model, model
 from fracid.models.base import Output
+from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
@@ -135,6 +136,30 @@ class Twin(CardDisplay):
         """
         orders = dict.fromkeys(model.order_names, 1.0) | dict(fields.pop("orders", {}))
         return cls(name or model.name, model, orders, **{"parameters": {}, **fields})
+
+    @classmethod
+    def of_library(cls, name: str, zero: str | None = None) -> Twin:
+        """Take a model of the library, with the inputs, values and orders that its own file has for a twin.
+
+        Parameters
+        ----------
+        name : str
+            Of one that is a file of equations.
+        zero : str, optional
+            As of :func:`fracid.model`.
+
+        Examples
+        --------
+        >>> twin = Twin.of_library("cart-pole")
+        >>> recording = twin.record(twin.simulate(), noise={"position": 1e-4}, seed=1)
+        >>> {n: unit for n, unit in recording.units.items()}
+        {'position': 'm', 'angle': 'rad', 'force': 'N'}
+        """
+        given = {"initial": {}, **table_of(name)["twin"]}
+        time = given["step"] * np.arange(round(given["end"] / given["step"]) + 1)
+        inputs = {n: (time, u) for n, u in inputs_of(name, time).items()}
+        own = {} if zero is None else {"zero": zero}
+        return cls.of_model(model(name, **own), name=name, **{**given, "inputs": inputs or None})
 
     @classmethod
     def of_problem(cls, problem: Problem, x: FloatArray, experiment: Experiment) -> Twin:
@@ -249,9 +274,20 @@ class Twin(CardDisplay):
         plateau, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
         return self.time[plateau], self.time[moving & ~plateau]
 
+    @property
+    def _inputs(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """With the rates of those that are given, the slopes of the lines between their samples."""
+        given = dict(self.inputs or {})
+        for rate, of in self.model.input_rates.items():
+            if of in given and rate not in given:
+                times, values = given[of]
+                slopes = np.diff(values) / np.diff(times)
+                given[rate] = (times, np.append(slopes, slopes[-1:]))
+        return given
+
     def _driven(self, steps: int, h: float) -> Driven | None:
         """u on the grid of the run, with a past from its beginning on."""
-        if not self.inputs:
+        if not (inputs := self._inputs):
             return None
         past = 0 if self.history is None else len(self.history)
         at = self.hold + h * np.arange(-past, steps + 1)
@@ -259,8 +295,9 @@ class Twin(CardDisplay):
         driven = Driven(u, u.copy())
         first = math.floor(at[0] / self.step + 1e-9)
         samples = self.step * np.arange(first, round(self.end / self.step) + 1)
-        for name, (times, values) in self.inputs.items():
-            i, kind = self.model.inputs.index(name), self.between.get(name, "line")
+        for name, (times, values) in inputs.items():
+            held: Between = "hold" if name in self.model.input_rates else "line"
+            i, kind = self.model.inputs.index(name), self.between.get(name, held)
             if kind == "line":
                 driven.before[:, i] = driven.after[:, i] = np.interp(at, times, values)
             else:
@@ -272,9 +309,13 @@ class Twin(CardDisplay):
     def _output(self, run: Trajectory, h: Output) -> FloatArray:
         """An output that is no state, at the samples."""
         u = np.zeros((len(run.time), len(self.model.inputs)))
-        for name, (times, values) in (self.inputs or {}).items():
+        for name, (times, values) in self._inputs.items():
             u[:, self.model.inputs.index(name)] = np.interp(run.time, times, values)
         return output_along(h, run.time, run.states, u, self.model.parameter_vector(self.parameters))
+
+    def _turns(self, name: str) -> bool:
+        """Whether an encoder counts it."""
+        return name in self.model.output_states and self.model.output_unit(name) in ("rad", "1")
 
     def record(
         self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
@@ -312,11 +353,12 @@ class Twin(CardDisplay):
         signals: dict[str, FloatArray] = {}
         for name, y in self.model.outputs.items():
             clean = run.states[:, y] if isinstance(y, int) else self._output(run, y)
-            signals[name] = encoder(clean[:, None], levels[name], resolution if isinstance(y, int) else 0.0, rng)[:, 0]
-            units[name] = "rad" if self.model.zero and isinstance(y, int) else "1"
+            signals[name] = encoder(clean[:, None], levels[name], resolution if self._turns(name) else 0.0, rng)[:, 0]
+            units[name] = self.model.output_unit(name)
         for name, (times, values) in (self.inputs or {}).items():
-            signals[name] = np.interp(run.time, times, values)
-            units[name] = {"voltage": "V", "torque": "N m"}.get(name, "1")
+            if name not in self.model.input_rates:
+                signals[name] = np.interp(run.time, times, values)
+                units[name] = self.model.input_units.get(name, {"voltage": "V", "torque": "N m"}.get(name, "1"))
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"

@@ -16,6 +16,7 @@ import numpy as np
 from fracid._version import __version__
 from fracid.errors import DataError, InputError, unknown_name
 from fracid.models import RIGS, model_from_name, rotary_pendulum
+from fracid.models.library import MODEL as LIBRARY
 from fracid.problem.project import load_project
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
@@ -53,7 +54,7 @@ def twin_of(
     Parameters
     ----------
     source : str
-        The name of a rig, ``my_rig.py:model``, a project file or the folder of a run.
+        The name of a rig or of a model of the library, ``my_rig.py:model``, a project file or the folder of a run.
     recording : str or None
         Which, of a project or run.
     zero, friction
@@ -89,20 +90,24 @@ def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[st
     if source in RIGS:
         more = RIGS[source].fitted_friction if friction else {}
         model = rotary_pendulum(source, zero or "hanging", **more)  # type: ignore[arg-type]
+    elif source in LIBRARY:
+        if friction:
+            raise InputError(f"--friction is for a rig; {source} is a model. Give its friction: --set b_angle=0.01.")
+        return Twin.of_library(source, zero)
     elif ".py:" in source:
         model, release = model_from_name(source, zero=zero), {}
     else:
-        raise _no_source(source, RIGS)
+        raise _no_source(source, (*RIGS, *LIBRARY))
     return Twin.of_model(model, name=_stem(source), initial=release, step=1e-3, end=20.0)
 
 
-def _no_source(source: str, rigs: Mapping[str, Any]) -> InputError:
+def _no_source(source: str, known: tuple[str, ...]) -> InputError:
     if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
         refuse_mistaken(Path(source), "run")
     if kind_of(Path(source)) == "recording":
         return InputError(f"{source} is a recording: fracid check {source} looks at it, fracid init {source} writes a "
                           "project of it, which can be simulated.")  # fmt: skip
-    hint = unknown_name("rig", source, tuple(rigs))
+    hint = unknown_name("rig or model", source, known)
     return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
 
 

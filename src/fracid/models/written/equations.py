@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.models.base import Model, Parameter
+from fracid.models.base import Angle, Model, Parameter
 from fracid.models.joints import Complement
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
@@ -47,6 +47,28 @@ class Equation:
     """Of the derivative: a number, a name, or ``1 - nu`` of a springpot."""
     unit: str = ""
     """Of the state or the output."""
+    only: str = ""
+    """The parameter without which, not zero, there is no such state; "" for one that is always there."""
+    forgets: str = ""
+    """The rate with which the state forgets, of one that :attr:`fracid.models.Model.relaxing` names [1/s]."""
+    size: str = ""
+    """The parameter that is that state's size or time: δ of a presliding element, τ of a Maxwell element."""
+
+
+@dataclass(frozen=True)
+class _Grown:
+    """Makes the model again with the states that its elements need."""
+
+    equations: Mapping[str, Equation]
+    rest: tuple[Mapping[str, Equation], Mapping[str, str], Mapping[str, str], Mapping[str, float]]
+    """Outputs, inputs, definitions and numbers."""
+
+    def __call__(self, model: Model, on: frozenset[str]) -> Model:
+        if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
+            return model
+        other = _made(model.name, self.equations, *self.rest, model.parameters, on)
+        fields = ("rhs", "states", "orders", "outputs", "relaxing")
+        return replace(model, **{n: getattr(other, n) for n in fields})
 
 
 def model_of(
@@ -56,6 +78,7 @@ def model_of(
     inputs: Mapping[str, str],
     parameters: Sequence[Parameter],
     definitions: Mapping[str, str] | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> Model:
     """Make a model.
 
@@ -71,6 +94,8 @@ def model_of(
     parameters : sequence of Parameter
     definitions : mapping
         Name → an expression that later ones may use.
+    numbers : mapping
+        Name → a number that it stands for in the equations, and that is no parameter.
 
     Raises
     ------
@@ -85,36 +110,59 @@ def model_of(
     >>> model.orders, model.rates, model.program.constants
     ((1.0, 'mu'), {}, frozenset({'m'}))
     """
-    definitions = definitions or {}
+    on = frozenset(p.name for p in parameters if p.value != 0.0)
+    return _made(name, equations, outputs, inputs, definitions or {}, numbers or {}, tuple(parameters), on)
+
+
+def _made(
+    name: str, equations: Mapping[str, Equation], outputs: Mapping[str, Equation], inputs: Mapping[str, str],
+    definitions: Mapping[str, str], numbers: Mapping[str, float], parameters: tuple[Parameter, ...], on: frozenset[str],
+) -> Model:  # fmt: skip
+    """The model with the states that the parameters `on` need; any other is 0 wherever it stands."""
     _check_names({"[model.equations]": equations, "[model.inputs]": inputs, "[model.definitions]": definitions,
                   "[model.parameters]": [p.name for p in parameters]})  # fmt: skip
-    names: dict[str, Expression] = {n: Entry("x", Number(i)) for i, n in enumerate(equations)}
+    there = {n: e for n, e in equations.items() if not e.only or e.only in on}
+    names: dict[str, Expression] = {n: Number(v) for n, v in ({**numbers} | dict.fromkeys(equations, 0.0)).items()}
+    names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
     names |= {n: Entry("u", Number(i)) for i, n in enumerate(inputs)}
     names |= {p.name: Entry("p", Number(k), p.name) for k, p in enumerate(parameters)}
-    units = _Units(names, {p.name: p.unit for p in parameters} | {**inputs} | {n: e.unit for n, e in equations.items()})
+    units = _Units(names, {p.name: p.unit for p in parameters} | {**inputs} | {n: e.unit for n, e in there.items()})
     for e in outputs.values():
-        if e.unit and e.equals.strip() in equations:
+        if e.unit and e.equals.strip() in there:
             units.given(e.equals.strip(), e.unit)
+    relaxing = [n for n, e in there.items() if e.forgets]
     texts = {f"[model.definitions] {n}": text for n, text in definitions.items()}
-    texts |= {f"[model.equations] {n}": e.equals for n, e in equations.items()}
-    targets: list[Name | Entry] = [*map(Name, definitions), *(Entry("out", Number(i)) for i in range(len(equations)))]
+    texts |= {f"[model.equations] {n}": e.equals for n, e in there.items()}
+    texts |= {f"[model.equations] {n}: forgets": there[n].forgets for n in relaxing}
+    states = tuple(there)
+    places = [*range(len(states)), *(len(states) + states.index(n) for n in relaxing)]
+    targets: list[Name | Entry] = [*map(Name, definitions), *(Entry("out", Number(i)) for i in places)]
     body: list[Assign] = []
     for target, (where, text) in zip(targets, texts.items(), strict=True):
         body.append(Assign(target, _placed(where, formula, text, names, units.columns)))
         if isinstance(target, Name):
             names[target.name] = target
-    units.spread(dict(zip(equations, (s.value for s in body[len(definitions) :]), strict=True)))
+    rates = body[len(definitions) : len(definitions) + len(states)]
+    units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
     for s, (where, text) in zip(body, texts.items(), strict=True):
         _placed(where, units.check, s, text)
-    states = tuple(equations)
     return Model(
-        name=name, rhs=Formula(Program(states, (), (), tuple(body))), states=states,
-        orders=tuple(_order(n, e.order) for n, e in equations.items()),
+        name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
+        states=states, orders=tuple(_order(n, e.order) for n, e in there.items()),
         outputs={n: _output(n, e, names, units, body) for n, e in outputs.items()}
         or {n: i for i, n in enumerate(states)},
-        inputs=tuple(inputs), parameters=tuple(parameters), zero="", source="equations",
+        inputs=tuple(inputs), parameters=parameters, zero="", source="equations",
         input_units={n: unit for n, unit in inputs.items() if unit},
+        output_units={n: e.unit for n, e in outputs.items() if e.unit},
+        angles={n: Angle(_rest(n, parameters)) for n, e in outputs.items() if e.unit == "rad"},
+        relaxing={n: there[n].size or there[n].only for n in relaxing},
+        grown=_Grown(equations, (outputs, inputs, definitions, numbers)) if any(e.only for e in equations.values())
+        else None,
     )  # fmt: skip
+
+
+def _rest(output: str, parameters: Sequence[Parameter]) -> str:
+    return next((p.name for p in parameters if p.name == f"{output}_rest"), "")
 
 
 def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:

@@ -533,8 +533,14 @@ class Python(Plain):
         return [head, *(self.indent + line for line in about), *lines]
 
     def main(self, lines: list[str]) -> list[str]:
-        """The right-hand side itself."""
-        return ["def rhs(t, x, u, p, out):", *(lines or ["    pass"])]
+        """The right-hand side itself; with which rate a state forgets it writes where there is room."""
+        n = len(self.program.states)
+        flat = all(isinstance(s, Assign) for s in self.program.body)
+        places = tuple(f"    out[{n + i}] =" for i in self.program.relaxing) if flat else ()
+        rates = [line for line in lines if line.startswith(places)]
+        room = [f"    if len(out) > {n}:", *(self.indent + line for line in rates)] if rates else []
+        return ["def rhs(t, x, u, p, out):", *(line for line in lines if line not in rates), *room,
+                *([] if lines else ["    pass"])]  # fmt: skip
 
     def made(self, name: str = "rhs") -> Callable[..., Any]:
         """The right-hand side, or one of the functions, to be called."""

@@ -1,0 +1,125 @@
+"""The library: a model is one file of equations in this folder, as a project file has them.
+
+Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the input without
+which a recording tells nothing, and ``[columns]``, how those of recordings are called
+(:mod:`fracid.problem.roles`).  ``[twin]`` below is what ``fracid simulate --model`` simulates, with inputs as functions
+of t.  ``[model]`` is a project's; what it has beside is
+
+==================  ===========================================================================================
+``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in
+                    equations ``hanging`` is 1 or −1 then
+``input_rates``     input → the input of which it is the rate
+``follows``         state → the state with whose value it begins
+``begins``          state → the output near whose first sample it begins
+``integer_orders``  order → its value in the integer-order model, where that is not 1
+of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand
+of an equation      ``only``, ``forgets``, ``size``: :class:`fracid.models.written.equations.Equation`
+==================  ===========================================================================================
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache, partial
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.models.base import ZEROS, Angle, Model, Parameter
+from fracid.models.written.equations import Equation, model_of
+from fracid.models.written.formulas import Formula, formula
+from fracid.models.written.tree import Function, Name, Return
+
+__all__ = ["MODEL", "from_library", "inputs_of", "table_of"]
+
+_FOLDER = resources.files(__name__)
+
+
+@cache
+def table_of(name: str) -> Mapping[str, Any]:
+    """The file of a model, as TOML has it.
+
+    Examples
+    --------
+    >>> table_of("pendulum")["model"]["inputs"]
+    {'torque': 'N m'}
+    """
+    return tomllib.loads(_FOLDER.joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def from_library(name: str, *, zero: str | None = None, **parameters: float) -> Model:
+    """Make a model of the library.
+
+    Parameters
+    ----------
+    name : str
+    zero : str, optional
+        Of one with a pendulum: ``hanging``, or ``upright``.
+    **parameters
+        That replace the file's own [SI].
+
+    Raises
+    ------
+    InputError
+        For an unknown parameter, an impossible value, or a zero that means nothing.
+
+    Examples
+    --------
+    >>> from_library("pendulum", zero="upright", b_angle=0.01).zero
+    'upright'
+    """
+    table = table_of(name)
+    spec, angle = table["model"], table["model"].get("angle", "")
+    if zero is not None and (not angle or zero not in ZEROS[:2]):
+        expected = "'hanging' or 'upright'" if angle else "none: the model has no pendulum"
+        raise InputError(f"zero = {zero!r} is not possible for {name}; expected {expected}.")
+    zero = (zero or "hanging") if angle else ""
+    model = model_of(
+        name, _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
+        [_parameter(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
+        {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
+    )  # fmt: skip
+    angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
+    model = replace(
+        model, zero=zero, angles=angles, about=table["about"], source=table["source"],
+        **{n: spec[n] for n in ("input_rates", "follows", "integer_orders") if n in spec},
+    )  # fmt: skip
+    return model.with_parameters(**parameters)
+
+
+def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
+    """The inputs of a model's twin, shape (n,) each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> {n: u.round(3).tolist() for n, u in inputs_of("relaxation", np.array([0.0, 0.5, 1.0, 1.5])).items()}
+    {'stretch': [0.0, 0.01, 0.02, 0.02]}
+    """
+    texts = table_of(name)["twin"].get("inputs", {})
+    trees = {n: Function(n, ("t",), (Return(formula(text, {"t": Name("t")})),)) for n, text in texts.items()}
+    return {n: np.array([float(Formula(tree)(t)) for t in time.tolist()]) for n, tree in trees.items()}
+
+
+def _equations(table: Mapping[str, Any]) -> dict[str, Equation]:
+    return {n: Equation(e) if isinstance(e, str) else Equation(**e) for n, e in table.items()}
+
+
+def _parameter(name: str, row: Mapping[str, Any]) -> Parameter:
+    letter, _, index = row.get("symbol", "").partition("_")
+    bounds = {n: row[n] for n in ("lower", "upper") if n in row}
+    return Parameter(name, row["unit"], row["start"], row["about"], **bounds, needs=tuple(row.get("needs", ())),
+                     symbol=(letter, index) if letter else None)  # fmt: skip
+
+
+MODEL = {
+    file.name.removesuffix(".toml"): partial(from_library, file.name.removesuffix(".toml"))
+    for file in sorted(_FOLDER.iterdir(), key=lambda f: f.name)
+    if file.name.endswith(".toml")
+}
+"""By the name that a project file gives it."""
