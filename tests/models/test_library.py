@@ -138,6 +138,8 @@ def test_what_is_off_has_no_state_and_what_is_on_has():
     both = fracid.model("joint", springpot_angle=0.1, presliding_angle=0.01)
     assert (both.states, both.relaxing) == (("angle", "rate", "z", "y"), {"z": "presliding_angle"})
     assert both.with_parameters(springpot_angle=0.0, presliding_angle=0.0).states == joint.states
+    assert fracid.model("capacitor").follows == {}
+    assert fracid.model("capacitor", C_2=1.0).follows == {"v_2": "v"}
     again = pickle.loads(pickle.dumps(joint))
     assert again.with_parameters(presliding_angle=0.01).program == both.with_parameters(springpot_angle=0.0).program
 

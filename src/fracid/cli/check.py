@@ -109,9 +109,24 @@ def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
         again["--column"] = columns
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
     steps = [(typed("check", recording.path, *_again(again)), why)] if why else []
-    steps.append((typed("init", recording.path, *_again(again if "wrong-clock" in found else options)),
-                  "writes a project of it, which runs as it is"))  # fmt: skip
+    words = _again(again if "wrong-clock" in found else options)
+    steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording)]
     say_next(new_console(), *steps)
+
+
+def _models_for(recording: Recording) -> list[tuple[tuple[str, ...], str]]:
+    """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
+    from fracid.problem.roles import ROTARY, likely_models, nameless
+
+    columns = list(recording.signals)
+    likely = likely_models(columns)
+    if ROTARY in likely or (not likely and nameless(columns)):
+        return [((), "writes a project of it, which runs as it is")]
+    if len(likely) == 1:
+        return [((), f"writes a project of the model {next(iter(likely))}, which runs as it is")]
+    if likely:
+        return [(("--model", n), f"if it is of the model {n}") for n in likely]
+    return [(("--model", "NAME", "--column", "NAME=COLUMN"), "no model has columns of these names: see fracid models")]
 
 
 def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]) -> str:

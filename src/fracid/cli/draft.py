@@ -10,7 +10,7 @@ import typer
 
 from fracid.cli.app import app, named, new_console, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
-from fracid.cli.completion import COLUMNS, key_of, one_of
+from fracid.cli.completion import COLUMNS, ZEROS, key_of, one_of
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
@@ -22,6 +22,7 @@ INIT_EXAMPLE = (
     "fracid init release.mat  [dim]# asks what the columns are; writes release.toml[/dim]",
     "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim]# takes what it guesses[/dim]",
     "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
+    "fracid init log.csv --model joint --column angle=q --column torque=tau",
 )
 
 
@@ -39,6 +40,8 @@ def init(
     time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
+    model: Annotated[str | None, named("The model, as fracid models lists it.", key_of("models"))] = None,
+    zero: Annotated[str | None, named("Of a cart-pole or a pendulum: hanging or upright.", one_of(*ZEROS))] = None,
     rig: Annotated[str | None, named("Whose constants to begin with.", key_of("rigs"))] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
@@ -46,20 +49,22 @@ def init(
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 
-    For a rotary pendulum.  Asks what the columns are, with what it guesses as the answer; with --column, --yes or
-    without a terminal it takes the guess and says so.
+    What the columns are called says of which model they are; --model names another.  For a rotary pendulum it asks what
+    they are, with what it guesses as the answer; with --column, --yes or without a terminal it takes the guess.
     """
     target = out or Path(f"{file.stem}.toml")
     if target.exists() and not force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
     clock = time_from_text(time, rate)
     columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
-    if columns is None and not yes and sys.stdin.isatty():
+    with shown("project"):
+        from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
+
+        model = model or chosen_model(file, columns, time=clock, variable=variable, rig=rig)
+    if model == "rotary-pendulum" and columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
     with shown("project"):
-        from fracid.workflows.draft import write_draft  # here: it takes a second to import
-
-        draft = write_draft(file, target, columns, time=clock, variable=variable, rig=rig)
+        draft = write_draft(file, target, columns, model=model, zero=zero, time=clock, variable=variable, rig=rig)
     for note in draft.notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))

@@ -44,7 +44,9 @@ def models(
         echo_json({n: _record(m) for n, m in found.items()})
         return
     _show(new_console(), found, name)
-    say_next(new_console(), (typed("simulate", "--model", name or "cart-pole"), "makes a recording of it"))
+    chosen = name or "cart-pole"
+    say_next(new_console(), (typed("simulate", "--model", chosen), "makes a recording of it"),
+             (typed("init", "FILE", "--model", chosen), "writes a project for a recording of such a rig"))  # fmt: skip
 
 
 def _show(console: Console, found: dict[str, Model], name: str | None) -> None:

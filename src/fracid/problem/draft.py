@@ -58,7 +58,8 @@ from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
 from fracid.signals.swing import common_period, final_value, half_swings, quickening, swing_period
 
-__all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file"]
+__all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file", "toml_line", "toml_range",
+           "toml_table"]  # fmt: skip
 
 REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
 """Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
@@ -452,8 +453,8 @@ class _Page:
         return [
             "[model]",
             'name = "rotary-pendulum"                # your own: name = "my_rig.py:model"',
-            _line("rig", self.rig, why),
-            _line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
+            toml_line("rig", self.rig, why),
+            toml_line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
         ]
 
     def _parameters(self) -> list[str]:
@@ -475,7 +476,7 @@ class _Page:
                     f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
                 )
                 continue
-            lines.append(_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
+            lines.append(toml_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
         k, why = self._motor(own["torque_per_volt"] or 0.05)
         most = max(gravity, SPAN * abs(k) * self._voltage)  # dry friction of a motor that turns
         for joint in ("theta", "alpha") if self.arm else ("alpha",):
@@ -483,21 +484,21 @@ class _Page:
             lines.append(self._friction(f"b_{joint}", own[f"b_{joint}"], reach, self._meaning(f"b_{joint}")))
             lines.append(self._friction(f"coulomb_{joint}", 1e-2 * reach, reach, dry))
             lines.append(self._presliding(joint))
-        lines.append(_range("slip_speed", own["slip_speed"], *SHARP, self._meaning("slip_speed")))
+        lines.append(toml_range("slip_speed", own["slip_speed"], *SHARP, self._meaning("slip_speed")))
         if self.arm:
             lines.append(self._friction("drag_theta", 0.0, most, self._meaning("drag_theta")))
             meaning = self._meaning("cable_stiffness")
             lines.append(self._friction("cable_stiffness", 1e-2 * gravity, 2 * most, meaning))
         if self.driven:
             low, high = sorted((k / SPAN**2, k * SPAN**2)) if why else (-abs(k) * SPAN**2, abs(k) * SPAN**2)
-            lines.append(_range("torque_per_volt", k, low, high, f"{why or 'either way'} [N m/V]"))
+            lines.append(toml_range("torque_per_volt", k, low, high, f"{why or 'either way'} [N m/V]"))
         fast = math.degrees(self.swing) > 45
-        drag = _range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
+        drag = toml_range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
         return [*lines, drag if fast else f"# {drag}"]
 
     def _friction(self, name: str, start: float, reach: float, meaning: str) -> str:
         start = self.starts.get(name, start)
-        return _range(name, start, 0.0, max(reach, SPAN * start), meaning)
+        return toml_range(name, start, 0.0, max(reach, SPAN * start), meaning)
 
     @property
     def _voltage(self) -> float:
@@ -516,7 +517,9 @@ class _Page:
 
     def _presliding(self, joint: str) -> str:
         """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""
-        line = _range(f"presliding_{joint}", 1e-2, 0.0, 0.5, f"what the {_joint(joint)} gives before it slides [rad]")
+        line = toml_range(
+            f"presliding_{joint}", 1e-2, 0.0, 0.5, f"what the {_joint(joint)} gives before it slides [rad]"
+        )
         if joint == "theta" or self.arm or self.driven:  # an arm that sticks quickens the pendulum too
             return f"# {line}"
         y = np.nan_to_num(self.recording.signals["alpha"] - self.reports["alpha"].rest)
@@ -563,14 +566,14 @@ class _Page:
     def _recording(self) -> list[str]:
         path = Path(self.recording.path).resolve()
         relative_path = os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/")
-        lines = ["[[recording]]", _line("name", self.recording.name, ""), _line("file", relative_path, "")]
+        lines = ["[[recording]]", toml_line("name", self.recording.name, ""), toml_line("file", relative_path, "")]
         if self.variable:
-            lines.append(_line("variable", self.variable, "# the array in the file"))
+            lines.append(toml_line("variable", self.variable, "# the array in the file"))
         if self.time:
-            lines.append(f"time = {_table(self.time)}")
+            lines.append(f"time = {toml_table(self.time)}")
         else:
             lines += [f"# {line}" for line in self.recording.report.reading if line.startswith("Time ")]
-        lines += [f"{name} = {_table(fields)}" for name, fields in self.columns.items()]
+        lines += [f"{name} = {toml_table(fields)}" for name, fields in self.columns.items()]
         lines.append(self._from())
         if self._held():
             reach = max(0.05, 5 * self.recording.report.clock.step)
@@ -581,7 +584,7 @@ class _Page:
         else:
             lines.append(f"# to = {self.recording.time[-1]:.4g}")
         lines += self._rate()
-        lines.append(_line("use", "fit", '# or "validate": held out for validation'))
+        lines.append(toml_line("use", "fit", '# or "validate": held out for validation'))
         return lines
 
     def _rate(self) -> Iterator[str]:
@@ -629,14 +632,14 @@ class _Page:
         release, reason = self.recording.report.release, self.recording.report.release_reason
         if self.window:
             return f"from = {release:.15g}".ljust(40) + f"# of the release: {reason}"
-        return _line("from", "release", f"# found at {release:.3f} s: {reason}")
+        return toml_line("from", "release", f"# found at {release:.3f} s: {reason}")
 
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
         start = (
-            _line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
+            toml_line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
             if self._held()
-            else _line("initial_state", "estimate", "# angles and speeds at the start are found too")
+            else toml_line("initial_state", "estimate", "# angles and speeds at the start are found too")
         )
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
         own = [
@@ -654,16 +657,38 @@ def _joint(name: str) -> str:
     return {"theta": "arm", "alpha": "pendulum"}[name]
 
 
-def _line(key: str, value: str, comment: str) -> str:
+def toml_line(key: str, value: str, comment: str) -> str:
+    """Return a key with a text, and a comment behind it.
+
+    Examples
+    --------
+    >>> toml_line("use", "fit", "")
+    'use = "fit"'
+    """
     return f"{key} = {json.dumps(value, ensure_ascii=False)}".ljust(40 if comment else 0) + comment
 
 
-def _range(name: str, start: float, lower: float, upper: float, comment: str) -> str:
+def toml_range(name: str, start: float, lower: float, upper: float, comment: str) -> str:
+    """Return a parameter with its range, and a comment behind it.
+
+    Examples
+    --------
+    >>> toml_range("k", 2.0, 1.0, 3.0, "its stiffness").split("  ")[0]
+    'k = { start = 2, lower = 1, upper = 3 }'
+    """
     table = f"{name} = {{ start = {start:.4g}, lower = {lower:.3g}, upper = {upper:.3g} }}"
     return f"{table:<70}# {comment}"
 
 
-def _table(fields: Mapping[str, Any]) -> str:
+def toml_table(fields: Mapping[str, Any]) -> str:
+    """Return a table in one line.
+
+    Examples
+    --------
+    >>> toml_table({"column": 2, "unit": "deg"})
+    '{ column = 2, unit = "deg" }'
+    """
+
     def said(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False) if not isinstance(value, float) else repr(value)
 

@@ -31,7 +31,7 @@ from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_s
 from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
 
-__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units", "is_angle"]
+__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units", "is_angle", "unit_of"]
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
@@ -196,7 +196,7 @@ def _column(name: str, header: Sequence[str]) -> int | str:
 
 def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tuple[str, dict[str, Any], str]]:
     """``alpha``, ``theta``, ``voltage`` → the signal, the fields of its unit, and what these are guessed from."""
-    units = {what: (name, *_unit(recording, name, what)) for what, name in roles.items()}
+    units = {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()}
     for angle, other in (("alpha", "theta"), ("theta", "alpha")):
         if {angle, other} <= units.keys() and units[angle][2] == NOTHING and units[other][1]:
             units[angle] = (
@@ -207,8 +207,14 @@ def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tup
     return units
 
 
-def _unit(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
-    """Unit and counts of a signal, and a clause that says what they are guessed from."""
+def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
+    """Unit and counts of a signal, and a clause that says what they are guessed from.
+
+    Examples
+    --------
+    >>> unit_of(Recording.of("log", np.arange(0, 8, 0.01), {"q": np.linspace(0, 900.0, 800)}), "q", "angle")
+    ({'unit': 'deg'}, 'in degrees: two turns of radians are more than a pendulum does')
+    """
     s = next(s for s in recording.report.signals if s.name == name)
     if what == "voltage" and np.isnan(recording.signals[name]).any():
         return {"unit": "V", "fill": "hold"}, "in volts: a command that is logged when it changes"

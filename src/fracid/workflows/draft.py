@@ -18,14 +18,20 @@ from fracid.errors import InputError, unwritable
 from fracid.estimation.horizons import horizons
 from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
+from fracid.problem.model_draft import draft_of_model
 from fracid.problem.project import Project, project_from_text
+from fracid.problem.roles import ROTARY, model_of_columns
+from fracid.recording import inspect_recording
 from fracid.regression import start_values
 from fracid.safety.door import write_text
 
-__all__ = ["write_draft"]
+__all__ = ["chosen_model", "write_draft"]
 
 
-def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any]] | None, **options: Any) -> Draft:
+def write_draft(
+    file: Path, target: Path, columns: Mapping[str, Mapping[str, Any]] | None, *, model: str | None = None,
+    zero: str | None = None, **options: Any,
+) -> Draft:  # fmt: skip
     """Write a project file for a recording.
 
     Parameters
@@ -34,6 +40,10 @@ def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any
         The recording, and the project file.
     columns : mapping or None
         Signal → its column; None for a guess.
+    model : str, optional
+        Of the library; found from what the columns are called if left out.
+    zero : str, optional
+        Of a model of the library with a pendulum.
     options
         Of :func:`fracid.draft_project`: ``time``, ``variable``, ``rig``.
 
@@ -50,6 +60,14 @@ def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any
     >>> "[[recording]]" in write_draft(folder / "swing.csv", folder / "rig.toml", {"alpha": {"column": 1}}).text
     True
     """
+    name = model or chosen_model(file, columns, **options)
+    if name != ROTARY:
+        rig = options.pop("rig", None)
+        if rig is not None:
+            raise InputError(f"--rig {rig} is a rotary pendulum's; leave it out, or type --model {ROTARY}.")
+        draft = draft_of_model(name, file, columns, zero=zero, folder=target.parent, **options)
+        _written(draft, target)
+        return replace(draft, notes=(f"The model is {name}; another: --model NAME.", *draft.notes))
     draft = draft_project(file, columns, folder=target.parent, **options)
     project = _written(draft, target)
     if MOTOR not in project.problem.names or (starts := _regressed(project.problem)) is None:
@@ -62,6 +80,20 @@ def write_draft(file: Path, target: Path, columns: Mapping[str, Mapping[str, Any
         return draft
     _written(begun, target)
     return replace(begun, notes=(*begun.notes, "The constants begin where a linear regression has them."))
+
+
+def chosen_model(file: Path, columns: Mapping[str, Any] | None, **options: Any) -> str:
+    """Return the model that a recording's columns, or those that are named, are of.
+
+    Raises
+    ------
+    InputError
+        If none fits, or several do as well.
+    """
+    if options.get("rig") is not None:
+        return ROTARY
+    raw = inspect_recording(file, time=options.get("time"), variable=options.get("variable"))
+    return model_of_columns(file.name, list(columns or raw.signals))
 
 
 FIRST = 4

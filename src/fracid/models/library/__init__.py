@@ -1,7 +1,7 @@
 """The library: a model is one file of equations in this folder, as a project file has them.
 
-Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the input without
-which a recording tells nothing, and ``[columns]``, how those of recordings are called
+Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the columns without
+which a recording is of something else, and ``[columns]``, how those of recordings are called
 (:mod:`fracid.problem.roles`).  ``[twin]`` below is what ``fracid simulate --model`` simulates, with inputs as functions
 of t.  ``[model]`` is a project's; what it has beside is
 
@@ -9,11 +9,11 @@ of t.  ``[model]`` is a project's; what it has beside is
 ``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in
                     equations ``hanging`` is 1 or −1 then
 ``input_rates``     input → the input of which it is the rate
-``follows``         state → the state with whose value it begins
 ``begins``          state → the output near whose first sample it begins
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
-of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand
-of an equation      ``only``, ``forgets``, ``size``: :class:`fracid.models.written.equations.Equation`
+of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
+                    ``gauge = true`` for what must be, where nothing drives the model
+of an equation      ``only``, ``follows``, ``forgets``, ``size``: :class:`fracid.models.written.equations.Equation`
 ==================  ===========================================================================================
 """
 
@@ -87,7 +87,7 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
     model = replace(
         model, zero=zero, angles=angles, about=table["about"], source=table["source"],
-        **{n: spec[n] for n in ("input_rates", "follows", "integer_orders") if n in spec},
+        **{n: spec[n] for n in ("input_rates", "integer_orders") if n in spec},
     )  # fmt: skip
     return model.with_parameters(**parameters)
 

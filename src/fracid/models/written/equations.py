@@ -51,6 +51,8 @@ class Equation:
     """The parameter without which, not zero, there is no such state; "" for one that is always there."""
     forgets: str = ""
     """The rate with which the state forgets, of one that :attr:`fracid.models.Model.relaxing` names [1/s]."""
+    follows: str = ""
+    """The state with whose value it begins."""
     size: str = ""
     """The parameter that is that state's size or time: δ of a presliding element, τ of a Maxwell element."""
 
@@ -67,7 +69,7 @@ class _Grown:
         if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
             return model
         other = _made(model.name, self.equations, *self.rest, model.parameters, on)
-        fields = ("rhs", "states", "orders", "outputs", "relaxing")
+        fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows")
         return replace(model, **{n: getattr(other, n) for n in fields})
 
 
@@ -155,6 +157,7 @@ def _made(
         input_units={n: unit for n, unit in inputs.items() if unit},
         output_units={n: e.unit for n, e in outputs.items() if e.unit},
         angles={n: Angle(_rest(n, parameters)) for n, e in outputs.items() if e.unit == "rad"},
+        follows={n: e.follows for n, e in there.items() if e.follows},
         relaxing={n: there[n].size or there[n].only for n in relaxing},
         grown=_Grown(equations, (outputs, inputs, definitions, numbers)) if any(e.only for e in equations.values())
         else None,

@@ -1,0 +1,262 @@
+r"""Where the search for a model's constants begins: its equations, held against the recording's own derivatives.
+
+At orders 1 (a springpot's at its model's own) the equations of a model say of every sample
+
+.. math::  \dot x_i = f_i(x, u, p), \qquad y = h(x, u, p).
+
+States that are measured, and the rates of those, come from the recording, smoothed; those that nobody measures are
+simulated between them.  The constants p are those of least squares, from several starts over four decades;
+nothing is compiled, and a recording takes a second or two.  Optional terms, those whose constant is 0 in the
+library, are kept where they explain part of the equations.  What noise does to the derivatives biases such values by
+some per cent, which a start forgives.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.models import Model
+from fracid.models.joints import Complement
+
+__all__ = ["FirstValues", "first_values"]
+
+SAMPLES = 160
+"""At which the equations are compared."""
+
+STEPS = 300
+"""Of a simulation of what is not measured."""
+
+ABOVE = 30.0
+"""Times the floor of its spectrum: what of a signal stands so high is motion, and smoothing leaves it alone."""
+
+STARTS = 6
+"""The library's values, and draws about them."""
+
+TERM = 0.03
+"""An optional term is kept if without it the equations are worse by this part of their scatter."""
+
+BEYOND = 1e9
+"""A state beyond this has run away, whatever its unit."""
+
+EVALUATIONS = 40
+"""Of a least-squares search."""
+
+
+@dataclass(frozen=True)
+class FirstValues:
+    """Constants of a model from a recording."""
+
+    values: Mapping[str, float]
+    """Of the parameters that the recording says something of [SI]."""
+    reach: Mapping[str, float]
+    """Parameter → the value at which its term alone would explain all [SI]; of all that have a term."""
+    explained: float
+    """Share of the equations' scatter that they explain, 1 at best."""
+
+
+def first_values(
+    model: Model, step: float, signals: Mapping[str, FloatArray], free: Sequence[str], optional: Sequence[str] = (),
+    starts: Mapping[str, float] | None = None,
+) -> FirstValues:  # fmt: skip
+    """Estimate a model's constants from one recording.
+
+    Parameters
+    ----------
+    model : Model
+    step : float
+        Between samples [s].
+    signals : mapping
+        Outputs and inputs on that grid, without gaps [SI], shape (n_samples,) each.
+    free, optional : sequence of str
+        Parameters to estimate, and those to add where their terms count.
+    starts : mapping, optional
+        State → its first value, of those that are not measured.
+
+    Returns
+    -------
+    FirstValues
+
+    Examples
+    --------
+    A mass on a spring of 50 N/m with a damper of 2 N s/m, sampled at 100 Hz:
+
+    >>> import fracid
+    >>> t = np.arange(0, 10, 0.01)
+    >>> x = 0.1 * np.exp(-t) * np.cos(7 * t)
+    >>> mass = fracid.model("oscillator", k3=0.0)
+    >>> found = first_values(mass, 0.01, {"displacement": x, "force": 0 * t}, ["k", "b_displacement"])
+    >>> {n: float(f"{v:.1g}") for n, v in found.values.items()}, found.explained > 0.99
+    ({'k': 50.0, 'b_displacement': 2.0}, True)
+    """
+    equations = _Equations(model, step, signals, dict(starts or {}))
+    base = {p.name: p.value for p in model.parameters}
+    reach = equations.reach(base, [*free, *optional])
+    names = [n for n in free if n in reach]
+    values, cost = _fitted(equations, base, names, reach)
+    for n in optional:
+        if n in reach:
+            more, less = _fitted(equations, base | values, [*names, n], reach, starts=1)
+            if less < cost - TERM * max(cost, TERM):
+                names, values, cost = [*names, n], more, less
+    return FirstValues(values, reach, max(0.0, 1.0 - cost))
+
+
+class _Equations:
+    """The residuals of the equations at some samples of a recording."""
+
+    def __init__(
+        self, model: Model, step: float, signals: Mapping[str, FloatArray], starts: Mapping[str, float]
+    ) -> None:
+        from scipy.ndimage import gaussian_filter1d
+
+        self.model = model
+        measured = {n: i for n, i in model.output_states.items() if n in signals}
+        width = max(1.5, 0.03 / step / max(_highest(signals[n], step) for n in (measured or model.outputs)
+                                           if n in signals))  # fmt: skip
+
+        def smooth(x: FloatArray, order: int = 0) -> FloatArray:
+            return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest")) / step**order
+
+        n = len(next(iter(signals.values())))
+        x, self.slopes, known = np.zeros((n, len(model.states))), dict[int, FloatArray](), set[int]()
+        for name, i in measured.items():
+            x[:, i], rate = smooth(signals[name]), model.rates.get(i)
+            known.add(i)
+            if rate is None:
+                self.slopes[i] = smooth(signals[name], 1)
+            else:
+                x[:, rate], self.slopes[rate] = smooth(signals[name], 1), smooth(signals[name], 2)
+                known.add(rate)
+        u = np.zeros((n, max(1, len(model.inputs))))
+        raw = not measured  # outputs are compared as they were recorded
+        for i, name in enumerate(model.inputs):
+            if name in signals:
+                u[:, i] = signals[name] if raw else smooth(signals[name])
+            elif model.input_rates.get(name) in signals:
+                u[:, i] = np.gradient(signals[model.input_rates[name]], step)
+        edge = 0 if raw else min(int(np.ceil(4 * width)), n // 4)
+        self.simulated = [i for i in range(len(model.states)) if i not in known]
+        every = max(1, (n - 2 * edge) // (STEPS if self.simulated else SAMPLES))
+        self.at = np.arange(edge, n - edge, every)
+        self.step, self.x, self.u = every * step, x[self.at], u[self.at]
+        self.slopes = {i: s[self.at] for i, s in self.slopes.items()}
+        self.outputs = {} if measured else {h: signals[name][self.at] for name, h in model.outputs.items()
+                                            if name in signals and not isinstance(h, int)}  # fmt: skip
+        self.start = {model.states.index(s): v for s, v in starts.items() if s in model.states}
+        named = {n: 1.0 for n in model.order_names} | dict.fromkeys(model.springpot_orders.values(), 0.5)
+        self.orders = [0.5 if isinstance(o, Complement) else 1.0 for o in model.orders] if not named else (
+            model.state_orders(named).tolist())  # fmt: skip
+
+    def residuals(self, values: Mapping[str, float]) -> FloatArray:
+        """In parts of the scatter of what each equation is to explain."""
+        rhs, p = self.model.rhs.py_func, self.model.parameter_vector(values)  # type: ignore[attr-defined]
+        x = self._with_simulated(rhs, p) if self.simulated else self.x
+        out = np.zeros(len(self.model.states))
+        rows = []
+        pick = slice(None, None, max(1, len(x) // SAMPLES))
+        if self.slopes:
+            f = np.empty_like(x[pick])
+            for k, (state, u) in enumerate(zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)):
+                rhs(0.0, state, u, p, out)
+                f[k] = out
+            rows = [(s[pick] - f[:, i]) / _size(s[pick]) for i, s in self.slopes.items()]
+        for h, y in self.outputs.items():
+            found = [h(0.0, state, u, p) for state, u in zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)]  # type: ignore[operator]
+            rows.append((y[pick] - np.array(found)) / _size(y[pick] - y.mean()))
+        residuals: FloatArray = np.concatenate(rows) / np.sqrt(sum(map(len, rows)))
+        bounded: FloatArray = np.clip(np.nan_to_num(residuals, nan=1e3, posinf=1e3, neginf=-1e3), -1e3, 1e3)
+        return bounded
+
+    def _with_simulated(self, rhs: Callable[..., None], p: FloatArray) -> FloatArray:
+        """States that nobody measures, stepped by Grünwald and Letnikov between those that are."""
+        x, n, out, own = self.x.copy(), len(self.x), np.zeros(len(self.model.states)), self.simulated
+        first = np.array([self.start.get(i, 0.0) for i in own])
+        gain = np.array([self.step ** self.orders[i] for i in own])
+        weights = np.column_stack([_weights(self.orders[i], n) for i in own])
+        moved = np.zeros((n, len(own)))
+        x[:, own] = first
+        for k in range(1, n):
+            rhs(0.0, x[k - 1].tolist(), self.u[k - 1].tolist(), p, out)
+            moved[k] = gain * out[own] - np.einsum("ki,ki->i", weights[1 : k + 1], moved[k - 1 :: -1])
+            x[k, own] = first + moved[k]
+            if not np.abs(moved[k]).max() < BEYOND:
+                x[k:, own] = np.nan
+                break
+        return x
+
+    def reach(self, base: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
+        """At which value each term alone would explain all; those without a term are left out."""
+        here, found = self.residuals(base), {}
+        for n in names:
+            p = self.model.parameter(n)
+            step = 1e-4 * abs(base[n]) if base[n] else 1e-6
+            slope = np.sqrt(np.sum(np.square((self.residuals({**base, n: base[n] + step}) - here) / step)))
+            if 1e-9 < slope < np.inf and p.lower < p.upper:
+                found[n] = float(1.0 / slope)
+        return found
+
+
+def _weights(q: float, n: int) -> FloatArray:
+    """(1 − z)^q = Σ w_k z^k."""
+    return np.cumprod(np.concatenate([[1.0], 1.0 - (q + 1.0) / np.arange(1, n + 1)]))
+
+
+def _size(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(x)))) or 1.0
+
+
+def _highest(x: FloatArray, step: float) -> float:
+    """The highest frequency at which a signal stands above the floor of its spectrum [Hz]."""
+    power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(len(x)))) ** 2
+    power = np.convolve(power, np.full(5, 0.2), mode="same")
+    high = np.flatnonzero(power > ABOVE * np.median(power[len(power) // 2 :]))
+    return float(max(high[-1] if high.size else 1, 1)) / (len(x) * step)
+
+
+def _fitted(
+    equations: _Equations, base: Mapping[str, float], names: Sequence[str], reach: Mapping[str, float],
+    starts: int = STARTS,
+) -> tuple[dict[str, float], float]:  # fmt: skip
+    """The constants of least squares, and what is left of the scatter: logarithms of those that are positive."""
+    from scipy.optimize import least_squares
+
+    if not names:
+        return {}, float(np.sum(np.square(equations.residuals(base))))
+    rows = [equations.model.parameter(n) for n in names]
+    logs = np.array([p.lower >= 0.0 and p.value > 0.0 for p in rows])
+    scale = np.array([1.0 if log else reach[n] for n, log in zip(names, logs, strict=True)])
+    lower = np.array(
+        [np.log(max(p.lower, 1e-12)) if log else p.lower / s for p, log, s in zip(rows, logs, scale, strict=True)]
+    )
+    upper = np.array(
+        [np.log(min(p.upper, 1e12)) if log else p.upper / s for p, log, s in zip(rows, logs, scale, strict=True)]
+    )
+
+    def values(z: FloatArray) -> dict[str, float]:
+        x = np.where(logs, np.exp(np.where(logs, z, 0.0)), z * scale)
+        return {**base, **{n: float(np.clip(v, p.lower, p.upper)) for n, v, p in zip(names, x, rows, strict=True)}}
+
+    first = np.array(
+        [np.log(max(base[n], 1e-12)) if log else base[n] / s for n, log, s in zip(names, logs, scale, strict=True)]
+    )
+    rng, best, least = np.random.default_rng(0), dict[str, float](), np.inf
+    for k in range(starts):
+        z = np.clip(first + (k > 0) * np.where(logs, 2.0, 0.1) * rng.standard_normal(len(names)), lower, upper)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            bounds = (lower, np.maximum(upper, lower + 1e-9))
+            done = least_squares(
+                lambda z: equations.residuals(values(z)), z, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS
+            )
+        cost = float(np.sum(np.square(done.fun)))
+        again = abs(cost - least) < 0.01 * least
+        if cost < least:
+            best, least = {n: values(done.x)[n] for n in names}, cost
+        if again or least < TERM**2:
+            break
+    return best, least

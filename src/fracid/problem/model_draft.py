@@ -1,0 +1,253 @@
+"""A project file drafted for a recording of a model of the library, other than the rotary pendulum.
+
+Which column is what comes from :mod:`fracid.problem.roles`, units from the header, from the step of an encoder, or from
+the model; the constants begin where :mod:`fracid.problem.first_values` has them.  What is free is what the recording
+says something of; a constant that must be measured, such as a mass where nothing drives the rig, is fixed, and optional
+elements that the recording does not ask for stand as comments.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.models import Model, model
+from fracid.models.library import table_of
+from fracid.problem.draft import Draft, toml_line, toml_range, toml_table
+from fracid.problem.first_values import FirstValues, first_values
+from fracid.problem.roles import roles_of
+from fracid.recording import Recording, inspect_recording
+from fracid.recording.guess import Columns, unit_of
+
+__all__ = ["draft_of_model"]
+
+SPAN = 10.0
+"""A constant is looked for within this factor of its first value."""
+
+FEWEST = 50
+"""Samples."""
+
+POOR = 0.5
+"""Below this share the equations at their first values hardly explain a recording."""
+
+
+def draft_of_model(
+    name: str, file: str | Path, columns: Mapping[str, Mapping[str, Any]] | None = None, *,
+    time: Mapping[str, Any] | None = None, variable: str | None = None, zero: str | None = None,
+    folder: str | Path = ".",
+) -> Draft:  # fmt: skip
+    """Draft a project file for a recording of a model of the library.
+
+    Parameters
+    ----------
+    name : str
+        As ``fracid models`` lists it; the rotary pendulum's is :func:`fracid.draft_project`.
+    file : path
+    columns : mapping, optional
+        Signal → its fields, as in a project file; guessed from the header if left out.
+    time, variable
+        As in a project file.
+    zero : str, optional
+        Of a model with a pendulum.
+    folder : path
+        Where the project file will be.
+
+    Raises
+    ------
+    InputError
+        If a column that the model needs is missing, or the recording cannot be read.
+
+    Examples
+    --------
+    >>> import fracid, tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> t = np.arange(0, 10, 0.01)
+    >>> np.savez(folder / "mass.npz", time=t, x=0.1 * np.exp(-t) * np.cos(7 * t))
+    >>> draft = draft_of_model("oscillator", folder / "mass.npz", {"displacement": {"column": "x"}}, folder=folder)
+    >>> [line.split("=")[0].strip() for line in draft.text.splitlines() if line.startswith(("k ", "b_"))]
+    ['k', 'b_displacement']
+    """
+    return _Page(name, Path(file), columns, time, variable, zero, Path(folder)).draft()
+
+
+class _Page:
+    """The text, from top to bottom."""
+
+    def __init__(
+        self, name: str, file: Path, columns: Mapping[str, Mapping[str, Any]] | None, time: Mapping[str, Any] | None,
+        variable: str | None, zero: str | None, folder: Path,
+    ) -> None:  # fmt: skip
+        self.name, self.file, self.time, self.variable, self.folder = name, file, time, variable, folder
+        self.table, self.zero = table_of(name), zero
+        self.model: Model = model(name, **({} if zero is None else {"zero": zero}))
+        self.notes: list[str] = []
+        self.columns = self._columns(columns)
+        self.recording = inspect_recording(file, self.columns, time=time, variable=variable).bridge_blanks()
+        for why in self.recording.report.unusable:
+            raise InputError(f"{file.name}: {why}")
+        if len(self.recording.time) < FEWEST:
+            raise InputError(f"{file.name} has {len(self.recording.time)} samples; expected {FEWEST} or more.")
+        moves = {s.name for s in self.recording.report.signals if s.range > 0}
+        self.driven = bool(moves & {*self.model.inputs})
+        if not moves & {*self.model.outputs}:
+            raise InputError(
+                f"{file.name}: none of {', '.join(self._outputs)} moves; nothing can be identified from it."
+            )
+        self.first = self._first_values()
+
+    @property
+    def _outputs(self) -> list[str]:
+        return [n for n in self.model.outputs if n in self.columns]
+
+    def _columns(self, given: Mapping[str, Mapping[str, Any]] | None) -> Columns:
+        """What each column is, with its unit; those that are named are believed."""
+        raw = inspect_recording(self.file, time=self.time, variable=self.variable)
+        signals = (*self.model.outputs, *self.model.inputs)
+        for name in given or ():
+            if name not in signals:
+                raise unknown_name(f"signal of {self.name} in --column", name, signals)
+        roles = roles_of(self.name, list(raw.signals)) if given is None else {}
+        for name in (n for n in self.table["needs"] if given is None and n not in roles):
+            raise InputError(
+                f"{self.file.name} has no column that is called like {name}, which {self.name} needs; it has "
+                f"{', '.join(raw.signals)}. Name all columns: --column {name}=COLUMN."
+            )
+        columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
+        for name, column in roles.items():
+            place = column.removeprefix("column ")
+            fields, why = self._unit(raw, column, name)
+            columns[name] = {"column": int(place) if place.isdigit() else column} | fields
+            self.notes.append(f"{name} is taken from {column!r}, {why}.")
+        if not {*columns} & {*self.model.outputs}:
+            raise InputError(
+                f"{self.file.name} has none of {', '.join(self.model.outputs)}, which are measured of {self.name}; it "
+                f"has {', '.join(raw.signals)}. Name its columns: --column {next(iter(self.model.outputs))}=COLUMN."
+            )
+        for name, fields in columns.items():
+            if "unit" not in fields and given is not None and (unit := self._own_unit(name)) != "rad":
+                fields["unit"] = unit
+        unused = [c for c in raw.signals if c not in roles.values()]
+        if given is None and unused:
+            self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
+        return columns
+
+    def _own_unit(self, name: str) -> str:
+        return self.model.output_unit(name) if name in self.model.outputs else self.model.input_units.get(name, "1")
+
+    def _unit(self, raw: Recording, column: str, name: str) -> tuple[dict[str, Any], str]:
+        """The fields of a column's unit, and what they are taken from."""
+        unit = self._own_unit(name)
+        if column not in raw.assumed:
+            return {}, "whose unit the header says"
+        return unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
+
+    def _first_values(self) -> FirstValues:
+        rows = self.table["model"]["parameters"]
+        r = self.recording
+        time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
+        signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
+        begins = self.table["model"].get("begins", {})
+        starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
+        free = [n for n in rows if self._sought(n) and rows[n]["start"] != 0.0]
+        optional = [n for n in rows if self._sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
+        found = first_values(self.model, r.report.clock.step, signals, free, optional, starts)
+        if found.explained < POOR:
+            self.notes.append(
+                f"May be wrong: with the constants that the search begins with, the equations explain "
+                f"{100 * found.explained:.0f} % of the motion. Is it a {self.name}, and are the units right?"
+            )
+        return found
+
+    def _sought(self, name: str) -> bool:
+        """Whether a parameter is to be found from the recording."""
+        row = self.table["model"]["parameters"][name]
+        return not row.get("known") and not (row.get("gauge") and not self.driven) and not row.get("needs")
+
+    def _grows(self, name: str) -> bool:
+        """Whether a state of its own comes with a parameter."""
+        return any(isinstance(e, dict) and e.get("only") == name for e in self.table["model"]["equations"].values())
+
+    def draft(self) -> Draft:
+        """The text, what was guessed, and the columns."""
+        parts = [
+            self._head(),
+            self._model(),
+            [*self._parameters()],
+            [*self._orders()],
+            [*self._recording()],
+            self._fit(),
+        ]
+        text = "\n\n".join("\n".join(part) for part in parts if part) + "\n"
+        findings = tuple(f"May be wrong: {f}" for f in self.recording.report.findings)
+        return Draft(text, self.columns, (*self.notes, *findings))
+
+    def _head(self) -> list[str]:
+        return [f"# {self.recording.report.verdict}", "#",
+                "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE"]  # fmt: skip
+
+    def _model(self) -> list[str]:
+        zero = [toml_line("zero", self.model.zero, f"# {self.model.pendulum} = 0 where it hangs; or upright")]
+        return ["[model]", toml_line("name", self.name, f"# {self.model.about}"), *(zero if self.model.zero else [])]
+
+    def _parameters(self) -> Iterator[str]:
+        yield "[model.parameters]                      # SI; a number fixes, a table frees"
+        for p in self.model.parameters:
+            comment = f"{p.description} [{p.unit}]"
+            if p.name in self.first.values:
+                yield toml_range(p.name, *self._range(p.name, self.first.values[p.name]), comment)
+            elif self._sought(p.name) and (p.name in self.first.reach or self._grows(p.name)):
+                start = p.value or min(0.1 * self.first.reach.get(p.name, 1.0), p.upper)
+                yield f"# {toml_range(p.name, *self._range(p.name, start), comment)}"
+            elif self._sought(p.name) or p.value == 0.0:
+                yield f"# {p.name} = {p.value:g}".ljust(40) + f"# {comment}"
+            else:
+                yield f"{p.name} = {p.value:g}".ljust(40) + f"# {comment}"
+
+    def _range(self, name: str, start: float) -> tuple[float, float, float]:
+        """Start and bounds: a factor about what is positive; friction from 0 on; else to both sides."""
+        p, reach = self.model.parameter(name), self.first.reach.get(name, 0.0)
+        wide = max(SPAN * abs(start), reach if start == 0.0 else 0.0)
+        off = p.value == 0.0 or name in self.model.friction
+        lower = (0.0 if off else start / SPAN) if p.lower >= 0.0 else -wide
+        return start, max(lower, p.lower), min(max(wide, reach if off else 0.0), p.upper)
+
+    def _orders(self) -> Iterator[str]:
+        names = self.model.order_names
+        if not names:
+            return
+        yield "[model.orders]                          # 1.0 is the integer-order model"
+        springpots = self.model.springpot_orders.values()
+        for n in names:
+            low, start, high = (0.02, 0.5, 0.98) if n in springpots else (0.6, 1.0, 1.2)
+            of = [s for s, q in zip(self.model.states, self.model.orders, strict=True) if q == n]
+            why = f"# of {' and '.join(of)}" if of else "# of the springpot: 0 is a spring, 1 a dashpot"
+            yield f"{n} = {{ start = {start}, lower = {low}, upper = {high} }}".ljust(52) + why
+
+    def _recording(self) -> Iterator[str]:
+        path = Path(self.recording.path).resolve()
+        yield from ("[[recording]]", toml_line("name", self.recording.name, ""))
+        yield toml_line("file", os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/"), "")
+        if self.variable:
+            yield toml_line("variable", self.variable, "# the array in the file")
+        if self.time:
+            yield f"time = {toml_table(self.time)}"
+        yield from (f"{name} = {toml_table(fields)}" for name, fields in self.columns.items())
+        for state, output in self.table["model"].get("begins", {}).items():
+            y = self.recording.signals[output]
+            at, wide = float(y[np.isfinite(y)][0]), float(np.ptp(y[np.isfinite(y)]))
+            yield f"initial = {{ {state} = {{ start = {at:.6g}, lower = {at - wide:.4g}, upper = {at + wide:.4g} }} }}"
+        yield f"# from = {self.recording.time[0]:.4g}"
+        yield f"# to = {self.recording.time[-1]:.4g}"
+        yield toml_line("use", "fit", '# or "validate": held out for validation')
+
+    def _fit(self) -> list[str]:
+        units = {self._own_unit(n) for n in self._outputs}
+        weights = [toml_line("weights", "noise", "# outputs of different units count by their noise")]
+        return ["[fit]", f"outputs = {json.dumps(self._outputs)}", *(weights if len(units) > 1 else [])]

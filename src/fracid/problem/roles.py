@@ -1,0 +1,116 @@
+"""Which model of the library a table is of: what its columns are called says what was measured.
+
+Each model's file has a pattern for each of its inputs and outputs (``[columns]``).  A table is of the model that has a
+place for most of its columns; rates and accelerations have none, since a model knows them by their coordinates.  The
+rotary pendulum's are :data:`fracid.recording.guess.NAMES`; where no column has a telling name, its columns are found by
+how they move.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from fracid.errors import InputError
+from fracid.models.library import MODEL, table_of
+from fracid.recording.guess import NAMES
+
+__all__ = ["ROTARY", "likely_models", "model_of_columns", "nameless", "roles_of"]
+
+ROTARY = "rotary-pendulum"
+
+RATE = r"dot|veloc|speed|rate|^d_|deriv|accel|^q?dq?d|^qd|stamp|offset|temp|^v_?\d*$"
+"""What a model knows by another column."""
+
+NAMELESS = r"(col(umn)?|ch(annel)?|sig(nal)?|data|var|val(ue)?|sensor|adc|enc(oder)?|unnamed.*|[a-z])?[ _:.-]*\d*"
+"""Names that say nothing."""
+
+
+def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
+    """Inputs and outputs of a model → the columns that are called like them.
+
+    Examples
+    --------
+    >>> roles_of("joint", ["q", "qd", "tau"])
+    {'angle': 'q', 'torque': 'tau'}
+    >>> roles_of("cart-pole", ["cart_pos", "cart_vel", "pole_angle", "force"])
+    {'position': 'cart_pos', 'angle': 'pole_angle', 'force': 'force'}
+    """
+    patterns: Mapping[str, str] = NAMES if model == ROTARY else table_of(model)["columns"]
+    roles: dict[str, str] = {}
+    for signal, pattern in patterns.items():
+        free = [c for c in columns if c not in roles.values()]
+        exact = [c for c in free if c.lower() == signal]
+        found = exact or [c for c in free if re.search(pattern, c.lower()) and not re.search(RATE, c.lower())]
+        if model != ROTARY:  # "pole_pos" is the cart's only where no other column is
+            own = {s: p for s, p in patterns.items() if s != signal}
+            found.sort(key=lambda c: sum(bool(re.search(p, c.lower())) for p in own.values()))
+        if found:
+            roles[signal] = found[0]
+    return roles
+
+
+def likely_models(columns: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Models that a table may be of → what each of its columns is; those that have most places for them.
+
+    Examples
+    --------
+    >>> likely_models(["current", "voltage"])
+    {'capacitor': {'voltage': 'voltage', 'current': 'current'}}
+    >>> list(likely_models(["force", "position"])), list(likely_models(["theta", "alpha"])), likely_models(["rain"])
+    (['oscillator'], ['rotary-pendulum'], {})
+    """
+    found = {name: roles_of(name, columns) for name in (ROTARY, *MODEL)}
+    found = {n: roles for n, roles in found.items() if _whole(n, roles, len(columns))}
+    most = max(map(len, found.values()), default=0)
+    return {n: roles for n, roles in found.items() if len(roles) == most}
+
+
+def _whole(name: str, roles: Mapping[str, str], columns: int) -> bool:
+    """Whether the columns that the model needs are there, and one that is measured."""
+    if name == ROTARY:
+        return "alpha" in roles or ("theta" in roles and columns > len(roles))
+    spec = table_of(name)
+    return {*spec["needs"]} <= roles.keys() and bool(roles.keys() & spec["model"]["outputs"].keys())
+
+
+def nameless(columns: Sequence[str]) -> bool:
+    """Tell whether the names of a table's columns say nothing.
+
+    Examples
+    --------
+    >>> nameless(["column 1", "ch2", "x"]), nameless(["column 1", "rain"])
+    (True, False)
+    """
+    return all(re.fullmatch(NAMELESS, c.lower()) for c in columns)
+
+
+def model_of_columns(file: str, columns: Sequence[str]) -> str:
+    """The model of a table, or an error that says what to type.
+
+    Raises
+    ------
+    InputError
+        If no model fits, or several do as well.
+
+    Examples
+    --------
+    >>> model_of_columns("log.csv", ["q", "qd", "tau"]), model_of_columns("log.csv", ["column 1", "column 2"])
+    ('joint', 'rotary-pendulum')
+    >>> model_of_columns("log.csv", ["rain", "wind"])
+    Traceback (most recent call last):
+    fracid.errors.InputError: No model of the library has the columns rain, wind of log.csv. ...
+    """
+    likely = likely_models(columns)
+    if ROTARY in likely or (not likely and nameless(columns)):
+        return ROTARY
+    shown = ", ".join(columns[:8])
+    if not likely:
+        raise InputError(
+            f"No model of the library has the columns {shown} of {file}. fracid models lists them; name one and its "
+            f"columns: fracid init {file} --model NAME --column NAME=COLUMN, or write its equations into a project."
+        )
+    if len(likely) > 1:
+        commands = "; ".join(f"fracid init {file} --model {n}" for n in likely)
+        raise InputError(f"The columns {shown} of {file} may be of {' or '.join(likely)}; say which: {commands}.")
+    return next(iter(likely))

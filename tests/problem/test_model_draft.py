@@ -1,0 +1,111 @@
+"""fracid init decides of which model a recording is, or says that it cannot; what it writes runs, and begins near."""
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.models.library import table_of
+from fracid.problem.model_draft import draft_of_model
+from fracid.problem.roles import likely_models, model_of_columns, roles_of
+from program import run
+
+
+@pytest.mark.parametrize(("columns", "model", "roles"), [
+    (["q", "qd", "tau"], "joint", {"angle": "q", "torque": "tau"}),
+    (["joint0/position", "joint0/velocity", "joint0/effort"], "joint",
+     {"angle": "joint0/position", "torque": "joint0/effort"}),
+    (["force", "position"], "oscillator", {"displacement": "position", "force": "force"}),
+    (["x", "x_dot", "theta", "theta_dot", "u"], "cart-pole", {"position": "x", "angle": "theta", "force": "u"}),
+    (["pole_angle", "cart_pos", "force"], "cart-pole",
+     {"position": "cart_pos", "angle": "pole_angle", "force": "force"}),
+    (["current", "voltage"], "capacitor", {"voltage": "voltage", "current": "current"}),
+    (["h1", "h2", "u"], "tanks", {"upper": "h1", "lower": "h2", "pump": "u"}),
+    (["length", "force"], "relaxation", {"force": "force", "stretch": "length"}),
+    (["theta_m", "theta_l", "tau"], "two-mass", {"motor": "theta_m", "load": "theta_l", "torque": "tau"}),
+    (["theta", "alpha", "voltage"], "rotary-pendulum", {"alpha": "alpha", "theta": "theta", "voltage": "voltage"}),
+])  # fmt: skip
+def test_a_table_is_of_the_model_that_has_a_place_for_its_columns(columns, model, roles):
+    assert model_of_columns("log.csv", columns) == model
+    assert likely_models(columns)[model] == roles_of(model, columns) == roles
+
+
+def test_columns_without_telling_names_are_found_by_how_they_move():
+    assert model_of_columns("log.csv", ["column 1", "column 2"]) == "rotary-pendulum"
+
+
+@pytest.mark.parametrize(("columns", "message"), [
+    (["rain", "wind"], "No model of the library has the columns rain, wind of log.csv"),
+    (["u", "y"], "may be of oscillator or tanks; say which: fracid init log.csv --model oscillator"),
+])  # fmt: skip
+def test_what_cannot_be_decided_is_said_with_what_to_type(columns, message):
+    with pytest.raises(fracid.InputError, match=message):
+        model_of_columns("log.csv", columns)
+
+
+def mass(folder, header="displacement [m],force [N]"):
+    """A kilogram on 50 N/m with 2 N s/m, driven by a chirp."""
+    t = np.arange(0, 20, 0.01)
+    force = 2.0 * np.sin(t + 0.2 * t * t)
+    state, rows = np.zeros(2), []
+    for f in force:
+        rows.append(state[0])
+        for _ in range(10):
+            state = state + 1e-3 * np.array([state[1], f - 50.0 * state[0] - 2.0 * state[1]])
+    np.savetxt(folder / "mass.csv", np.c_[t, rows, force], delimiter=",", header=f"time [s],{header}", comments="")
+    return folder / "mass.csv"
+
+
+def test_a_draft_begins_near_and_loads(tmp_path):
+    draft = draft_of_model("oscillator", mass(tmp_path), folder=tmp_path)
+    (tmp_path / "mass.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "mass.toml").problem
+    assert problem.outputs == ("displacement",)
+    for name, true in (("m", 1.0), ("k", 50.0), ("b_displacement", 2.0)):
+        free = problem.parameters[name]
+        assert free.start == pytest.approx(true, rel=0.1)
+        assert free.lower < true < free.upper
+    assert "slip_speed" not in problem.names
+
+
+def test_init_writes_the_project_of_the_model_that_it_found_and_says_which(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mass(tmp_path)
+    code, out, _ = run(capsys, "init", "mass.csv", "--yes")
+    assert (code, "The model is oscillator" in out) == (0, True)
+    assert 'name = "oscillator"' in (tmp_path / "mass.toml").read_text(encoding="utf-8")
+
+
+def test_check_proposes_the_command_that_works(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mass(tmp_path)
+    assert "fracid init mass.csv  writes a project of the model oscillator" in run(capsys, "check", "mass.csv")[1]
+    mass(tmp_path, "y,u")
+    assert "fracid init mass.csv --model tanks  if it is of the model tanks" in run(capsys, "check", "mass.csv")[1]
+    mass(tmp_path, "rain [m],wind [N]")
+    assert "--model NAME --column NAME=COLUMN" in run(capsys, "check", "mass.csv")[1]
+
+
+def test_init_writes_nothing_where_no_model_fits(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mass(tmp_path, "rain [m],wind [N]")
+    code, _, err = run(capsys, "init", "mass.csv", "--yes")
+    assert (code, (tmp_path / "mass.toml").exists()) == (2, False)
+    assert "fracid init mass.csv --model NAME --column NAME=COLUMN" in err
+    code, _, err = run(capsys, "init", "mass.csv", "--model", "capacitor")
+    assert (code, "no column that is called like current, which capacitor needs" in err) == (2, True)
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize("name", ["cart-pole", "joint", "tanks", "capacitor", "relaxation", "two-mass"])
+def test_the_draft_of_a_twin_begins_within_its_bounds_of_the_truth(name, tmp_path):
+    twin = fracid.Twin.of_library(name)
+    made = twin.record(twin.simulate())
+    fracid.save_recording(made, tmp_path / "twin.csv")
+    (tmp_path / "twin.toml").write_text(draft_of_model(name, tmp_path / "twin.csv", folder=tmp_path).text)
+    problem = fracid.load_project(tmp_path / "twin.toml").problem
+    truth = {p.name: p.value for p in fracid.model(name).parameters} | dict(
+        table_of(name)["twin"].get("parameters", {})
+    )
+    for n, free in problem.parameters.items():
+        if hasattr(free, "lower") and truth[n]:
+            assert free.lower <= truth[n] <= free.upper, n
