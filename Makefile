@@ -1,6 +1,7 @@
 # Everything runs in .venv, which any target makes for itself.  Needs Python 3.11+ and make.
 PYTHON ?= python3
 BIN := .venv/bin
+RUNNING := .venv/.running
 READY := .venv/.ready
 # Without kept bytecode every program that a test starts compiles fracid again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -13,15 +14,20 @@ PACKING := .venv-package/.ready
 
 setup: $(READY)
 
-$(READY): pyproject.toml constraints.txt
+# What fracid needs, which is enough for the demo: without what tests, checks and pages need.
+$(RUNNING): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit("fracid needs Python 3.11 or newer; type: make PYTHON=python3.12") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	$(BIN)/python -m compileall -q src
 	touch $@
 
+$(READY): $(RUNNING)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
 # The paper's experiment on simulated recordings: fits them, writes runs/demo.
-demo: $(READY)
+demo: $(RUNNING)
 	$(BIN)/fracid demo --out runs/demo
 
 # Two minutes on two cores, once the loops are compiled: of every package, and of every table of variants.
@@ -104,10 +110,13 @@ $(SITE): $(READY)
 	touch $@
 
 # Hostile files into every reader, goes on where it stopped until each has had a million: hours.  Then spoilt run folders
-# into every command, an hour, and the property tests with fresh random examples, ten times over.
+# into every command, an hour; a million equations, ten minutes; ten thousand folders of folders, an hour; and the
+# property tests with fresh random examples, ten times over.
 fuzz: $(READY)
 	$(BIN)/python tests/safety/fuzz.py --inputs 1000000 --seconds 7200
 	$(BIN)/python tests/safety/fuzz_runs.py --seconds 3600
+	$(BIN)/python tests/safety/fuzz_equations.py
+	$(BIN)/python tests/safety/fuzz_folders.py --good .venv/.fuzz/good --inputs 10000
 	for i in 1 2 3 4 5 6 7 8 9 10; do HYPOTHESIS_PROFILE=explore $(BIN)/pytest -q -x -m hypothesis tests || exit 1; done
 
 # The same hostile files each time, two minutes, and the same spoilt run folders, three.

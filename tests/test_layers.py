@@ -1,21 +1,18 @@
 """The architecture holds: packages import downwards only, no file is in a circle, names are nouns of their own."""
 
 import ast
-import re
 import subprocess
 import sys
 from functools import cache
 from itertools import chain, pairwise
-from pathlib import Path
 
 import pytest
 
 import fracid
-from fracid.former_modules import FORMER
 from sources import PACKAGE, nodes
 
 LAYERS = (
-    {"_version", "arrays", "errors", "former_modules", "units"},
+    {"_version", "arrays", "errors", "units"},
     {"figures", "qr", "quantiles"},
     {"arrowhead"},
     {"safety"},
@@ -157,41 +154,6 @@ def test_every_figure_that_a_result_draws_is_there():
     assert set(plots.FIGURES) <= set(plots.__all__)
 
 
-@pytest.mark.broad
-def test_former_modules_still_import():
-    code = "import sys, warnings; from importlib import import_module; warnings.simplefilter('ignore')\n"
-    code += "for name in sys.argv[1:]: assert import_module(name).__doc__"
-    assert subprocess.run([sys.executable, "-c", code, *FORMER], check=False).returncode == 0
-    assert {home for homes in FORMER.values() for home in homes.split()} <= set(MODULES)
-
-
-@pytest.mark.broad
-def test_what_was_in_a_former_module_is_found_with_a_warning():
-    with pytest.warns(DeprecationWarning, match=r"fracid\.costs has moved to fracid\.problem\.costs"):
-        from fracid.costs import COSTS
-    from fracid.problem.costs import COSTS as now
-
-    assert COSTS is now
-    code = "import warnings; warnings.simplefilter('ignore'); import fracid, fracid.simulate; fracid.simulate(1)"
-    run = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
-    assert "simulate() missing" in run.stderr  # called as the function that it is too
-
-
 def test_a_misspelt_public_name_is_told_with_those_there_are():
     with pytest.raises(AttributeError, match=r"no attribute 'solve_ode'; it has .*solve_fde"):
         _ = fracid.solve_ode
-
-
-def test_no_page_example_or_benchmark_uses_a_former_module():
-    root = Path(__file__).parents[1]
-    pages = (
-        *root.glob("*.md"),
-        *(p for part in ("docs", "examples", "benchmarks") for p in (root / part).rglob("*.*")),
-    )
-    texts = {
-        p: p.read_text("utf-8") for p in pages if p.suffix in (".md", ".py", ".ipynb") and p.name != "CHANGELOG.md"
-    }
-    names = "|".join(map(re.escape, FORMER))
-    former = re.compile(rf"(?:from|import) (?:{names})\b(?!\.)")
-    assert texts
-    assert {str(p): m[0] for p, text in texts.items() for m in former.finditer(text)} == {}

@@ -10,12 +10,10 @@ From a shell: ``fracid check FILE`` looks at a recording, ``fracid fit PROJECT``
 Names are imported when they are first used, so that ``import fracid`` costs nothing.
 """
 
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from fracid._version import __version__
-from fracid.former_modules import FormerModules
 
 if TYPE_CHECKING:
     from fracid.bayes.inference import posterior
@@ -182,6 +180,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-sys.meta_path.append(FormerModules)

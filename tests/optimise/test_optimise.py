@@ -28,7 +28,6 @@ from fracid.optimise import (
     optimiser_from_name,
     sobol_points,
 )
-from fracid.optimise.genetic import _all_but_the_best_die
 from fracid.optimise.least_squares import sizes
 
 SPACE = Space(("lambda", "mu"), np.full(2, 0.5), np.full(2, 1.2), np.full(2, 1.0))
@@ -455,14 +454,17 @@ def test_the_papers_ga_makes_exactly_520_evaluations(evaluate):
     assert batches == [20] * 26
 
 
-def test_a_generation_keeps_the_best_of_the_last_as_its_one_elite():
-    from pymoo.core.population import Population
-    from pymoo.core.problem import Problem
-
-    costs, born = np.array([4.0, 1.0, 3.0, 2.0, 8.0, 7.0, 9.0, 6.0]), np.array([1] * 4 + [2] * 4)
-    herd = Population.new("X", costs[:, None], "F", costs[:, None], "n_gen", born)
-    kept = _all_but_the_best_die().do(Problem(n_var=1, n_obj=1), herd, n_survive=4)
-    assert kept.get("F").ravel().tolist() == [1.0, 6.0, 7.0, 8.0]
+@pytest.mark.parametrize(("seed", "options", "third_or_so", "last", "total"), [
+    (1, {}, [0.8781922837499921, 0.9229730064317583], [0.8642044658040685, 0.9142094750689085], 149.44103503631635),
+    (2, {"population": 7, "crossover": 0.9, "mutation": 0.3}, [0.9602758832970506, 0.9121150219576478],
+     [0.83115089210833, 0.9140240881538668], 63.65898257837943),
+])  # fmt: skip
+def test_the_genetic_algorithm_breeds_what_pymoo_bred(seed, options, third_or_so, last, total):
+    # Recorded with pymoo 0.6.2, which did it before: its GA of SBX (0.5, 1.0, 0), PM (1.0, 0.01) and one elite.
+    trail, _ = recorded("genetic", valley, seed=seed, **options)
+    assert trail[60].point == pytest.approx(third_or_so, rel=1e-12)
+    assert trail[-1].point == pytest.approx(last, rel=1e-12)
+    assert sum(e.cost for e in trail) == pytest.approx(total, rel=1e-12)
 
 
 def test_the_best_of_the_parents_never_gets_lost():

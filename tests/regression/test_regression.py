@@ -3,6 +3,7 @@
 import os
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fracid.errors import InputError
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, regressor, start_values
+from fracid.regression.estimators import Gauge, solve
 from fracid.regression.rows import swing_of
 from twins import states
 
@@ -179,6 +181,30 @@ def test_robust_estimators_outvote_a_push_that_nobody_recorded():
     assert wrong[1] < 0.5 * wrong[0]
     assert wrong[2] < 0.5 * wrong[0]
     assert tukey.weights["arm"].min() < 0.05
+
+
+@pytest.mark.parametrize("estimator", ["huber", "tukey"])
+def test_an_m_estimate_is_that_of_statsmodels(estimator):
+    from statsmodels.robust.norms import HuberT, TukeyBiweight
+    from statsmodels.robust.robust_linear_model import RLM
+
+    rng = np.random.default_rng(5)
+    W = rng.normal(size=(400, 3)) * [1.0, 30.0, 1e-3]
+    y = W @ [1.0, 2.0, 3.0] + rng.standard_t(2, 400)
+    y[:20] += 40.0
+    system, gauge = SimpleNamespace(W=(np.column_stack([W, -y]), np.empty((0, 4)))), Gauge((0, 1, 2), np.eye(4)[3])
+    found, weights = solve(estimator, system, gauge, np.ones(2), None)
+    expected = RLM(y, W, M=HuberT()).fit(tol=1e-12, maxiter=500)
+    if estimator == "tukey":
+        expected = RLM(y, W, M=TukeyBiweight()).fit(tol=1e-12, maxiter=500, start_params=expected.params)
+    assert found == pytest.approx(expected.params, rel=1e-6)
+    assert weights == pytest.approx(expected.weights, abs=1e-6)
+
+
+def test_rows_without_noise_need_no_weights():
+    W = np.random.default_rng(5).normal(size=(40, 2))
+    system, gauge = SimpleNamespace(W=(np.column_stack([W, -W[:, 0]]), np.empty((0, 3)))), Gauge((0, 1), np.eye(3)[2])
+    assert solve("tukey", system, gauge, np.ones(2), None)[0] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
 # --- orders ---------------------------------------------------------------------------------------------

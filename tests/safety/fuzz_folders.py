@@ -30,8 +30,9 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+from fracid.plots import writing
 from fuzz import _fault_of
-from fuzz_runs import RAW, TEXTS, _called, _spoil, _where, limited, made
+from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, _where, judge_imports, limited, made
 
 __all__ = ["fuzz", "judge", "planted"]
 
@@ -137,6 +138,7 @@ KINDS = {
 def judge(number: int, scratch: Path, good: Path | None = None) -> str:
     """Run one input; return how it ended, or what went wrong after an exclamation mark."""
     words = planted(number, scratch, good)
+    writing._rendered = _drawn  # a good run's figures are laid out, but not set in pixels: that is no stranger's work
     before = _outside(scratch)
     with warnings.catch_warnings(record=True) as heard, contextlib.chdir(scratch / "in"):
         warnings.simplefilter("always")
@@ -149,7 +151,7 @@ def judge(number: int, scratch: Path, good: Path | None = None) -> str:
         return f"! {words}: warning: {heard[0].message}"
     if code not in (0, 1, 2, 3):
         return f"! {words}: exit code {code}: {err[-300:]}"
-    if code == 2 and (fault := _fault_of(told[-1] if told else "")):
+    if code == 2 and (fault := _fault_of(told[-1].replace(words[1], "FOLDER") if told else "")):
         return f"! {words}: {fault}"
     if any(c in out + err for c in "\x1b\x07\u202e\x00"):
         return f"! {words}: prints what commands a terminal"
@@ -166,10 +168,7 @@ def _outside(scratch: Path) -> dict[str, tuple[int, int]]:
 
 def fuzz(numbers: range, seconds: float, good: Path | None = None) -> tuple[Counter[str], dict[int, str]]:
     """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
-    import fracid.plots
-    import fracid.report.page
-    import fracid.workflows.fit  # noqa: F401  (once, for all the processes)
-
+    _import_all(good)
     ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=memory) as name:
@@ -185,6 +184,15 @@ def fuzz(numbers: range, seconds: float, good: Path | None = None) -> tuple[Coun
             if outcome.startswith("!"):
                 failures[number] = outcome[2:]
     return ended, failures
+
+
+def _import_all(good: Path | None) -> None:
+    """What the commands import and compile, once for all the processes."""
+    if good is not None:
+        judge_imports(good)
+    with tempfile.TemporaryDirectory() as empty:
+        for words in COMMANDS:
+            _called([words[0], empty, *words[1:]])
 
 
 def main() -> None:

@@ -26,7 +26,6 @@ ALLOWED = {
     "models/library/__init__.py": {"_FOLDER.joinpath(f'{name}.toml').read_text": "a file of this package"},
     "models/written/languages.py": {"exec": "the text of a tree that a whitelist read: its own names and mathematics"},
     "export/matlab.py": {"savemat": "into memory"},
-    "optimise/genetic.py": {"Evaluator().eval": "pymoo's, of points"},
     "plots/notebook.py": {"self.savefig": "into memory"},
     "plots/writing.py": {"figure.savefig": "into memory"},
     "recording/readers/hdf5.py": {"h5py.File": "libhdf5 opens it itself; read_table has looked that it is plain"},

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import fuzz
+import fuzz_equations
 import fuzz_folders
-from fracid.errors import DataError
+from fracid.errors import DataError, InputError
 from fuzz_inputs import READERS, input_of
 
 QUICK = sorted(set(READERS) - {"project"})  # that one compiles first
@@ -127,3 +128,26 @@ def test_no_tree_of_anything_at_all_breaks_a_command():
     ended, failures = fuzz_folders.fuzz(range(10_000), seconds=180)
     assert failures == {}
     assert sum(ended.values()) > 100
+
+
+def test_no_equation_of_a_hostile_project_is_run_or_takes_long():
+    ended, failures = fuzz_equations.fuzz(range(1500))
+    assert failures == {}
+    assert ended["taken"] > 20
+    assert ended["refused"] > 1000
+
+
+@pytest.mark.parametrize("deed", [
+    lambda text: eval("1 + 1"), lambda text: open(__file__).close(), lambda text: time.sleep(0.0) or sum(range(10**7)),
+    lambda text: 1 / 0, lambda text: (_ for _ in ()).throw(InputError("a\x1b[2J")),
+], ids=["runs a text", "opens a file", "takes long", "breaks", "commands a terminal"])  # fmt: skip
+def test_an_equation_that_does_more_than_mean_something_is_found(deed, monkeypatch):
+    monkeypatch.setattr(fuzz_equations, "_model", deed)
+    assert fuzz_equations.judged("speed").startswith("!")
+
+
+@pytest.mark.parametrize(
+    "code", ["x.real", "f'{x}'", "lambda: 0", "x if (y := 1) else 0", "open", "[x for x in u]", "'a'"]
+)
+def test_code_that_is_more_than_mathematics_is_found(code):
+    assert fuzz_equations._more_than_mathematics(code) != ""

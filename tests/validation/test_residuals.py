@@ -20,6 +20,7 @@ from fracid.errors import InputError
 from fracid.plots import residual_diagnostics, save
 from fracid.signals.correlation import autocorrelation, correlation_time, power_spectrum
 from fracid.validation.residual_sentences import NORMAL
+from fracid.validation.residual_tests import anderson_darling, breusch_pagan
 from fracid.validation.residuals import residual_analysis
 from twins import fit_of
 
@@ -265,6 +266,17 @@ def test_the_shapes_figures_are_those_of_scipy_and_statsmodels():
     assert (found.normality.anderson_darling, found.normality.p_value) == pytest.approx(normal_ad(e[::k]))
 
 
+@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0, 3.0])
+def test_the_tests_of_shape_and_variance_are_those_of_statsmodels(spread):
+    from statsmodels.stats.diagnostic import het_breuschpagan, normal_ad
+
+    by = np.linspace(0.0, 1.0, 400)
+    e = rng().normal(size=400) * (1.0 + spread * by) ** 2
+    assert anderson_darling(e) == pytest.approx(normal_ad(e))
+    exogenous = np.column_stack([np.ones_like(by), by])
+    assert breusch_pagan(e, by) == pytest.approx(het_breuschpagan(e - e.mean(), exogenous)[1])
+
+
 def test_too_few_independent_samples_are_given_no_p_value():
     found = analysed(ar1(0.999))
     assert found.whiteness.thinned_samples < 20
@@ -422,9 +434,7 @@ def test_p_values_are_uniform_where_nothing_is_wrong(correlation):
 
 
 def test_on_all_of_many_correlated_samples_a_p_value_rejects_good_noise():
-    from statsmodels.stats.diagnostic import normal_ad
-
-    assert np.mean([normal_ad(ar1(0.98, seed))[1] < 0.05 for seed in range(20)]) > 0.8
+    assert np.mean([anderson_darling(ar1(0.98, seed))[1] < 0.05 for seed in range(20)]) > 0.8
 
 
 # --- what it does not depend on --------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The paper's genetic algorithm: population 20, crossover 0.5, mutation 0.01, 25 generations; by pymoo.
+"""The paper's genetic algorithm: population 20, crossover 0.5, mutation 0.01, 25 generations.
 
 The paper gives these four numbers and no more.  Here
 
@@ -33,10 +33,13 @@ References
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
 from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
@@ -81,50 +84,66 @@ def genetic(
     for name, rate in {"crossover": crossover, "mutation": mutation}.items():
         if not 0.0 <= rate <= 1.0:
             raise InputError(f"{name} = {rate!r}; expected a probability, 0 … 1.")
-    from pymoo.algorithms.soo.nonconvex.ga import GA
-    from pymoo.core.evaluator import Evaluator
-    from pymoo.core.problem import Problem
-    from pymoo.operators.crossover.sbx import SBX
-    from pymoo.operators.mutation.pm import PM
-    from pymoo.operators.sampling.rnd import FloatRandomSampling
-    from pymoo.problems.static import StaticProblem
-
-    cube = Problem(n_var=len(space.names), n_obj=1, xl=0.0, xu=1.0)
-    algorithm = GA(
-        pop_size=population,
-        sampling=FloatRandomSampling(),
-        crossover=SBX(prob=crossover, prob_var=1.0, eta=0.0),
-        mutation=PM(prob=1.0, prob_var=mutation),
-        survival=_all_but_the_best_die(),
-        eliminate_duplicates=False,
-    )
-    seed = int(rng.integers(2**31))
-    algorithm.setup(cube, termination=("n_gen", generations + 2), seed=seed, verbose=False)
-    for _ in range(generations + 1):
-        herd = algorithm.ask()
-        evaluations = yield space.from_unit(herd.get("X"))
-        costs = np.array([[e.cost] for e in evaluations])
-        Evaluator().eval(StaticProblem(cube, F=costs), herd)
-        algorithm.tell(infills=herd)
+    draw, best_first = np.random.default_rng(int(rng.integers(2**31))), partial(np.argsort, kind="stable")
+    herd = draw.random((population, len(space.names)))
+    costs = np.array([e.cost for e in (yield space.from_unit(herd))])
+    for _ in range(generations):
+        pairs = herd[_winners(costs, 2 * math.ceil(population / 2), draw)]
+        young = _mutated(_crossed(pairs[::2], pairs[1::2], crossover, draw), mutation, draw)[:population]
+        born = np.array([e.cost for e in (yield space.from_unit(young))])
+        elite = best_first(costs)[:1]
+        herd, costs = np.concatenate([herd[elite], young]), np.concatenate([costs[elite], born])
+        stay = best_first(costs)[:population]
+        herd, costs = herd[stay], costs[stay]
     return Outcome.GENERATIONS_DONE
 
 
-def _all_but_the_best_die() -> Any:
-    """Give pymoo's survival: the young replace the old, whose best replaces the worst of the young."""
-    from pymoo.core.population import Population
-    from pymoo.core.survival import Survival
+def _winners(costs: FloatArray, count: int, draw: np.random.Generator) -> NDArray[np.int_]:
+    """The better of two, so many times; each takes part as often as any other."""
+    rounds = [draw.permutation(costs.size) for _ in range(math.ceil(2 * count / costs.size))]
+    couples = np.concatenate(rounds)[: 2 * count].reshape(-1, 2)
+    return np.array([a if costs[a] < costs[b] else b if costs[b] < costs[a] else draw.choice([a, b])
+                     for a, b in couples])  # fmt: skip
 
-    class OneElite(Survival):  # type: ignore[misc]
-        def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **options: Any) -> Any:
-            del problem, args, options
-            born = pop.get("n_gen")
-            young, old = _by_cost(pop[born == born.max()]), _by_cost(pop[born < born.max()])
-            return _by_cost(Population.merge(old[:1], young))[:n_survive] if len(old) else young
 
-    def _by_cost(pop: Any) -> Any:
-        return pop[np.argsort(pop.get("F")[:, 0], kind="stable")] if len(pop) else pop
+def _crossed(a: FloatArray, b: FloatArray, probability: float, draw: np.random.Generator) -> FloatArray:
+    """Two children of each pair: the first of all pairs, then the second of all; shape (2 n_pairs, n_unknowns).
 
-    return OneElite()
+    About the middle of its parents a child lies β/2 times their distance away.  That density of β which is symmetric
+    in β and 1/β is cut off at a bound [1]_, to which β may reach on that side.
+    """
+    first, second = a.copy(), b.copy()
+    pairs = draw.random(len(a)) < probability
+    if pairs.any():
+        draw.random((len(a), 1 + a.shape[1]))  # pymoo draws them, and needs none: searches stay as they were with it
+        apart = np.abs(a - b) > 1e-14
+        low, high = np.minimum(a, b)[apart], np.maximum(a, b)[apart]
+        u, swapped = draw.random(low.size), draw.random(low.size) < 0.5
+        below = 0.5 * ((low + high) - _spread(u, 1.0 + 2.0 * low / (high - low)) * (high - low))
+        above = 0.5 * ((low + high) + _spread(u, 1.0 + 2.0 * (1.0 - high) / (high - low)) * (high - low))
+        for child, gene in ((first, np.where(swapped, above, below)), (second, np.where(swapped, below, above))):
+            own = child.copy()
+            own[apart] = np.clip(gene, 0.0, 1.0)
+            child[pairs] = own[pairs]
+    return np.concatenate([first, second])
+
+
+def _spread(u: FloatArray, most: FloatArray) -> FloatArray:
+    """β of index 0, of a u that is uniform in (0, 1), where β reaches to `most`."""
+    α = 2.0 - 1.0 / most
+    return np.where(u <= 1.0 / α, u * α, 1.0 / np.maximum(2.0 - u * α, 1e-300))
+
+
+def _mutated(herd: FloatArray, probability: float, draw: np.random.Generator) -> FloatArray:
+    """Polynomial mutation of index 20: a step within the bounds, mostly a small one."""
+    genes, herd = draw.random(herd.shape) < probability, herd.copy()
+    x = herd[genes]
+    u = draw.random(x.size)
+    draw.random(len(herd))  # pymoo's again
+    down = (2.0 * u + (1.0 - 2.0 * u) * (1.0 - x) ** 21.0) ** (1 / 21) - 1.0
+    up = 1.0 - (2.0 * (1.0 - u) + 2.0 * (u - 0.5) * x**21.0) ** (1 / 21)
+    herd[genes] = np.clip(x + np.where(u <= 0.5, down, up), 0.0, 1.0)
+    return herd
 
 
 OPTIMISER = Entry("genetic", genetic, "the paper's GA, to reproduce the paper", evaluations=26 * 20)

@@ -30,7 +30,7 @@ W itself wrong, and least squares then *shrinks* the inertias (errors in variabl
 estimator  what it does
 =========  ===================================================================================================
 ``ols``    least squares; shrinks
-``huber``  Huber's M-estimator (statsmodels): outvotes bad samples, shrinks the same
+``huber``  Huber's M-estimator: outvotes bad samples, shrinks the same
 ``tukey``  Tukey's biweight, starting from Huber's: throws bad samples out, shrinks the same
 ``tls``    total least squares in the metric of the noise's own covariance in W, found by adding noise
 ``iv``     instrumental variables: the rows of the *simulated* response of the last estimate, free of noise,

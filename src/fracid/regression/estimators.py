@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -64,21 +64,28 @@ def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArr
     return np.asarray(np.linalg.lstsq(instruments @ (A / units), instruments @ y, rcond=None)[0] / units)
 
 
-def _robust(A: FloatArray, y: FloatArray, norm: str) -> tuple[FloatArray, FloatArray]:
-    """Huber's or Tukey's M-estimate by statsmodels, and its weights."""
-    from statsmodels.robust.norms import HuberT, TukeyBiweight  # type: ignore[import-untyped]
-    from statsmodels.robust.robust_linear_model import RLM  # type: ignore[import-untyped]
+def _reweighted(
+    A: FloatArray, y: FloatArray, Z: FloatArray, weigh: Callable[[FloatArray], FloatArray], weights: FloatArray,
+    rounds: int = 50,
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Solve Zᵀ w(r/s) r = 0 with r = y − A v, s its median size over that of normal noise, and w given; v and w."""
+    last = np.full(A.shape[1], np.inf)
+    for _ in range(rounds):
+        v = _instrumental(A, y, Z, weights)
+        r = y - A @ v
+        scale = float(np.median(np.abs(r))) / 0.6744897501960817
+        if scale == 0.0 or np.allclose(v, last, rtol=1e-9, atol=0.0):
+            break
+        last, weights = v, weigh(r / scale)
+    return v, weights
 
-    units = np.linalg.norm(A, axis=0)
-    fit = RLM(y, A / units, M=HuberT()).fit(maxiter=50, tol=1e-6)
-    if norm == "tukey":  # its minimum is one of many: from Huber's
-        fit = RLM(y, A / units, M=TukeyBiweight()).fit(maxiter=50, tol=1e-6, start_params=fit.params)
-    return np.asarray(fit.params) / units, np.asarray(fit.weights)
+
+def _huber(z: FloatArray) -> FloatArray:
+    return np.minimum(1.0, 1.345 / np.maximum(np.abs(z), 1e-300))
 
 
-def _huber_weights(r: FloatArray) -> FloatArray:
-    scale = float(np.median(np.abs(r))) / 0.6745
-    return np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(r), 1e-300))
+def _tukey(z: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(1.0 - (z / 4.685) ** 2, 0.0) ** 2)
 
 
 def solve(
@@ -91,13 +98,10 @@ def solve(
     if estimator == "tls":
         return total_least_squares(system, gauge, scales)[0], ones
     if estimator == "iv" and instruments is not None:
-        Z, weights = (stack(instruments, scales) @ gauge.B)[:, :-1], ones
-        for _ in range(5):
-            v = _instrumental(A, y, Z, weights)
-            weights = _huber_weights(y - A @ v)
-        return v, weights
+        return _reweighted(A, y, (stack(instruments, scales) @ gauge.B)[:, :-1], _huber, ones, rounds=5)
     if estimator in ("huber", "tukey"):
-        return _robust(A, y, estimator)
+        v, weights = _reweighted(A, y, A, _huber, ones)  # Tukey's minimum is one of many: from Huber's
+        return (v, weights) if estimator == "huber" else _reweighted(A, y, A, _tukey, weights)
     return _instrumental(A, y, A, ones), ones  # least squares are their own instruments
 
 

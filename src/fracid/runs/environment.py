@@ -12,7 +12,7 @@ from fracid.safety.door import bytes_of, text_of
 
 __all__ = ["code", "machine", "versions"]
 
-_PACKAGES = ("fracid", "numpy", "scipy", "numba", "pymoo")
+_PACKAGES = ("fracid", "numpy", "scipy", "numba")
 
 
 def versions() -> dict[str, str]:
@@ -21,7 +21,7 @@ def versions() -> dict[str, str]:
     Examples
     --------
     >>> sorted(versions())
-    ['fracid', 'numba', 'numpy', 'pymoo', 'python', 'scipy']
+    ['fracid', 'numba', 'numpy', 'python', 'scipy']
     """
     numbers = {"python": platform.python_version()}
     for package in _PACKAGES:

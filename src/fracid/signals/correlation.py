@@ -55,9 +55,8 @@ def autocorrelation(x: FloatArray) -> FloatArray:
     >>> round(float(ρ[50]), 1), round(float(ρ[100]), 1)
     (-1.0, 1.0)
     """
-    from statsmodels.tsa.stattools import acf  # type: ignore[import-untyped]
-
-    return np.asarray(acf(x, nlags=x.size // 4, fft=True))
+    products = products_by_lag(x - np.mean(x))[: x.size // 4 + 1]
+    return np.asarray(products / products[0])
 
 
 def correlation_time(ρ: FloatArray) -> float:

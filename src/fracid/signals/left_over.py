@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.signals.correlation import correlation_time, longest_stretch, products_by_lag
+from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch
 from fracid.signals.resolution import resolution
 
 __all__ = ["NEXT_TO_WHITE", "ROUNDING", "LeftOver", "left_over"]
@@ -100,5 +100,4 @@ def left_over(residual: FloatArray, measured: FloatArray, *, known: bool = False
         return LeftOver(rms, floor, 1.0, known)
     if e.size < SHORT or np.ptp(e) == 0.0:
         return LeftOver(rms, floor, 0.0, known)
-    ρ = products_by_lag(e - np.mean(e))[: e.size // 4 + 1]  # statsmodels, which has it too, is slow to load
-    return LeftOver(rms, floor, 1.0 / float(correlation_time(ρ / ρ[0])), known)
+    return LeftOver(rms, floor, 1.0 / float(correlation_time(autocorrelation(e))), known)

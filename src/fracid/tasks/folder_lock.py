@@ -2,8 +2,8 @@
 
 The operating system holds the lock on the file ``.lock`` for as long as it is open, so a process that is killed
 releases it; the file names the process and machine for the message of the next.  One thread may take it several times;
-a process that is forked off has none of it.  (``filelock``, a library for this, empties the file before it has the
-lock, so that nobody could say who has it.)
+a process that is forked off has none of it.  (``filelock``, a library for this, holds as much; it opens the file itself
+and not by the door, so it stays out: 15,700 lines for forty of these.)
 A folder with links in it is refused (:func:`refuse_links`), since writing there could overwrite a file elsewhere.
 """
 

@@ -85,6 +85,7 @@ from fracid.validation.residual_sentences import (
     whiteness_sentence,
 )
 from fracid.validation.residual_tests import (
+    anderson_darling,
     breusch_pagan,
     fisher,
     harmonic_number,
@@ -222,10 +223,9 @@ def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) 
 
 def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality:
     from scipy.stats import kurtosis, probplot, skew
-    from statsmodels.stats.diagnostic import normal_ad  # type: ignore[import-untyped]
 
     ppcc = float(probplot(e)[1][2])
-    A2, p = map(float, normal_ad(thin)) if is_testable(thin) else (NAN, NAN)
+    A2, p = anderson_darling(thin) if is_testable(thin) else (NAN, NAN)
     lean, tails = float(skew(e)), float(kurtosis(e))
     return Normality(
         normality_sentence(ppcc, shape_phrases(lean, tails, variance), p, thin.size), ppcc, lean, tails, A2, p

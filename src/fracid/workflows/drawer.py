@@ -184,8 +184,7 @@ def _prepare() -> None:
         import matplotlib.backends.backend_agg
         import matplotlib.backends.backend_svg
         import matplotlib.figure  # noqa: F401
-        import statsmodels.stats.diagnostic  # type: ignore[import-untyped]
-        import statsmodels.tsa.stattools  # type: ignore[import-untyped]  # noqa: F401
+        import scipy.stats  # noqa: F401
 
         import fracid.plots
         import fracid.validation.residual_analyses  # noqa: F401

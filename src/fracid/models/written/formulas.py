@@ -19,6 +19,7 @@ from fracid.errors import InputError
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, operation, truth
 from fracid.models.written.tree import Choice, Expression, Function, Number, Program
+from fracid.safety.text import printable
 
 __all__ = ["Formula", "FormulaError", "formula"]
 
@@ -29,7 +30,7 @@ DEEPEST = 60
 """Operations and brackets within each other."""
 
 SHOWN = 100
-"""Characters of an equation in a message, about the place that is wrong."""
+"""Characters of an equation in a message, about the place that is wrong; of a name or a number at all."""
 
 KNOWN = (*FUNCTIONS, "abs", "min", "max", "sign")
 
@@ -52,7 +53,7 @@ class FormulaError(InputError):
         """Show a piece of the text, a caret and the reason."""
         start = max(0, min(column - SHOWN // 2, len(text) - SHOWN))
         piece = "".join(c if c.isprintable() else "?" for c in text[start : start + SHOWN])
-        super().__init__(f"{where}\n    {piece}\n    {' ' * (column - start)}^ {why}")
+        super().__init__(printable(f"{where}\n    {piece}\n    {' ' * (column - start)}^ {why}"))
         self.parts = text, column, why
 
     def at(self, where: str) -> FormulaError:
@@ -119,6 +120,8 @@ class _Parser:
                 raise self.wrong(place, f"`{self.text[place]}` means nothing here{hint}.")
             kind = str(match.lastgroup)
             text = match[kind]
+            if len(text) > SHOWN:
+                raise self.wrong(match.start(kind), f"This has {len(text)} characters; {SHOWN} are read.")
             found.append(_Token("word" if text in WORDS else kind, text, match.start(kind)))
             place = match.end()
         return [*found, _Token("end", "", end)]
