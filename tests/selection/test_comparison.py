@@ -363,6 +363,7 @@ def test_a_model_without_friction_is_compared_as_it_is_with_its_orders_integer_a
     assert found.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
     assert found.rows[1].in_sample["one"].rmse["x"] == pytest.approx(1e-3, rel=0.1)
     assert "orders explain more in sample" in found.verdict
+    assert any("[[alternative]] in the project" in note for note in found.notes)
     only_order = compare(replace(p, parameters={"k": 25.0}))
     assert [row.parameters for row in only_order.rows] == [0, 1]  # of the integer-order model nothing is free
     assert only_order.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)

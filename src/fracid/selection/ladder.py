@@ -240,6 +240,11 @@ def ladder(
     if not has_friction(problem.model):
         found = _as_it_is(problem, problem.model.name, ())
         _require_both((*found, *beside), problem)
+        if not beside:
+            notes.append(
+                f"{problem.model.name} has no parameter of friction, so it is compared as it is. Name another model of "
+                "integer order to hold it against: [[alternative]] in the project."
+            )
         return Ladder(_marked((*found, *beside), given), tuple(notes), given)
     notes += _not_1(problem)
     chosen = {*(BUILT_IN if rungs is None else rungs)}
