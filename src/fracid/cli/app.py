@@ -115,6 +115,7 @@ def named(what: str, complete: Callable[..., list[str]], *spelled: str) -> Any:
 
     Examples
     --------
+    >>> from fracid.cli.completion import key_of
     >>> named("The style.", key_of("presets"), "--style").metavar
     'NAME'
     """
