@@ -60,10 +60,10 @@ def test_what_is_printed_is_what_is_solved(name):
 
 def test_a_mass_matrix_that_is_inverted_is_printed_as_it_was_before():
     cart = own_models()["cart-pole"]
-    lines = equalities(cart, {q.name: q.value for q in cart.parameters})
+    lines = equalities(cart, {q.name: q.value for q in cart.parameters if q.name != "angle_rest"})
     left = [LaTeX(cart).expression(line.left).replace("\\,", "") for line in lines]
-    assert left[2:] == [r"MD^{\lambda }v_{s}+\mathrm{ml}\cos \alpha D^{\mu }\omega _{\alpha }",
-                        r"\mathrm{ml}\cos \alpha D^{\lambda }v_{s}+JD^{\mu }\omega _{\alpha }"]  # fmt: skip
+    assert left[2:] == [r"MD^{\lambda }v+S\cos \phi D^{\mu }\omega ",
+                        r"S\cos \phi D^{\lambda }v+JD^{\mu }\omega "]  # fmt: skip
 
 
 def mill(t, x, u, p, out):

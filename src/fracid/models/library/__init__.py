@@ -13,7 +13,8 @@ of t.  ``[model]`` is a project's; what it has beside is
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
                     ``gauge = true`` for what must be, where nothing drives the model
-of an equation      ``only``, ``follows``, ``forgets``, ``size``: :class:`fracid.models.written.equations.Equation`
+of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``:
+                    :class:`fracid.models.written.equations.Equation`
 ==================  ===========================================================================================
 """
 
@@ -31,7 +32,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models.base import ZEROS, Angle, Model, Parameter
-from fracid.models.written.equations import Equation, model_of
+from fracid.models.written.equations import Equation, model_of, symbol_of
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 
@@ -111,10 +112,9 @@ def _equations(table: Mapping[str, Any]) -> dict[str, Equation]:
 
 
 def _parameter(name: str, row: Mapping[str, Any]) -> Parameter:
-    letter, _, index = row.get("symbol", "").partition("_")
     bounds = {n: row[n] for n in ("lower", "upper") if n in row}
     return Parameter(name, row["unit"], row["start"], row["about"], **bounds, needs=tuple(row.get("needs", ())),
-                     symbol=(letter, index) if letter else None)  # fmt: skip
+                     symbol=symbol_of(row["symbol"]) if "symbol" in row else None)  # fmt: skip
 
 
 MODEL = {

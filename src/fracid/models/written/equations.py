@@ -35,7 +35,7 @@ from fracid.models.written.tree import (
     mentioned,
 )
 
-__all__ = ["Equation", "Flat", "equations_of", "model_of"]
+__all__ = ["Equation", "Flat", "equations_of", "model_of", "symbol_of"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class Equation:
     """Of the derivative: a number, a name, or ``1 - nu`` of a springpot."""
     unit: str = ""
     """Of the state or the output."""
+    symbol: str = ""
+    """How the state is printed, ``"ω_φ"``; "" where its name says it."""
     only: str = ""
     """The parameter without which, not zero, there is no such state; "" for one that is always there."""
     forgets: str = ""
@@ -69,7 +71,7 @@ class _Grown:
         if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
             return model
         other = _made(model.name, self.equations, *self.rest, model.parameters, on)
-        fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows")
+        fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows", "symbols")
         return replace(model, **{n: getattr(other, n) for n in fields})
 
 
@@ -157,11 +159,18 @@ def _made(
         input_units={n: unit for n, unit in inputs.items() if unit},
         output_units={n: e.unit for n, e in outputs.items() if e.unit},
         angles={n: Angle(_rest(n, parameters)) for n, e in outputs.items() if e.unit == "rad"},
+        symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
         follows={n: e.follows for n, e in there.items() if e.follows},
         relaxing={n: there[n].size or there[n].only for n in relaxing},
         grown=_Grown(equations, (outputs, inputs, definitions, numbers)) if any(e.only for e in equations.values())
         else None,
     )  # fmt: skip
+
+
+def symbol_of(text: str) -> tuple[str, str]:
+    """Letter and index of ``"ω_φ"``."""
+    letter, _, index = text.partition("_")
+    return letter, index
 
 
 def _rest(output: str, parameters: Sequence[Parameter]) -> str:
