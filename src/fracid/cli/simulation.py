@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Sequence
 from math import degrees, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -54,11 +54,15 @@ SIMULATE_EXAMPLE = (
 )
 
 UNITS = {
-    "": 1.0, "rad": 1.0, "deg": pi / 180, "°": pi / 180, "turn": 2 * pi, "turns": 2 * pi, "rad/s": 1.0,
-    "deg/s": pi / 180, "°/s": pi / 180, "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "V": 1.0, "mV": 1e-3, "m": 1.0,
-    "mm": 1e-3, "A": 1.0, "mA": 1e-3, "N": 1.0,
-}  # fmt: skip
-"""What may stand behind a number, in SI."""
+    "rad": {"rad": 1.0, "deg": pi / 180, "°": pi / 180, "turn": 2 * pi, "turns": 2 * pi},
+    "rad/s": {"rad/s": 1.0, "deg/s": pi / 180, "°/s": pi / 180},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "m": {"m": 1.0, "mm": 1e-3},
+    "N": {"N": 1.0},
+}
+"""SI unit → what may stand behind a number instead, and its size."""
 
 
 @app.command(epilog="\n\n".join(SIMULATE_EXAMPLE))
@@ -162,7 +166,7 @@ def simulate(
 # ------------------------------------------------------------------ from text to a twin
 
 
-def quantity(text: str, option: str, *, unit: str = "") -> float:
+def quantity(text: str, option: str, *, of: str = "", bare: bool = True) -> float:
     """Parse ``10deg``, ``0.17rad``, ``2ms``, ``0.17``: SI.
 
     Parameters
@@ -170,8 +174,10 @@ def quantity(text: str, option: str, *, unit: str = "") -> float:
     text : str
     option : str
         What to type, in messages.
-    unit : str
-        Those that a bare number lacks, ``deg or rad``; none is missed if left out.
+    of : str
+        The SI unit of what is asked; any, if left out.
+    bare : bool
+        Whether a number without a unit is SI.
 
     Raises
     ------
@@ -180,26 +186,28 @@ def quantity(text: str, option: str, *, unit: str = "") -> float:
 
     Examples
     --------
-    >>> round(quantity("10deg", "--initial alpha=10deg"), 6), quantity("2ms", "--step 2ms"), quantity("1e-3", "--step")
+    >>> round(quantity("10deg", "--initial alpha=10deg", of="rad"), 6), quantity("2ms", ""), quantity("1e-3", "--step")
     (0.174533, 0.002, 0.001)
     """
     match = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*", text)
-    if not match or match[2] not in UNITS:
+    sizes = {name: size for base, group in UNITS.items() if of in ("", base) for name, size in group.items()}
+    if not match or match[2] not in ("", *sizes):
         raise InputError(f"{text!r} is not possible; expected a number with its unit, e.g. {option}.")
-    if unit and not match[2]:
-        raise InputError(f"{text!r} has no unit: {unit}? Type for example {option}.")
-    return float(match[1]) * UNITS[match[2]]
+    if not bare and not match[2]:
+        raise InputError(f"{text!r} has no unit: deg or rad? Type for example {option}.")
+    return float(match[1]) * sizes.get(match[2], 1.0)
 
 
-def _assigned(texts: list[str] | None, example: str, unit: Mapping[str, str] | None = None) -> dict[str, float]:
+def _assigned(texts: list[str] | None, example: str, angles: Sequence[str] = ()) -> dict[str, float]:
     """Parse ``NAME=VALUE`` of an option that may be given again; a state's name may hold blanks."""
     values: list[tuple[str, float]] = []
     for text in texts or ():
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip():
             raise InputError(f"{text!r} is not possible; expected NAME=VALUE, e.g. {example}.")
-        hint = f"{example.split()[0]} {name.strip()}={value}{'deg' if unit else ''}" if _is_number(value) else example
-        values.append((name.strip(), quantity(value, hint, unit=(unit or {}).get(name.strip(), ""))))
+        hint = f"{example.split()[0]} {name.strip()}={value}{'deg' if angles else ''}" if _is_number(value) else example
+        angle = name.strip() in angles
+        values.append((name.strip(), quantity(value, hint, of="rad" * angle, bare=not angle)))
     return each_once(example.split()[0], values)
 
 
@@ -215,7 +223,7 @@ def _changed(
     fields: dict[str, Any] = {}
     for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
         if more[name] is not None:
-            fields[name] = quantity(more[name], example)
+            fields[name] = quantity(more[name], example, of="s")
     if fields.get("hold", 0.0) < 0:
         raise InputError(f"hold = {fields['hold']:g} s is not possible; expected 0 or more.")
     if "hold" in fields and "end" not in fields:
@@ -230,9 +238,9 @@ def _changed(
     )  # fmt: skip
 
 
-def _angles(twin: Twin) -> dict[str, str]:
+def _angles(twin: Twin) -> list[str]:
     """The outputs whose values need a unit."""
-    return {n: "deg or rad" for n in twin.model.outputs if twin.model.output_unit(n) == "rad"}
+    return [n for n in twin.model.outputs if twin.model.output_unit(n) == "rad"]
 
 
 def _method(name: str) -> str:
@@ -258,8 +266,8 @@ def _noise(texts: list[str] | None, twin: Twin) -> dict[str, float]:
     angles, levels = _angles(twin), list[tuple[str, float]]()
     for text in texts or ():
         name, _, value = text.rpartition("=")
-        unit = angles.get(name.strip() or next(iter(twin.model.outputs)), "")
-        level = quantity(value, "--noise 0.05deg" if unit else "--noise 0.001", unit=unit)
+        angle = (name.strip() or next(iter(twin.model.outputs))) in angles
+        level = quantity(value, "--noise 0.05deg" if angle else "--noise 0.001", of="rad" * angle, bare=not angle)
         levels.append((name.strip() or "all", level))
     deviations = each_once("--noise", levels)
     of_all = dict.fromkeys(twin.model.outputs, deviations.pop("all")) if "all" in deviations else {}
