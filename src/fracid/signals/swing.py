@@ -142,7 +142,8 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     Parameters
     ----------
     alpha : ndarray, shape (n,)
-        The angle from hanging, without the hand [rad].
+        The angle from about where it hangs, without the hand [rad].  The swings themselves say where that is: off by
+        an offset they would be large and slow on one side, small and quick on the other.
     floor : float
         Amplitudes below this do not count [rad].
 
@@ -162,12 +163,13 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     """
     from scipy.special import ellipk
 
-    clear = np.flatnonzero(np.abs(alpha) > floor)
-    turns = np.flatnonzero(np.signbit(alpha[clear[1:]]) != np.signbit(alpha[clear[:-1]]))
-    crossings = np.array([_crossing(alpha, a, b) for a, b in zip(clear[turns], clear[turns + 1], strict=True)])
+    _, extremes = _half_periods(alpha, floor)
+    if len(extremes) < 3:
+        return 0.0
+    crossings, extremes = _half_periods(alpha - np.median(extremes[:-2] + 2 * extremes[1:-1] + extremes[2:]) / 4, floor)
     if len(crossings) < 4 * FEWEST:
         return 0.0
-    size = np.array([np.max(np.abs(alpha[int(a) : int(b) + 1])) for a, b in pairwise(crossings)])
+    size = np.abs(extremes)
     swings = (size < math.pi) & (np.diff(crossings) > 0)  # what goes over the top has no period
     omega = (2 * ellipk(np.sin(0.5 * size) ** 2) / np.maximum(np.diff(crossings), 1.0))[swings][
         np.argsort(size[swings])
@@ -178,6 +180,14 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     change = np.median(small) / np.median(large) - 1
     chance = 3 * np.hypot(*(1.25 * np.std(o) / np.sqrt(len(o)) / np.median(o) for o in (small, large)))
     return float(change) if abs(change) > chance else 0.0
+
+
+def _half_periods(y: FloatArray, floor: float) -> tuple[FloatArray, FloatArray]:
+    """Where a signal goes through zero, and its furthest value between each two of these."""
+    clear = np.flatnonzero(np.abs(y) > floor)
+    turns = np.flatnonzero(np.signbit(y[clear[1:]]) != np.signbit(y[clear[:-1]]))
+    crossings = np.array([_crossing(y, a, b) for a, b in zip(clear[turns], clear[turns + 1], strict=True)])
+    return crossings, np.array([max(y[int(a) : int(b) + 1], key=abs) for a, b in pairwise(crossings)])
 
 
 def _crossing(y: FloatArray, first: int, last: int) -> float:
