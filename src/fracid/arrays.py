@@ -6,8 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FloatArray", "IntArray", "zeros_together"]
-
 FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]

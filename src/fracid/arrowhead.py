@@ -29,8 +29,6 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, IntArray
 from fracid.qr import triangle
 
-__all__ = ["Arrowhead", "Blocks"]
-
 PIECE = 256
 """Rows."""
 

@@ -18,8 +18,6 @@ from typing import Any, cast
 from fracid.safety.text import printable
 from fracid.units import GREEK, interval_beside, shown_unit, typeset_unit, with_half_width
 
-__all__ = ["Card", "CardDisplay", "brief", "estimate_text", "listed", "rounded"]
-
 LINES, LENGTH = 8, 120
 """Of a card as text: so many lines at most, of so many characters."""
 

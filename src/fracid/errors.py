@@ -23,24 +23,6 @@ from dataclasses import dataclass
 from enum import Enum
 from numbers import Integral, Real
 
-__all__ = [
-    "LARGEST",
-    "SMALLEST",
-    "DataError",
-    "Failure",
-    "FailureReason",
-    "FracidError",
-    "InputError",
-    "NotTrusted",
-    "Unfinished",
-    "at_least",
-    "is_number",
-    "refuse_beyond",
-    "unknown_name",
-    "unwritable",
-]
-
-
 LARGEST = 1e100
 """No quantity and no instrument has more, in whatever unit; squares of more have no number."""
 

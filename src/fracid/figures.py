@@ -31,9 +31,6 @@ from fracid.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["STYLES", "Style", "draw", "style_named"]
-
-
 PLOTS = "fracid.plots"
 """The package of the figures.  It stands above all that it draws, and is imported when something is drawn."""
 

@@ -21,8 +21,6 @@ from typing import Any
 from fracid.safety.schema import as_json
 from fracid.schemas.result import FindingBlock
 
-__all__ = ["Finding"]
-
 
 @dataclass(frozen=True)
 class Finding:

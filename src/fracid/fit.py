@@ -25,8 +25,6 @@ from fracid.units import GREEK, with_unit
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
-__all__ = ["PARTIAL", "Fit", "fit_card"]
-
 PARTIAL = "PARTIAL: the fit was interrupted. These are the best values so far, not its result."
 """The first warning of an interrupted fit: it stands on the page, on cards, in result.json."""
 

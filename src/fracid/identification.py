@@ -99,8 +99,6 @@ from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
 if TYPE_CHECKING:
     from fracid.problem.project import Project
 
-__all__ = ["identify"]
-
 
 def identify(
     problem: Problem | Project,

@@ -20,8 +20,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["BLOCK", "triangle"]
-
 BLOCK = 2**12
 """Rows of a part: of twenty columns as many as a processor's cache holds, which is two and a half times as fast."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["CHI2_95", "NORMAL_95"]
-
 NORMAL_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
 

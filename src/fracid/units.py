@@ -12,20 +12,6 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = [
-    "GREEK",
-    "SHOWN_UNITS",
-    "half_width",
-    "in_letters",
-    "interval_beside",
-    "plain",
-    "shown_unit",
-    "to_second_digit",
-    "typeset_unit",
-    "with_half_width",
-    "with_unit",
-]
-
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
     "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν", "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ",

@@ -107,7 +107,7 @@ def test_a_terminal_keeps_a_line_of_each_stage_with_what_it_came_to(clock, monke
 )
 def test_the_time_left_is_said_only_where_it_is_known(clock, progress, text):
     now = display.time.monotonic()
-    stage = display.Stage("repetitions", now, "repetitions", progress, heard=now + 46)
+    stage = display._Stage("repetitions", now, "repetitions", progress, heard=now + 46)
     clock(48)
     assert stage.text() == text
 
@@ -124,7 +124,7 @@ def test_a_stage_that_ctrl_c_ended_has_a_cross(clock):
 
 def test_a_stage_that_compiles_first_says_so(clock, monkeypatch):
     notes = []
-    monkeypatch.setattr(display.Events, "update", lambda _, stage: notes.append(stage.text()))
+    monkeypatch.setattr(display._Events, "update", lambda _, stage: notes.append(stage.text()))
     with shown(events=True, stream=io.StringIO()) as observer:
         observer.stage("search")
         logging.getLogger("fracid.compilation").warning("compiling")

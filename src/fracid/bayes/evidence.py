@@ -31,8 +31,6 @@ from fracid.errors import InputError
 from fracid.problem import Problem
 from fracid.problem.costs import Cost
 
-__all__ = ["Evidence", "laplace_evidence", "log_fit", "require_evidence"]
-
 DRAWS = 2**12
 """Of the integral, points of Sobol's sequence."""
 

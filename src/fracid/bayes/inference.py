@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from fracid.estimation.fit_figures import Fitted
     from fracid.problem.project import Project
 
-__all__ = ["DRAWS", "WithPosterior", "posterior"]
-
 DRAWS = 2000
 """Of an importance sample, if no number is given."""
 

@@ -32,8 +32,6 @@ from fracid.errors import InputError, at_least
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.tasks import Execution
 
-__all__ = ["ImportanceSample", "StudentProposal", "importance_sample", "log_likelihoods"]
-
 DEGREES = 7.0
 """Degrees of freedom of the proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
 

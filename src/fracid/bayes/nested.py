@@ -32,8 +32,6 @@ from fracid.errors import InputError, at_least
 from fracid.tasks.job import Progress, Task, one_blas_thread
 from fracid.tasks.tasks import Execution
 
-__all__ = ["NestedSample", "nested_sample"]
-
 LIVE = 500
 """Live points of nautilus."""
 

@@ -19,8 +19,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["khat_limit", "smoothed"]
-
 LEAST_TAIL = 5
 """A tail of fewer ratios is not smoothed: nothing can be said of its shape."""
 

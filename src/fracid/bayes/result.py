@@ -23,8 +23,6 @@ from fracid.schemas.draws import PosteriorBlock
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["METHODS", "Posterior", "log_odds"]
-
 METHODS = {
     "laplace": "Laplace's approximation, corrected by Pareto-smoothed importance sampling",
     "nested": "nested sampling by nautilus",

@@ -67,19 +67,6 @@ from fracid.problem.unknowns import Free, Prior
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import effective_samples
 
-__all__ = [
-    "BoxPrior",
-    "GaussianApproximation",
-    "Likelihood",
-    "RecordedLikelihood",
-    "approximation",
-    "calibrated",
-    "inverse",
-    "joint_prior",
-    "likelihood_problem",
-    "require_likelihood",
-]
-
 FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
 """Of Student's t: one has no mean, the other is the normal distribution."""
 

@@ -35,34 +35,6 @@ from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
 from fracid.tasks.ending import ended_in_a_sentence, quiet_when_closed
 
-__all__ = [
-    "CORES",
-    "Jobs",
-    "Json",
-    "OtherSeed",
-    "Out",
-    "RealFriction",
-    "Scheduler",
-    "Seed",
-    "Trust",
-    "app",
-    "each_once",
-    "echo_json",
-    "main",
-    "named",
-    "natural_width",
-    "new_console",
-    "one_place",
-    "open_page",
-    "print_claim",
-    "print_entry",
-    "print_figures",
-    "say",
-    "say_next",
-    "table",
-    "typed",
-]
-
 TRACEBACK = "FRACID_TRACEBACK"
 """Set in the environment, a fault of fracid itself ends in its traceback."""
 

@@ -22,16 +22,6 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-__all__ = [
-    "check",
-    "column_from_text",
-    "columns_from_texts",
-    "print_check",
-    "print_sketches",
-    "start_from_text",
-    "time_from_text",
-]
-
 CHECK_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid check release.mat  [dim]# guesses the columns and says so[/dim]",

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from fracid.selection.comparison import Comparison, Row, Score
     from fracid.workflows.comparison import FinishedComparison
 
-__all__ = ["compare"]
-
 MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 

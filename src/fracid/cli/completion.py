@@ -20,8 +20,6 @@ from typer.core import TyperCommand, TyperGroup
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
 
-__all__ = ["COLUMNS", "TABLES", "ZEROS", "WithTables", "from_run", "key_of", "keys", "one_of", "pasteable"]
-
 TABLES = {
     "costs": ("problem.costs", "COSTS"),
     "executors": ("tasks.tasks", "EXECUTORS"),

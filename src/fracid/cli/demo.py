@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from fracid.workflows.fit import FinishedRun
 
-__all__ = ["TRUE_ORDERS", "demo"]
-
 TRUE_ORDERS = {"lambda": 0.8623, "mu": 0.9146}
 """The orders that both twins were simulated with: the paper's result."""
 

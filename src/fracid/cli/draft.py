@@ -15,8 +15,6 @@ from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-__all__ = ["init"]
-
 INIT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid init release.mat  [dim]# asks what the columns are; writes release.toml[/dim]",

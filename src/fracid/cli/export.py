@@ -15,8 +15,6 @@ from fracid.tasks.display import shown
 if TYPE_CHECKING:
     from fracid.export import Export
 
-__all__ = ["export"]
-
 EXPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid export runs/rig  [dim]# everything, into runs/rig/export[/dim]",

@@ -11,8 +11,6 @@ from fracid.cli.completion import key_of, one_of
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-__all__ = ["draw"]
-
 DRAW_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid draw runs/rig  [dim]# PDF for a journal's columns, into runs/rig/figures/journal[/dim]",

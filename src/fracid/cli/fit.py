@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from fracid.tasks.observer import Observer
     from fracid.workflows.fit import FinishedRun
 
-__all__ = ["beginning", "fit", "say_undrawn", "show_figures", "show_fit", "tell_fit", "watched"]
-
 SHOWN = 3
 """So many notes are printed, what costs most first."""
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from fracid.models import Model
 
-__all__ = ["models"]
-
 MODELS_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid models",

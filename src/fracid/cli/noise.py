@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from fracid.validation.monte_carlo import Statistics
     from fracid.workflows.monte_carlo import FinishedNoiseStudy
 
-__all__ = ["noise"]
-
 HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 NOISE_EXAMPLE = (

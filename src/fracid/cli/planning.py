@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
     from fracid.workflows.planning import FinishedDesign
 
-__all__ = ["design"]
-
 DESIGN_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim]# narrow these; writes runs/rig/design"

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
     from fracid.workflows.posterior_draws import FinishedPosterior
 
-__all__ = ["posterior"]
-
 POSTERIOR_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid posterior runs/rig  [dim]# seconds; writes runs/rig/posterior[/dim]",

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from fracid.estimation.cost_profile import Profile
     from fracid.workflows.profiles import FinishedProfiles
 
-__all__ = ["profile"]
-
 PROFILE_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid profile runs/rig  [dim]# the orders; into the folder of that run[/dim]",

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from fracid.regression import Regression
     from fracid.workflows.regression import FinishedRegression
 
-__all__ = ["regress"]
-
 
 class Estimator(StrEnum):
     """Those of :func:`fracid.regress`; spelt out, for its module takes a second to import."""

@@ -11,8 +11,6 @@ from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-__all__ = ["report"]
-
 REPORT_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid report runs/rig  [dim]# writes runs/rig/report.html[/dim]",

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from fracid.runs.reproduction import Difference, Reproduction
 
-__all__ = ["reproduce"]
-
 SHOWN = 12
 """Differences in the table."""
 

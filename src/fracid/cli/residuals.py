@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from fracid.validation.residual_records import ResidualAnalysis
     from fracid.workflows.residuals import FinishedResiduals
 
-__all__ = ["resid"]
-
 RESID_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid resid runs/rig  [dim]# every recording and output; into the folder of that run[/dim]",

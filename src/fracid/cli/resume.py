@@ -20,8 +20,6 @@ from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
 
-__all__ = ["resume"]
-
 RESUME_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid resume runs/rig",

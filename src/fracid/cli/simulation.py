@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from fracid.twins.twin import Twin
     from fracid.workflows.simulation import SimulatedRecording
 
-__all__ = ["quantity", "simulate"]
-
 SIMULATE_EXAMPLE = (
     "[bold]Examples[/bold]",
     "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim]# from 10°; writes runs/srv02-rotpen-"

@@ -26,9 +26,6 @@ from fracid.problem import Experiment, Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.result import SpreadBlock
 
-__all__ = ["Spread", "spread"]
-
-
 # --- each recording alone ------------------------------------------------------------------------------
 
 

@@ -50,8 +50,6 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
 
-__all__ = ["Bootstrap", "bootstrap", "resampled"]
-
 Variant = Literal["one-step", "refit"]
 
 QUICK: dict[str, Any] = {"tolerance": 1e-4, "budget": 6}

@@ -33,8 +33,6 @@ from fracid.signals.correlation import (
     whitened,
 )
 
-__all__ = ["Bread", "block_bread", "block_long_run", "block_sandwiched", "block_widening", "summed"]
-
 
 @dataclass(frozen=True, eq=False)
 class Bread:

@@ -16,8 +16,6 @@ from fracid.arrays import FloatArray, zeros_together
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure, FailureReason
 
-__all__ = ["BlockJacobian", "block_jacobian"]
-
 
 @dataclass(frozen=True, eq=False)
 class BlockJacobian:

@@ -16,8 +16,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST
 
-__all__ = ["lowest", "reach"]
-
 BLIND = 1e-7
 """Of a column's norm, the damping of a step: what R does not see stays."""
 

@@ -29,8 +29,6 @@ from fracid.optimise import Result
 from fracid.problem import Problem
 from fracid.problem.unknowns import Free
 
-__all__ = ["by_windows", "climbed", "embedded", "entries", "late_rungs", "on_the_whole", "on_windows", "without"]
-
 ROUGH: Mapping[str, Any] = {"tolerance": 1e-2, "budget": 12}
 """Least squares on the windows from each entry of an element."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from fracid.problem import Problem
 
-__all__ = ["CostPlane", "cost_plane", "reaches"]
-
 ERRORS = 8.0
 """Standard errors that the plane reaches to either side."""
 

@@ -74,8 +74,6 @@ if TYPE_CHECKING:
     from fracid.estimation.fit_figures import Fitted
     from fracid.problem.project import Project
 
-__all__ = ["JointProfile", "Profile", "Profiles", "profile"]
-
 _In = TypeVar("_In")
 
 _Out = TypeVar("_Out")

@@ -111,19 +111,6 @@ from fracid.signals.correlation import (
     whitened,
 )
 
-__all__ = [
-    "METHODS",
-    "Sandwich",
-    "Uncertainty",
-    "at_bound",
-    "claimed_half_width",
-    "half_width",
-    "residual_bandwidth",
-    "sandwich",
-    "uncertainty",
-    "widening",
-]
-
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
 

@@ -46,8 +46,6 @@ from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 from fracid.qr import triangle
 
-__all__ = ["LOOSER", "Curvature", "curvature", "newton_step", "start_shift"]
-
 LOOSER: dict[str, InitialState] = {"held": "rest", "measured": "estimate"}
 """What takes the start from samples, and what finds it instead."""
 

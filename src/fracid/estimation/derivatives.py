@@ -19,19 +19,6 @@ from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 
-__all__ = [
-    "DIFFERENCE",
-    "by_blocks",
-    "column_norms",
-    "difference_steps",
-    "jacobian",
-    "loss_of",
-    "pulls",
-    "rows_and_pulls",
-    "rows_and_scores",
-    "rows_and_scores_by_recording",
-]
-
 DIFFERENCE = 1e-5
 """Of the size of an unknown, by which it is differentiated."""
 

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from fracid.models import Model
     from fracid.problem import Problem
 
-__all__ = ["FitPictures", "Fitted", "rig_as_found"]
-
 
 class Fitted(Protocol):
     """What a fit has, of this session or of a folder."""

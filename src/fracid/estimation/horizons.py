@@ -27,8 +27,6 @@ from fracid.optimise import (
 )
 from fracid.problem import Experiment, Free, Problem
 
-__all__ = ["Watch", "growing", "grown_horizon", "horizons", "minimised", "refined", "uninterrupted"]
-
 
 def uninterrupted(result: Result) -> Result:
     """Pass an interruption on: half a refinement says nothing."""

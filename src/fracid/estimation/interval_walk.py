@@ -27,8 +27,6 @@ from fracid.estimation.minimum import onward
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 
-__all__ = ["walked"]
-
 OFF = 0.1
 """A height that is off by less leaves the interval of the tangent."""
 

@@ -28,8 +28,6 @@ from fracid.estimation.bounded import lowest
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 
-__all__ = ["Linearised", "linearised"]
-
 
 @dataclass(frozen=True, eq=False)
 class Linearised:

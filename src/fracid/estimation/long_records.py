@@ -36,22 +36,6 @@ from fracid.qr import BLOCK, triangle
 from fracid.solver.methods import METHODS
 from fracid.tasks.simulation_cache import Recent
 
-__all__ = [
-    "as_fitted",
-    "coarse_problem",
-    "corrected",
-    "is_coarse",
-    "like",
-    "memory_needed",
-    "nearby",
-    "on_all_samples",
-    "on_every_sample",
-    "own_substeps",
-    "part_of",
-    "to_compare",
-    "with_defect",
-]
-
 LONG = 200_000
 """Samples, of all recordings that are fitted: from here on a search works on coarser ones."""
 

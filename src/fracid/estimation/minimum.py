@@ -20,8 +20,6 @@ from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.problem import Problem
 
-__all__ = ["beside", "onward", "settled"]
-
 ROUNDS = 6
 """Of fresh derivatives, at most."""
 

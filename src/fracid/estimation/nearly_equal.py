@@ -17,8 +17,6 @@ from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_pulls
 from fracid.problem import Problem
 
-__all__ = ["chord_of_one", "derivatives_of_each", "nearly_equal_minimum", "nearly_equal_shift"]
-
 ROUNDS = 8
 """Steps, at most."""
 

@@ -51,8 +51,6 @@ from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
 from fracid.units import GREEK, with_unit
 
-__all__ = ["Verdict", "identifiability"]
-
 Kind = Literal[
     "identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "forgotten", "unknown"
 ]

@@ -24,8 +24,6 @@ from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_m
 from fracid.problem import Problem
 from fracid.quantiles import CHI2_95, NORMAL_95
 
-__all__ = ["LOWER", "Branch", "End", "Surface", "crossing", "refit", "walk"]
-
 TOLERANCE = 1e-7
 """Of the refit that finds the minimum, relative to V."""
 

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
     from fracid.problem import Experiment
 
-__all__ = ["Estimate", "RecordingFit", "deviations_of", "in_words"]
-
-
 VERDICTS = {"practically not": "practically non-identifiable", "not at all": "not identifiable"}
 """Verdicts whose name in files says less than tables have room for."""
 

@@ -46,8 +46,6 @@ from fracid.arrays import FloatArray
 from fracid.problem import Experiment, Problem
 from fracid.signals.resolution import resolution
 
-__all__ = ["Edges", "edges", "encoder_noise", "half_widths", "noise_in_steps", "scores_covariance"]
-
 HARMONICS = 40
 """Of the sawtooth, at most."""
 

@@ -49,8 +49,6 @@ from fracid.tasks.job import Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
 
-__all__ = ["search"]
-
 CANDIDATES = 8
 """Sobol points that are scored on the first swing, for each that goes on."""
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["Start", "final_cost", "won"]
-
 SAME_COST = 1.01
 """Costs up to this factor above the lowest are the same step of the waterfall."""
 

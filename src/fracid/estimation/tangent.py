@@ -34,8 +34,6 @@ from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.qr import triangle
 
-__all__ = ["UNSEEN", "Tangent", "tangent"]
-
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
 

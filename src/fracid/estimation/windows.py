@@ -26,8 +26,6 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.unknowns import Free
 from fracid.tasks.simulation_cache import Recent
 
-__all__ = ["in_parts", "in_windows", "shared_values"]
-
 SWINGS = 3
 """Of a window."""
 

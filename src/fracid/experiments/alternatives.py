@@ -51,8 +51,6 @@ from fracid.problem.unknowns import Value
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 
-__all__ = ["Alternatives", "OrdersAlone", "alternatives_of", "orders_alone", "rivals_of", "with_states"]
-
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
 

@@ -32,8 +32,6 @@ from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Progress
 from fracid.tasks.observer import Observer
 
-__all__ = ["Source", "Tell", "design", "informations", "subject_of"]
-
 Source = Fit | SavedRun | Project | Problem | Model
 
 Tell = Callable[[Progress], None]

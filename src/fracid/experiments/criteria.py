@@ -20,8 +20,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.experiments.information import Information
 
-__all__ = ["CRITERIA", "Objective", "distance", "objective_named"]
-
 CRITERIA = ("D", "A", "Ds", "T")
 
 Objective = Callable[[tuple[FloatArray, ...]], FloatArray]

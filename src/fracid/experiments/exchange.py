@@ -9,8 +9,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.experiments.criteria import Objective
 
-__all__ = ["averaged", "exchange"]
-
 BETTER = 1e-9
 """An exchange lowers the criterion by more than this."""
 

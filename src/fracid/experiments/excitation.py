@@ -12,8 +12,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 
-__all__ = ["Chirp", "Excitation", "Multisine", "Pulses"]
-
 PARTS_OF_PEAK = (1.0, 0.5, 0.25)
 """Amplitudes that a design tries, as parts of the peak."""
 

@@ -26,8 +26,6 @@ from fracid.arrays import FloatArray
 from fracid.estimation.rounding import scores_covariance
 from fracid.problem.unknowns import Weights
 
-__all__ = ["Information", "Noise", "nothing", "of_samples"]
-
 BLIND = 1e-12
 """Of the own unknowns' curvature, scaled to 1: less is not seen."""
 

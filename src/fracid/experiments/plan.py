@@ -23,8 +23,6 @@ from fracid.units import GREEK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Plan", "Value"]
-
 MOST_ROWS = 3
 """Of experiments on a card's text."""
 

@@ -40,8 +40,6 @@ from fracid.safety.door import write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Expected", "Sheet", "expected_curves", "write_sheet"]
-
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
 

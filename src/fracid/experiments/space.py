@@ -16,8 +16,6 @@ from fracid.errors import InputError, is_number
 from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
 from fracid.problem.unknowns import InitialState
 
-__all__ = ["ARMS", "SPEED", "Candidate", "DesignSpace", "by_motion"]
-
 ARMS = ("free", "clamped")
 
 SPEED = "_speed"

@@ -37,8 +37,6 @@ from fracid.problem.unknowns import Value
 from fracid.signals.resolution import resolution
 from fracid.units import GREEK
 
-__all__ = ["Subject", "subject_of_model", "subject_of_problem"]
-
 COUNTS, QUIET = 4096, 0.1
 """Of an encoder of which nothing is known: counts a turn, and noise in counts."""
 

@@ -28,8 +28,6 @@ from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.solver.schemes import UNSETTLED
 
-__all__ = ["c_model"]
-
 STATE_PI = """\
     double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
     double base[FRACID_STATES], ramp[FRACID_STATES], gone[FRACID_STATES], scale[FRACID_STATES];

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from fracid.models import Model
 
-__all__ = ["toml_model"]
-
 
 def toml_model(model: Model, parameters: Mapping[str, float], orders: Mapping[str, float], run_name: str) -> str:
     """Write the tables of a model; recordings and what is free are yours to add.

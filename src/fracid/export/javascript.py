@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from fracid.arrays import FloatArray
     from fracid.problem import Experiment, Problem
 
-__all__ = ["javascript_model", "no_javascript", "program", "solver"]
-
 FAMILIES = ("pi", "gl")
 """Whose weights and start ``recursion.js`` makes."""
 

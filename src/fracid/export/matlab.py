@@ -27,8 +27,6 @@ from fracid.solver.schemes import UNSETTLED
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
 
-__all__ = ["matlab_model", "matlab_results", "no_program", "of_recording", "write_results"]
-
 
 def no_program(run: SavedRun, language: str) -> str:
     """Why a run's model cannot be written in ``matlab`` or ``c``; empty if it can.

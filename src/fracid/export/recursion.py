@@ -39,8 +39,6 @@ from fracid.solver.solve import time_scale
 from fracid.solver.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
 from fracid.solver.weights import Kernel, third_weights, trapezoidal_weights
 
-__all__ = ["Case", "Recursion"]
-
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""
 

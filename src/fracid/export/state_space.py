@@ -64,8 +64,6 @@ if TYPE_CHECKING:
 
     from fracid.runs.saved import SavedRun
 
-__all__ = ["IntegerModel", "LinearModel", "Operator", "integer_model", "positive_sum", "sentences"]
-
 ComplexArray = NDArray[np.complex128]
 
 DECIBEL, DEGREES = 0.01, 0.02

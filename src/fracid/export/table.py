@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.runs.saved import SavedRun
 
-__all__ = ["csv_tables", "json_text"]
-
 
 def csv_tables(run: SavedRun) -> dict[str, str]:
     """Each recording as a table: time, then measured, fitted and residual of each output, then the inputs.

@@ -19,8 +19,6 @@ from fracid.errors import InputError
 from fracid.models import Model
 from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC, Writer
 
-__all__ = ["not_written", "words_of", "written"]
-
 LANGUAGES: dict[str, type[Writer]] = {"c": C, "c-single": SingleC, "matlab": Matlab, "javascript": JavaScript}
 
 SIZES = (1e-3, 1e-2, 0.1, 1.0, 10.0)

@@ -70,8 +70,6 @@ from fracid.units import GREEK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Angle", "Drawing", "LinearTerms", "Model", "Output", "Parameter", "RightHandSide"]
-
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 """``h(t, x, u, p)``: returns an output that is no state."""
 

@@ -11,11 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-__all__ = [
-    "BY_NAME", "COULOMB", "DRAG", "ELASTIC", "LUGRE", "PLAY", "PRESLIDING", "RUNGS", "SPRING", "SPRINGPOT",
-    "SPRINGPOT_ORDER", "STRIBECK_SPEED", "TILT", "VISCOUS", "Friction",
-]  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Friction:

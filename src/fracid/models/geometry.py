@@ -40,8 +40,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["GRAVITY", "STANDARD_GRAVITY", "RigGeometry"]
-
 GRAVITY = {"upright": 1.0, "hanging": -1.0}
 """The sign of gravity's torque at a small positive angle, by what the angle zero is."""
 

@@ -53,8 +53,6 @@ from dataclasses import dataclass
 
 from fracid.arrays import FloatArray
 
-__all__ = ["ELEMENTS", "Complement", "gap", "maxwell", "presliding", "saturated", "sliding", "springpot"]
-
 SLIPPERY = 1e-9
 """Part of the breakaway torque below which sliding friction counts as this: what it divides by is not zero."""
 

@@ -97,8 +97,6 @@ from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import RIGS
 
-__all__ = ["MODEL", "energy", "mass_matrix", "rotary_pendulum"]
-
 POSITIVE = 1e-12
 """Lower bound of what the equations divide by."""
 

@@ -23,8 +23,6 @@ from dataclasses import dataclass, field
 
 from fracid.errors import InputError
 
-__all__ = ["RIGS", "Rig", "lumped_constants"]
-
 
 @dataclass(frozen=True)
 class Rig:

@@ -40,19 +40,6 @@ from fracid.safety.door import appended
 from fracid.safety.json_files import REACH, json_number, json_of
 from fracid.tasks.journal import append_whole, whole_lines
 
-__all__ = [
-    "Ask",
-    "Entry",
-    "Evaluation",
-    "EvaluationLog",
-    "Optimiser",
-    "Outcome",
-    "Result",
-    "Space",
-    "as_generator",
-    "minimise",
-]
-
 GREATEST = 1e150
 """Of a cost, whose rows are squared."""
 

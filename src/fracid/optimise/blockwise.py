@@ -25,8 +25,6 @@ from fracid.arrays import FloatArray, zeros_together
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.optimise.base import Evaluation, Optimiser, Outcome, Space
 
-__all__ = ["blockwise"]
-
 FIRST = 1e-6
 """The first α, of the greatest curvature in units of the sizes."""
 

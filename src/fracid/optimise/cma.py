@@ -21,8 +21,6 @@ import numpy as np
 from fracid.errors import InputError, at_least
 from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
-__all__ = ["OPTIMISER", "cma"]
-
 WORST = 1e300
 """In the place of an infinite cost: the package refuses those."""
 

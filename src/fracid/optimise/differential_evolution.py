@@ -16,8 +16,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import at_least
 from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
-__all__ = ["OPTIMISER", "differential_evolution"]
-
 ROUNDING = 1e-14
 """Of a range."""
 

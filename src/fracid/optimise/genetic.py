@@ -43,8 +43,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
 from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
-__all__ = ["OPTIMISER", "genetic"]
-
 
 def genetic(
     space: Space,

@@ -36,8 +36,6 @@ from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Spa
 from fracid.optimise.blockwise import blockwise
 from fracid.qr import BLOCK, triangle
 
-__all__ = ["OPTIMISER", "least_squares", "sizes"]
-
 DIFFERENCE = 1e-6
 """Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
 

@@ -25,8 +25,6 @@ from fracid.arrays import FloatArray
 from fracid.optimise.base import Entry, Evaluation, Optimiser, Outcome, Space
 from fracid.optimise.least_squares import sizes
 
-__all__ = ["MOST_STARTS", "OPTIMISER", "Path", "lockstep", "sobol_points"]
-
 MOST_STARTS = 100_000
 """Weeks of work: more is a slip, and the points alone would not go into memory."""
 

@@ -17,8 +17,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import at_least
 from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
-__all__ = ["OPTIMISER", "nelder_mead"]
-
 
 def nelder_mead(
     space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-6, budget: int = 1000

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from fracid.selection.amplitude import AmplitudeTest, Drift
     from fracid.selection.comparison import Comparison, Row, Score
 
-__all__ = ["amplitudes", "ladder"]
-
 MOST = 3
 """Held-out recordings with a column each; of more the mean is drawn, with each recording pale."""
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.models import Model
 
-__all__ = ["profiles"]
-
 CEILING = 12.0
 """Rises above this are beyond the panel of a profile."""
 

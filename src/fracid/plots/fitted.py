@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.figures import Style
 
-__all__ = ["fitted_over_time"]
-
 SWINGS = 6
 """That a close-up shows."""
 

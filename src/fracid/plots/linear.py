@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
 
-__all__ = ["linear_response"]
-
 FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "round"}
 
 INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}

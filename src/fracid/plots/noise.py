@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.validation.monte_carlo import Cell, NoiseStudy, SavedStudy, Statistics
 
-__all__ = ["noise_levels"]
-
 MOST = 8
 """Unknowns that are drawn."""
 

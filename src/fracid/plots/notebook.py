@@ -6,8 +6,6 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
-__all__ = ["ShownFigure"]
-
 RESOLUTION = 120
 """Of the picture [pixels per inch]."""
 

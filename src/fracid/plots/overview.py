@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.recording import Recording
 
-__all__ = ["recording_overview"]
-
 
 def recording_overview(recording: Recording, *, zero: str = "", style: str | Style = "screen") -> Figure:
     """Draw a recording: each signal whole (left) and about its release, or its start (right).

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
 
-__all__ = ["cost_plane"]
-
 ROOM = 0.06
 """A line that is narrower than this part of the plane has no room for its number."""
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.models import Model
 
-__all__ = ["design_landscape", "expected_curves"]
-
 MOST = 4
 """Panels of values, at most."""
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from fracid.bayes.result import Posterior
     from fracid.figures import Style
 
-__all__ = ["posterior_corner", "posterior_predictive"]
-
 MOST = 8
 """Parameters of one figure."""
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.figures import Style
 
-__all__ = ["residual_diagnostics", "residual_plots"]
-
 
 def residual_plots(
     recording: RecordingFit,

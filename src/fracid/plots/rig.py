@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.models import Model
 
-__all__ = ["rig_drawing"]
-
 THETA, ALPHA = math.radians(118.0), math.radians(32.0)
 """The angles shown: positive, so that each arrow leads from its zero to the part that it turns."""
 

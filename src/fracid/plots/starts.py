@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from fracid.estimation.starts import Start
     from fracid.figures import Style
 
-__all__ = ["waterfall"]
-
 
 def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | Style = "screen") -> Figure:
     """Draw the final cost of each start of a search, sorted: a broad lowest step is a minimum found again and again.

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from fracid.figures import Style
     from fracid.validation.unknown_past import CutCheck
 
-__all__ = ["cut_shifts"]
-
 
 def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
     """Draw each order as fitted, with its 95 % interval, and as found with something else taken for the past.

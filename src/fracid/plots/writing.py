@@ -20,8 +20,6 @@ from fracid.safety.door import write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["save"]
-
 SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42,
                             "text.usetex": False, "figure.autolayout": False,
                             "figure.constrained_layout.use": False}  # fmt: skip

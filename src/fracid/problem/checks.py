@@ -20,8 +20,6 @@ from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of, 
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
-__all__ = ["check_choice", "check_criterion", "check_parametrisation", "check_simulator", "refuse_twins"]
-
 MOST_STEPS = 10**8
 """Of a run: gigabytes, and a minute."""
 

@@ -22,8 +22,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.problem.experiment import Experiment
 
-__all__ = ["as_samples", "coarser", "means", "possible", "stepped"]
-
 
 def possible(e: Experiment) -> bool:
     """Whether a recording can be made coarser: even samples that count alike, without a past."""

@@ -50,8 +50,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.safety.user_code import run_file
 
-__all__ = ["ABSOLUTE", "COSTS", "HUBERS", "SQUARE", "Cost", "Loss", "cost_from_name"]
-
 Scored = NDArray[np.bool_] | None
 """Which samples count, shape (n_samples,); None for all."""
 

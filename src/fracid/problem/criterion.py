@@ -44,8 +44,6 @@ from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.unknowns import Prior, Weights
 from fracid.signals.resolution import resolution
 
-__all__ = ["Criterion"]
-
 FINEST = 1e-9
 """No output's level is below this [rad]."""
 

@@ -58,9 +58,6 @@ from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
 from fracid.signals.swing import common_period, final_value, half_swings, quickening, swing_period
 
-__all__ = ["BEGUN", "MOTOR", "Draft", "draft_project", "guess_columns", "guess_file", "toml_line", "toml_range",
-           "toml_table"]  # fmt: skip
-
 REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
 """Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
 

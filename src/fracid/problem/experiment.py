@@ -28,8 +28,6 @@ from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
 
-__all__ = ["DEVIATION", "Experiment", "held_inputs"]
-
 DEVIATION = "_sd"
 """Behind an output's name: the signal that is the standard deviation of its samples."""
 

@@ -23,8 +23,6 @@ from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.models.joints import Complement
 
-__all__ = ["FirstValues", "first_values"]
-
 SAMPLES = 160
 """At which the equations are compared."""
 

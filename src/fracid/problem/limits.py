@@ -14,8 +14,6 @@ from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.unknowns import Free
 
-__all__ = ["TENFOLD", "limits", "opened", "with_bound", "with_ranges"]
-
 TENFOLD = 10.0
 """By which a bound is opened at a time."""
 

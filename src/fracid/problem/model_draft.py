@@ -26,8 +26,6 @@ from fracid.problem.roles import roles_of
 from fracid.recording import Recording, inspect_recording
 from fracid.recording.guess import Columns, unit_of
 
-__all__ = ["draft_of_model"]
-
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
 

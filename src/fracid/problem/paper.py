@@ -25,8 +25,6 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free, start_of
 from fracid.units import GREEK
 
-__all__ = ["differences", "fixed"]
-
 RATE, DURATION, ANGLE = 1000.0, 20.0, math.radians(10.0)
 """Of the paper's recording [Hz, s, rad]."""
 

@@ -45,8 +45,6 @@ from fracid.problem.sensors import Reading, Sensor
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
 from fracid.solver.right_hand_side import compile_rhs
 
-__all__ = ["Parametrisation", "RunValues"]
-
 SOON = 10
 """A joint that goes further than its δ in so many samples slides from the start: what it had given is forgotten."""
 

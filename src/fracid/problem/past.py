@@ -44,8 +44,6 @@ from fracid.signals.swing import common_period, release_time
 from fracid.solver.operators import derivative
 from fracid.solver.solve import time_scale
 
-__all__ = ["Past", "release_in_past", "smooth_past"]
-
 CUTOFF = 10.0
 """Of the low-pass of a past, in frequencies of the output's swing."""
 

@@ -17,8 +17,6 @@ from fracid.problem.costs import COSTS
 from fracid.problem.problem import Problem
 from fracid.solver.memory import Memory, compressed, memory_from_name
 
-__all__ = ["Portable"]
-
 
 @dataclass(frozen=True)
 class Portable:

@@ -47,8 +47,6 @@ from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 from fracid.units import GREEK
 
-__all__ = ["Problem", "alternative_of"]
-
 MANY = 100
 """Unknowns that belong to one recording each, from which on their structure is used."""
 

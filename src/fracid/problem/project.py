@@ -78,8 +78,6 @@ from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
 
-__all__ = ["LARGEST_FILE", "PRESETS", "Project", "load_project", "project_from_text"]
-
 _T = TypeVar("_T")
 
 CHANNEL = tuple(field.name for field in fields(Channel))

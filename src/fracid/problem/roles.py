@@ -15,8 +15,6 @@ from fracid.errors import InputError
 from fracid.models.library import MODEL, table_of
 from fracid.recording.guess import NAMES
 
-__all__ = ["ROTARY", "likely_models", "model_of_columns", "nameless", "roles_of"]
-
 ROTARY = "rotary-pendulum"
 
 RATE = r"dot|veloc|speed|rate|^d_|deriv|accel|^q?dq?d|^qd|stamp|offset|temp|^v_?\d*$"

@@ -25,8 +25,6 @@ from fracid.errors import SMALLEST, InputError, refuse_beyond
 from fracid.models import Model, Parameter
 from fracid.problem.unknowns import Free, Value
 
-__all__ = ["QUANTITIES", "Reading", "Sensor", "with_sensors"]
-
 Quantity = Literal["delay", "gain", "bias", "lowpass"]
 
 QUANTITIES: dict[Quantity, str] = {

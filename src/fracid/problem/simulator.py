@@ -40,8 +40,6 @@ from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
-__all__ = ["Simulator"]
-
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
 

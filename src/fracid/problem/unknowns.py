@@ -11,8 +11,6 @@ from typing import Literal
 
 from fracid.errors import SMALLEST, InputError, refuse_beyond
 
-__all__ = ["Free", "InitialState", "Prior", "Tied", "Unknown", "Value", "Weights", "root_of", "scaled", "start_of"]
-
 InitialState = Literal["estimate", "rest", "measured", "held"]
 
 Weights = Literal["equal", "noise"]

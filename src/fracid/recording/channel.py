@@ -23,8 +23,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import LARGEST, SMALLEST, DataError, InputError, refuse_beyond
 from fracid.signals.swing import tail
 
-__all__ = ["UNITS", "Channel", "measurable"]
-
 UNITS: dict[str, tuple[float, str]] = {
     "rad": (1.0, "rad"),
     "deg": (math.pi / 180, "rad"),

@@ -32,8 +32,6 @@ from fracid.recording.channel import measurable
 from fracid.recording.readers.table import Table
 from fracid.safety.text import LONGEST_NAME, printable
 
-__all__ = ["CLOCK_STAMP", "SECONDS", "read_clock", "short_text", "time_column", "unevenness"]
-
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 TIME_SPELLINGS = {

@@ -24,9 +24,6 @@ from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, 
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.table import Table
 
-__all__ = ["channel_with_unit", "choose_channels", "hold_blanks", "refuse_shared"]
-
-
 MOST_SIGNALS = 200
 """That are looked at where none is named: each takes milliseconds, and a rig has a dozen."""
 

@@ -30,8 +30,6 @@ from fracid.findings import Finding
 from fracid.signals.resolution import resolution
 from fracid.units import with_unit
 
-__all__ = ["Dropout", "dropout_finding", "dropouts", "without_dropouts"]
-
 LONG = 64
 """Samples at one value: noise of half a step makes 20 of them by chance at most."""
 

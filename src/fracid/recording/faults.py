@@ -68,17 +68,6 @@ from fracid.units import with_unit
 if TYPE_CHECKING:
     from fracid.recording.measures import SignalReport
 
-__all__ = [
-    "BOTH_SIDES",
-    "clock_jumps",
-    "familiar_counts",
-    "signal_faults",
-    "still",
-    "turns_to_both_sides",
-    "unit_of_time",
-    "wraps",
-]
-
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""
 

@@ -31,8 +31,6 @@ from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_s
 from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
 
-__all__ = ["NAMES", "OTHER", "Columns", "guess_columns", "guessed_units", "is_angle", "unit_of"]
-
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
 

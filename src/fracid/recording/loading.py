@@ -34,8 +34,6 @@ from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 from fracid.safety.door import opened
 
-__all__ = ["inspect_recording", "load_recording", "resampled"]
-
 
 def load_recording(
     path: str | Path,

@@ -23,18 +23,6 @@ from fracid.signals.noise import white_noise
 from fracid.signals.resolution import Lattice, lattice
 from fracid.signals.swing import tail
 
-__all__ = [
-    "FAMILIAR_COUNTS",
-    "GAP",
-    "PENDULUM",
-    "UNIFORM",
-    "Clock",
-    "SignalReport",
-    "is_pendulum",
-    "measure_clock",
-    "measure_signal",
-]
-
 FAMILIAR_COUNTS = tuple(
     sorted({2**k for k in range(8, 25)} | {4 * n for n in (250, 360, 500, 600, 1000, 1250, 2000, 2500, 5000)})
 )

@@ -23,8 +23,6 @@ from fracid.units import GREEK, with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Recording", "demand_fitness", "read_only"]
-
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
 

@@ -43,8 +43,6 @@ from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalRepor
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time, swing_count
 
-__all__ = ["Report", "bridgeable", "longest_row", "measure"]
-
 LONG_GAP = 0.05
 """A gap of more than this part of the duration makes a recording unfit."""
 

@@ -13,8 +13,6 @@ from fracid.errors import InputError
 from fracid.recording.recording import Recording
 from fracid.safety.door import write_whole
 
-__all__ = ["WRITERS", "save_recording"]
-
 
 def save_recording(recording: Recording, path: str | Path, *, note: str = "") -> Path:
     """Write a recording: time, then its signals in SI units, angles in radians.

@@ -13,8 +13,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.regression.rows import Pair, Rows, System
 
-__all__ = ["Estimator"]
-
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
 
 COLLINEAR = 1e-2
@@ -210,4 +208,5 @@ def fit_percents(system: System, beta: FloatArray) -> dict[str, float]:
 
 
 def condition_number_of(A: FloatArray) -> float:
+    """Of a matrix whose columns are scaled to length 1."""
     return float(np.linalg.cond(A / np.linalg.norm(A, axis=0)))

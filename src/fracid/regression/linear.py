@@ -48,8 +48,6 @@ from fracid.safety.schema import as_json
 from fracid.schemas.regression import RegressionBlock
 from fracid.signals.resolution import resolution
 
-__all__ = ["Constant", "Regression", "regress", "start_of", "start_values"]
-
 CUTOFF = (6.0, 9.0)
 """Bounds of the low-pass' cut-off, in swing frequencies: below, products of the motion are lost."""
 

@@ -14,8 +14,6 @@ from fracid.problem import Free
 from fracid.regression.estimators import Gauge, overlap, total_least_squares
 from fracid.regression.rows import Data, Pair
 
-__all__ = ["OrderSearch"]
-
 PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
 """How far from the best order its profile goes."""
 

@@ -20,8 +20,6 @@ from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
 from fracid.solver.trajectory import refuse_masked
 
-__all__ = ["LUMPED", "TERMS", "regressor", "terms_of"]
-
 Pair = tuple[FloatArray, FloatArray]
 """Something for the arm's rows and for the pendulum's."""
 

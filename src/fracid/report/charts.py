@@ -17,8 +17,6 @@ from fracid.arrays import FloatArray
 from fracid.report.samples import base64_floats, extremes
 from fracid.report.sentences import number, raised
 
-__all__ = ["RIGHT", "Axis", "Band", "Chart", "Mark", "Series", "encoder_ticks", "round_step", "still"]
-
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0
 """Room around the plot for ticks and labels [px]."""
 

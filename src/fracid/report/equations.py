@@ -17,8 +17,6 @@ from fracid.report.sentences import digits, number
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["LANGUAGES", "equations", "named"]
-
 LANGUAGES: dict[str, type[Mathematics]] = {"MathML": MathML, "LaTeX": LaTeX}
 
 

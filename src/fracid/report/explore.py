@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from fracid.problem import Experiment, Problem
     from fracid.report.material import Material
 
-__all__ = ["explore", "explore_scripts", "not_explored"]
-
 MOST = 6
 """Recordings to choose from."""
 

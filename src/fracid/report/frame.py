@@ -14,7 +14,6 @@ from fracid.report.sentences import (
     counted,
     digits,
     end_of,
-    in_letters,
     interval,
     joined,
     letter,
@@ -26,11 +25,10 @@ from fracid.report.sentences import (
 from fracid.report.whiskers import whisker
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
+from fracid.units import in_letters
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-__all__ = ["environment_of_pages", "own_file", "policy", "styles"]
 
 STYLES = ("uPlot.min.css", "page.css", "explore.css")
 

@@ -35,8 +35,6 @@ from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
 
-__all__ = ["INDEX", "RUNS_BEGIN", "RUNS_END", "Identity", "identity", "refresh_index", "runs_of", "write_index"]
-
 INDEX, PAGE = "index.html", "report.html"
 
 GENERATOR = '<meta name="generator" content="fracid index">'

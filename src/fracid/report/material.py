@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
 
-__all__ = ["Material"]
-
 BESIDE: dict[str, tuple[type[Block], str]] = {
     "profiles.json": (ProfilesBlock, "fracid profile RUN"),
     "compare.json": (ComparisonBlock, "fracid compare PROJECT --out RUN"),

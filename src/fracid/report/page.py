@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from fracid.validation.residual_analyses import Residuals
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["REPORT", "report_page", "write_report"]
-
 REPORT = "report.html"
 
 OPEN = 6

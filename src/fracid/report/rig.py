@@ -19,8 +19,6 @@ from fracid.errors import InputError
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["rig_lengths", "rig_still"]
-
 
 def rig_lengths(model: Model, parameters: Mapping[str, Any] | None = None) -> dict[str, Any] | None:
     """Arm and pendulum [m] and where the pendulum's angle is zero; None for a model that is not drawn.

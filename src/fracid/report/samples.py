@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 
-__all__ = ["base64_floats", "extremes", "floats_of"]
-
 
 def base64_floats(values: FloatArray) -> str:
     """Numbers as base64 of little-endian float32.

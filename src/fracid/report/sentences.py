@@ -19,25 +19,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from fracid.units import GREEK, in_letters, interval_beside, to_second_digit, typeset_unit
-
-__all__ = [
-    "counted",
-    "described",
-    "digits",
-    "end_of",
-    "half_width",
-    "in_letters",
-    "interval",
-    "joined",
-    "letter",
-    "number",
-    "raised",
-    "search_sentence",
-    "state_letter",
-    "unit",
-    "with_error",
-]  # fmt: skip
+from fracid.units import GREEK, interval_beside, to_second_digit, typeset_unit
 
 
 def letter(name: str) -> str:

@@ -19,8 +19,6 @@ from fracid.arrays import FloatArray
 from fracid.report.charts import Axis
 from fracid.report.sentences import number
 
-__all__ = ["RISE", "Scale", "Surface", "cost_scale", "surface_still"]
-
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
 """Of the drawing, and the room around the surface [px]."""
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from fracid.report.material import Material
     from fracid.validation.residual_analyses import Residual
 
-__all__ = ["fit_charts", "recorded_charts", "residual_charts", "traces"]
-
 POINTS = 20_001
 """Of one recording: 35 s at 500 Hz, or 20 s at 1 kHz, whole."""
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from fracid.report.material import Material
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["Line", "contradictions", "moved_by_the_step", "verdict"]
-
 
 @dataclass(frozen=True)
 class Line:

@@ -12,8 +12,6 @@ from markupsafe import Markup, escape
 from fracid.report.charts import round_step
 from fracid.report.sentences import digits, half_width, interval, letter, number
 
-__all__ = ["OrderAxis", "order_axis", "orders_drawn", "whisker"]
-
 REACH = 0.12
 """Least half-width of the orders' axis: a whisker that fills it would look uncertain."""
 

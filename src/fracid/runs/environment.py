@@ -10,8 +10,6 @@ from pathlib import Path
 
 from fracid.safety.door import bytes_of, text_of
 
-__all__ = ["code", "machine", "versions"]
-
 _PACKAGES = ("fracid", "numpy", "scipy", "numba")
 
 

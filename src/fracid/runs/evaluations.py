@@ -12,8 +12,6 @@ from fracid.runs.folder import EVALUATIONS
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import EvaluationLine
 
-__all__ = ["tried"]
-
 
 def tried(folder: Path, names: tuple[str, str]) -> FloatArray:
     """Two unknowns at all evaluations in the log of a folder, shape (n, 2); a line that is torn is left out."""

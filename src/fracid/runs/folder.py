@@ -46,28 +46,6 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.problem.project import Project
 
-__all__ = [
-    "EVALUATIONS",
-    "FIGURES",
-    "JOURNAL",
-    "MEMO",
-    "RUN",
-    "STARTS",
-    "Run",
-    "RunState",
-    "cut_short",
-    "discard",
-    "inputs_of",
-    "moved_project",
-    "open_folder",
-    "open_run",
-    "refuse_anothers",
-    "refuse_used",
-    "result_of",
-    "run_state",
-    "write_result",
-]
-
 RUN = "run.json"
 
 JOURNAL = "journal.jsonl"

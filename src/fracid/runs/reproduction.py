@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from fracid.runs.folder import RunState
     from fracid.runs.saved import SavedRun
 
-__all__ = ["ELSEWHERE", "Difference", "Reproduction", "compared", "reproduce"]
-
 ELSEWHERE = 1e-9
 """How far what was found may be off with other versions or on another machine, of its size."""
 

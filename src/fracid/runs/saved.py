@@ -58,8 +58,6 @@ from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
-__all__ = ["SavedRun", "load_run"]
-
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""
 

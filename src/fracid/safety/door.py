@@ -25,19 +25,6 @@ from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import TextIO
 
-__all__ = [
-    "MOST",
-    "appended",
-    "bytes_of",
-    "descriptor",
-    "nowhere",
-    "opened",
-    "own_text",
-    "text_of",
-    "write_text",
-    "write_whole",
-]
-
 MOST = 1 << 26
 """Bytes of a JSON file: of what fracid writes, a study of 10⁵ repetitions comes near."""
 

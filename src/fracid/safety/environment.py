@@ -25,8 +25,6 @@ from contextlib import chdir, contextmanager
 from importlib import import_module
 from pathlib import Path
 
-__all__ = ["ignore_settings", "safe_children"]
-
 SAFE = "PYTHONSAFEPATH"
 """Set, it has Python look for modules where they are installed, and not where one stands."""
 

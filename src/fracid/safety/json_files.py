@@ -14,8 +14,6 @@ import math
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
-__all__ = ["LONGEST", "REACH", "excess_of", "from_json", "json_number", "json_of", "place", "short_text", "shown"]
-
 _Value = TypeVar("_Value")
 
 LONGEST = 1 << 24

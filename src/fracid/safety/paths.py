@@ -27,8 +27,6 @@ from fracid.errors import InputError
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
 
-__all__ = ["Kind", "beside_each_other", "kind_of", "refuse_mistaken"]
-
 Kind = Literal["project", "recording", "run", "study"]
 
 RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet")

@@ -34,26 +34,6 @@ from fracid.errors import InputError
 from fracid.safety.door import opened, text_of
 from fracid.safety.json_files import LONGEST, excess_of, from_json, json_number, json_of, place, short_text, shown
 
-__all__ = [
-    "AS_NULL",
-    "EXPECTED",
-    "Block",
-    "Coherent",
-    "Infinite",
-    "Interval",
-    "Number",
-    "Numbers",
-    "Pair",
-    "Unknown",
-    "as_json",
-    "expected",
-    "fault_of",
-    "faults_by_place",
-    "lacking",
-    "lines_of",
-    "read_as",
-]
-
 # --- values ------------------------------------------------------------------------------------------
 
 AS_NULL = PlainSerializer(json_number, return_type=float | None)

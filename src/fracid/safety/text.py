@@ -32,8 +32,6 @@ from typing import Any
 
 from fracid.errors import InputError
 
-__all__ = ["ascii_short", "csv_cell", "file_stems", "json_text", "printable", "refuse_unseen", "shortened"]
-
 UNSEEN = ("Cc", "Cf", "Zl", "Zp", "Cs")
 """Categories of Unicode."""
 

@@ -22,8 +22,6 @@ from types import ModuleType
 
 from fracid.errors import InputError, NotTrusted
 
-__all__ = ["is_own", "refuse_untrusted", "run_file"]
-
 
 def is_own(name: str) -> bool:
     """Whether a name stands for a file's code, not for something built in.

@@ -13,18 +13,6 @@ from fracid.safety.json_files import from_json, short_text
 from fracid.safety.schema import AS_NULL, Block, Coherent, Infinite, Interval, Number, Unknown, fault_of, lacking
 from fracid.schemas.result import AlternativeBlock, ClaimWord, OpenedBoundBlock
 
-__all__ = [
-    "AmplitudeBlock",
-    "ComparisonBlock",
-    "EvidenceBlock",
-    "FittedBlock",
-    "RowBlock",
-    "ScoreBlock",
-    "StartBlock",
-    "WindowBlock",
-    "fault_of_fitted",
-]
-
 Missed = Annotated[
     float, BeforeValidator(partial(from_json, otherwise=-inf), json_schema_input_type=float | None), AS_NULL
 ]

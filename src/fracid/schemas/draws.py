@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fracid.safety.schema import Block, Coherent, Interval, Number
 
-__all__ = ["DrawnBlock", "PosteriorBlock", "PriorBlock"]
-
 
 class PriorBlock(Block):
     """What was known of a parameter beforehand."""

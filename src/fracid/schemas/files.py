@@ -16,8 +16,6 @@ from fracid.schemas.residuals import ResidualsBlock
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.study import StudyBlock
 
-__all__ = ["FILES", "json_schema"]
-
 FILES: dict[str, type[Block]] = {
     "result.json": ResultBlock,
     "residuals.json": ResidualsBlock,

@@ -10,8 +10,6 @@ from fracid.safety.json_files import short_text
 from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown
 from fracid.schemas.result import SpreadBlock
 
-__all__ = ["BootstrapBlock", "JointBlock", "LikelihoodBlock", "ProfileBlock", "ProfilesBlock"]
-
 
 class ProfileBlock(Block):
     """The profile of one unknown."""

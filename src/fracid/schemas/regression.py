@@ -6,8 +6,6 @@ from typing import Annotated
 
 from fracid.safety.schema import Block, Interval, Number, Pair
 
-__all__ = ["RegressionBlock", "RegressionResultBlock", "RegressionsBlock"]
-
 
 class SearchedOrder(Block):
     """An order, and its interval where it was searched."""

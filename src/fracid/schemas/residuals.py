@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fracid.safety.schema import Block, Number
 
-__all__ = ["AnalysisBlock", "ResidualsBlock"]
-
 
 class WhitenessBlock(Block):
     """Whether the residual is correlated in time."""

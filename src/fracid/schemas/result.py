@@ -8,23 +8,6 @@ from pydantic import Field
 
 from fracid.safety.schema import Block, Infinite, Interval, Number, Unknown
 
-__all__ = [
-    "AlternativeBlock",
-    "ClaimWord",
-    "CutBlock",
-    "DiscretisationBlock",
-    "EstimateBlock",
-    "FindingBlock",
-    "FitBlock",
-    "OpenedBoundBlock",
-    "RecordingBlock",
-    "ResultBlock",
-    "SpreadBlock",
-    "StartBlock",
-    "TreatmentBlock",
-    "TrialBlock",
-]
-
 Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
 
 

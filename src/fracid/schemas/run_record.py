@@ -10,8 +10,6 @@ from pydantic import Field
 from fracid.safety.json_files import shown
 from fracid.safety.schema import Block, Infinite, fault_of
 
-__all__ = ["EndBlock", "EnvironmentBlock", "EvaluationLine", "FitOptions", "RunBlock", "StudyLine", "fault_of_end"]
-
 
 class RunBlock(Block):
     """run.json: what is done in a folder."""

@@ -10,8 +10,6 @@ from pydantic import Field
 from fracid.safety.schema import Block, Coherent, Interval, Number, fault_of, lacking
 from fracid.schemas.result import FindingBlock
 
-__all__ = ["CellBlock", "FailedBlock", "RepetitionBlock", "StatisticsBlock", "StudyBlock", "fault_of_repetition"]
-
 
 class StatisticsBlock(Block):
     """One unknown in one cell."""

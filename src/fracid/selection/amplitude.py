@@ -61,8 +61,6 @@ from fracid.units import shown_unit, with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["AmplitudeTest", "Drift", "Window", "amplitude_test"]
-
 PROBABILITY = 0.01
 """Orders differ where chance would make them differ so much less often than this."""
 

@@ -20,8 +20,6 @@ import math
 
 from fracid.problem.costs import Cost
 
-__all__ = ["STRONG", "schwarz"]
-
 STRONG = 10.0
 """A difference above this is strong evidence [2]_."""
 

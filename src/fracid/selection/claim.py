@@ -32,8 +32,6 @@ from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claim
 from fracid.signals.left_over import LeftOver
 from fracid.units import GREEK, half_width, in_letters, plain, to_second_digit
 
-__all__ = ["FLOOR", "LACKS", "NO_FIT", "NO_RUN", "Claim", "OrderFound", "claim_of", "damping", "orders_found"]
-
 MANY = 100.0
 """From here on a difference of BIC is a whole number."""
 

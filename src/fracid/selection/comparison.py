@@ -93,8 +93,6 @@ from fracid.units import GREEK, with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Comparison", "Row", "Score", "compare"]
-
 MARGIN = 0.02
 """Errors that differ by less than this part are the same."""
 

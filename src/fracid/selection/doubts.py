@@ -14,8 +14,6 @@ import numpy as np
 from fracid.selection.claim import LACKS
 from fracid.units import GREEK
 
-__all__ = ["claimed", "doubts", "in_motion", "unsaid"]
-
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
 

@@ -41,8 +41,6 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.selection.integer_rival import FEW, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
 
-__all__ = ["MOST", "finite_memories", "with_relaxations"]
-
 MOST = FEW + 1
 """Relaxations that an order must not be beaten by."""
 

@@ -33,8 +33,6 @@ from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import Rival, freed_friction, gain_over, integer_values, moving, springpots
 from fracid.selection.residual_noise import leftovers
 
-__all__ = ["SHARE", "FractionalElement", "Score", "fractional_element", "scores"]
-
 SHARE = 0.3
 """Of the residual's squares that a springpot must explain, to first order, to be fitted."""
 

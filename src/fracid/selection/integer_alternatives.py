@@ -61,8 +61,6 @@ from fracid.selection.integer_rival import (
 )
 from fracid.solver.inputs import Between
 
-__all__ = ["ELEMENTS", "Element", "fitted_with", "integer_alternatives"]
-
 LATE = 0.02
 """A channel is looked for this much late or early [s]."""
 

@@ -41,27 +41,6 @@ from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
 from fracid.units import GREEK
 
-__all__ = [
-    "FEW",
-    "Alternative",
-    "FiniteMemory",
-    "Rival",
-    "Trial",
-    "alternative_of",
-    "claimable",
-    "freed_friction",
-    "gain_over",
-    "in_proportion",
-    "integer_alternative",
-    "integer_rival",
-    "integer_values",
-    "integers_of",
-    "is_off",
-    "moving",
-    "springpots",
-    "warning_of",
-]
-
 STILL = 1e-2
 """A joint that moves by less than this part of what moves most stands still."""
 

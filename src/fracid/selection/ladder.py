@@ -59,20 +59,6 @@ from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction, moving
 from fracid.solver.methods import METHODS
 
-__all__ = [
-    "ORDER",
-    "OWN",
-    "PAPER",
-    "Ladder",
-    "Structure",
-    "assignment",
-    "has_friction",
-    "held",
-    "ladder",
-    "name_of",
-    "unseen",
-]
-
 PAPER = ("viscous", True)
 """The paper's structure: its friction, and that its orders are free."""
 

@@ -24,8 +24,6 @@ from fracid.problem.limits import opened, with_bound, with_ranges
 from fracid.selection.bic import STRONG, schwarz
 from fracid.signals.correlation import effective_samples
 
-__all__ = ["OpenedBound", "open_bounds", "opened_bounds", "reopened"]
-
 ROUNDS = 3
 """Times that bounds are opened tenfold."""
 

@@ -17,8 +17,6 @@ from fracid.signals.correlation import longest_stretch
 from fracid.signals.left_over import LeftOver, left_over
 from fracid.units import GREEK
 
-__all__ = ["leftovers"]
-
 
 def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     """Recording and output, in words → what is left over of it; empty where a run fails."""

@@ -19,8 +19,6 @@ from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 
-__all__ = ["FINEST", "HIGHER", "quiet_substeps"]
-
 FINEST = 16
 """Steps a sample at most: there are many structures."""
 

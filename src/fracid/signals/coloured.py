@@ -26,8 +26,6 @@ from scipy.special import fdtrc
 from fracid.arrays import FloatArray
 from fracid.signals.correlation import correlation_time, products_by_lag
 
-__all__ = ["is_coloured_noise"]
-
 ORDERS = 4
 """Of the autoregression, at most."""
 

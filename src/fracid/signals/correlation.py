@@ -9,20 +9,6 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 
-__all__ = [
-    "autocorrelation",
-    "bartlett_long_run",
-    "correlation_time",
-    "effective_samples",
-    "longest_stretch",
-    "neighbour_sums",
-    "power_spectrum",
-    "products_by_lag",
-    "sokal_bandwidth",
-    "sokal_lag",
-]
-
-
 WIDE = 5
 """A sum of autocorrelations ends at the first lag that is so many times the correlation time up to it (Sokal)."""
 

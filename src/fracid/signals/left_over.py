@@ -11,8 +11,6 @@ from fracid.arrays import FloatArray
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch
 from fracid.signals.resolution import resolution
 
-__all__ = ["NEXT_TO_WHITE", "ROUNDING", "LeftOver", "left_over"]
-
 NEXT_TO_WHITE = 0.75
 """Where so large a part of the samples counts, correlation does not matter: it widens intervals by a seventh."""
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["noise_floor", "white_noise"]
-
 
 def white_noise(signal: FloatArray) -> float:
     """Root mean square of the third differences over √20; NaN of less than four samples.

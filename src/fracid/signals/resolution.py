@@ -28,8 +28,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.signals.noise import noise_floor, white_noise
 
-__all__ = ["Lattice", "lattice", "noise_level", "resolution"]
-
 MOST, SCATTER = 0.8, 0.2
 """So many of the values lie within so many steps of the lattice."""
 

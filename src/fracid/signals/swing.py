@@ -32,20 +32,6 @@ from fracid.arrays import FloatArray
 from fracid.signals.noise import noise_floor, white_noise
 from fracid.signals.resolution import resolution
 
-__all__ = [
-    "common_period",
-    "envelope",
-    "final_value",
-    "half_swings",
-    "motion_start",
-    "quickening",
-    "release_time",
-    "swing_count",
-    "swing_period",
-    "swing_start",
-    "tail",
-]
-
 BEYOND = 0.1
 """A side is reached at this part of the largest deviation."""
 

@@ -32,22 +32,6 @@ from fracid.solver.trajectory import refuse_masked, vector
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = [
-    "Arguments",
-    "Equation",
-    "InitialCondition",
-    "Options",
-    "check_bounds",
-    "check_driven",
-    "check_history",
-    "check_initial_and_orders",
-    "check_inputs",
-    "check_options",
-    "check_times",
-    "count_steps",
-    "named_states",
-]
-
 MOST_STEPS = 1e15
 """Whole numbers beyond it are no exact floats, and a year of computing."""
 

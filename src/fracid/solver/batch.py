@@ -28,8 +28,6 @@ from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory, vector
 
-__all__ = ["Sensitivities", "sensitivities", "solve_fde_batch"]
-
 
 def solve_fde_batch(
     rhs: RightHandSide, runs: Iterable[Mapping[str, Any]], *, jobs: int | None = None, **common: Any

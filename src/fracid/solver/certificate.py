@@ -25,8 +25,6 @@ from fracid.errors import InputError
 from fracid.solver.exponentials import EXACT_LAGS, LOW_NODES, little_jacobi, sine_ratio
 from fracid.solver.weights import Kernel
 
-__all__ = ["CHECKED", "Certificate", "check_arguments", "measured_errors", "proven_errors"]
-
 CHECKED = 1000
 """Up to this lag a certificate compares every weight."""
 

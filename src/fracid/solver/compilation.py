@@ -35,8 +35,6 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from fracid.safety.door import bytes_of
 
-__all__ = ["RHS", "RHS_SIGNATURE", "SOURCES", "Kernel", "helper", "kept", "kept_lazily", "when_called"]
-
 LOG = logging.getLogger("fracid.compilation")
 """Hears when something has to be compiled."""
 LOG.setLevel(logging.INFO)

@@ -71,8 +71,6 @@ from fracid.solver.weights import (
     trapezoidal_weights,
 )
 
-__all__ = ["EXACT_LAGS", "LOW_NODES", "WHOLE", "compressed_kernel", "little_jacobi", "sine_ratio"]
-
 EXACT_LAGS = 8
 """Lags that the compressed memory keeps exactly; 16 need two exponentials fewer, and take 3 % longer to step."""
 

@@ -30,20 +30,6 @@ from fracid.arrays import FloatArray
 from fracid.solver.compilation import kept, when_called
 from fracid.solver.weights import Kernel
 
-__all__ = [
-    "BLOCK",
-    "KERNELS",
-    "Kernels",
-    "enter",
-    "flush_denormals",
-    "inline",
-    "look_ahead",
-    "nothing_yet",
-    "restore",
-    "room",
-    "stack",
-]
-
 BLOCK = 8
 """Steps whose history is computed at once: as many float64 as the widest vector registers hold."""
 

@@ -28,8 +28,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 
-__all__ = ["BETWEEN", "Between", "Driven", "between_samples", "low_passed", "low_passed_steps"]
-
 Between = Literal["line", "hold", "band-limited"]
 
 BETWEEN: tuple[Between, ...] = get_args(Between)

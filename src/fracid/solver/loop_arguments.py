@@ -17,8 +17,6 @@ from numba import types
 from fracid.arrays import FloatArray, IntArray
 from fracid.solver.history import KERNELS, Kernels
 
-__all__ = ["RUN", "Run"]
-
 
 class Run(NamedTuple):
     """One run, as the compiled loops take it; its letters are those of the formulas in :mod:`fracid.solver.schemes`."""

@@ -53,8 +53,6 @@ from fracid.solver.certificate import CHECKED, Certificate, check_arguments, mea
 from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
 from fracid.solver.weights import Kernel, exact_kernel
 
-__all__ = ["Memory", "compressed", "full", "memory_from_name", "short"]
-
 
 @dataclass(frozen=True)
 class Memory:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from fracid.solver.compilation import Kernel
     from fracid.solver.loop_arguments import Run
 
-__all__ = ["METHODS", "Exported", "Method"]
-
 
 @dataclass(frozen=True)
 class Exported:

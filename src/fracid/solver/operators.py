@@ -67,8 +67,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.solver.trajectory import refuse_masked
 
-__all__ = ["derivative", "gl_weights", "gl_weights_order_derivative", "mittag_leffler"]
-
 ORDER_LIMIT = 10.0
 """Largest order of :func:`derivative`, either way: the tenth difference of any recording is noise."""
 

@@ -17,8 +17,6 @@ from fracid.errors import InputError
 from fracid.solver.right_hand_side import name_of, teach_helpers
 from fracid.solver.same_function import once_for_equals
 
-__all__ = ["output_along"]
-
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 
 

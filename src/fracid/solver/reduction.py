@@ -67,8 +67,6 @@ from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory
 
-__all__ = ["System", "linear_multi_term", "linear_system", "multi_term"]
-
 SAME = 1e-9
 """Orders nearer to each other, or to a whole number, are the same: 0.1 + 0.2 is 0.3."""
 

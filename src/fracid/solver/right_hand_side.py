@@ -31,8 +31,6 @@ from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
-__all__ = ["RightHandSide", "compile_rhs", "name_of", "probe", "teach_helpers"]
-
 ARGUMENTS = 5
 """Of a right-hand side."""
 

@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["SameCode", "once_for_equals"]
-
 
 class SameCode:
     """A function as the key of a cache: equal to another of the same meaning.

@@ -69,8 +69,6 @@ from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ah
 from fracid.solver.loop_arguments import RUN
 from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, started
 
-__all__ = ["step_bdf2", "step_gl", "step_gl_sequential", "step_pi2"]
-
 COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
 

@@ -53,8 +53,6 @@ from fracid.solver.trajectory import Outcome, Trajectory, vector
 if TYPE_CHECKING:
     from fracid.models import Model
 
-__all__ = ["PaperSchemeWarning", "simulate", "solve_fde"]
-
 
 class PaperSchemeWarning(UserWarning):
     """A method that sums raw x, ``gl-paper``, is asked for where it does not converge."""

@@ -76,21 +76,6 @@ from fracid.solver.compilation import RHS, helper, when_called
 from fracid.solver.loop_arguments import RUN
 from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
 
-__all__ = [
-    "BDF2",
-    "PI2",
-    "PI3",
-    "START",
-    "Start",
-    "bdf_errors_of_powers",
-    "errors_of_powers",
-    "exponents",
-    "gauss_jordan",
-    "knots_up_to",
-    "start_together",
-    "started",
-]
-
 PI2, PI3, BDF2 = 0, 1, 2
 """The rules that are corrected."""
 

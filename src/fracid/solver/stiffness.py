@@ -63,18 +63,6 @@ from fracid.findings import Finding
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import Outcome, Trajectory
 
-__all__ = [
-    "STEPS_A_PERIOD",
-    "TooLong",
-    "fault_of",
-    "grows_by_itself",
-    "linearised",
-    "modes",
-    "step_gain",
-    "steps_a_period",
-    "too_long",
-]
-
 STEPS_A_PERIOD = 20.0
 """Fewer are too few."""
 

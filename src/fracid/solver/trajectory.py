@@ -15,8 +15,6 @@ from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError
 from fracid.findings import Finding
 
-__all__ = ["Outcome", "Trajectory", "vector"]
-
 
 class Outcome(Enum):
     """How a run ended; the value is the sentence."""

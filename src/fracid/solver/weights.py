@@ -36,18 +36,6 @@ from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, kept_lazily
 from fracid.solver.operators import gl_weights
 
-__all__ = [
-    "Kernel",
-    "Real",
-    "Row",
-    "Whole",
-    "bdf_series",
-    "bdf_weights",
-    "exact_kernel",
-    "third_weights",
-    "trapezoidal_weights",
-]
-
 
 @dataclass(frozen=True)
 class Kernel:

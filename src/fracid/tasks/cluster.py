@@ -20,9 +20,6 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.tasks.job import Ended, Job, Stopped, Task, Work, failure_of, perform_elsewhere, unpacked
 
-__all__ = ["on_cluster"]
-
-
 # --- a cluster -----------------------------------------------------------------------------------------
 
 ANSWER = 10.0

@@ -37,8 +37,6 @@ from fracid.tasks.job import Progress
 from fracid.tasks.observer import SILENT, Observer, Tell
 from fracid.units import with_unit
 
-__all__ = ["duration", "in_notebook", "shown", "unless_given"]
-
 EVERY = 1.0
 """Between two events [s]."""
 
@@ -55,7 +53,7 @@ COMPILATION = logging.getLogger("fracid.compilation")
 
 
 @dataclass
-class Stage:
+class _Stage:
     """What is going on, and since when."""
 
     name: str
@@ -111,27 +109,27 @@ def duration(seconds: float, *, fine: bool = False) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-class Surface(Protocol):
+class _Surface(Protocol):
     """Where stages are shown."""
 
-    def begin(self, stage: Stage) -> None:
+    def begin(self, stage: _Stage) -> None:
         """A stage has begun."""
 
-    def update(self, stage: Stage) -> None:
+    def update(self, stage: _Stage) -> None:
         """It has come further."""
 
-    def end(self, stage: Stage, mark: str) -> None:
+    def end(self, stage: _Stage, mark: str) -> None:
         """It has ended: with a tick, a cross, or no mark where no line is to stay."""
 
     def notice(self, sentence: str) -> None:
         """Something that should be read now."""
 
 
-class Display:
+class _Display:
     """Turns what an :class:`Observer` hears into stages on a surface."""
 
-    def __init__(self, surface: Surface, result: Callable[[Any], None] | None = None) -> None:
-        self._surface, self._stage, self._result = surface, Stage("", 0.0), result
+    def __init__(self, surface: _Surface, result: Callable[[Any], None] | None = None) -> None:
+        self._surface, self._stage, self._result = surface, _Stage("", 0.0), result
         self._mark = "✓"
         self._compilation = _Compiling(self)
 
@@ -146,13 +144,13 @@ class Display:
             return
         self.close(self._mark)
         if name:
-            self._stage = Stage(name, time.monotonic())
+            self._stage = _Stage(name, time.monotonic())
             self._surface.begin(self._stage)
             COMPILATION.addHandler(self._compilation)
 
     def close(self, mark: str) -> None:
         """The stage has ended."""
-        stage, self._stage, self._mark = self._stage, Stage("", 0.0), "✓"
+        stage, self._stage, self._mark = self._stage, _Stage("", 0.0), "✓"
         if stage.name:
             COMPILATION.removeHandler(self._compilation)
             self._surface.end(stage, mark)
@@ -191,7 +189,7 @@ class Display:
 
 
 class _Compiling(logging.Handler):
-    def __init__(self, display: Display) -> None:
+    def __init__(self, display: _Display) -> None:
         super().__init__(logging.INFO)
         self._display = display
 
@@ -202,7 +200,7 @@ class _Compiling(logging.Handler):
 # ------------------------------------------------------------------ surfaces
 
 
-class Terminal:
+class _Terminal:
     """One line that changes, and above it what has ended."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -211,7 +209,7 @@ class Terminal:
         self._console = Console(file=stream, highlight=False)
         self._clear: Callable[[], None] = lambda: None
 
-    def begin(self, stage: Stage) -> None:
+    def begin(self, stage: _Stage) -> None:
         from rich.live import Live
         from rich.spinner import Spinner
         from rich.table import Table
@@ -239,10 +237,10 @@ class Terminal:
 
         self._clear = clear
 
-    def update(self, stage: Stage) -> None:
+    def update(self, stage: _Stage) -> None:
         """The line is drawn anew five times a second."""
 
-    def end(self, stage: Stage, mark: str) -> None:
+    def end(self, stage: _Stage, mark: str) -> None:
         from rich.text import Text
 
         self._clear()
@@ -256,7 +254,7 @@ class Terminal:
         self._console.print(Text(printable(sentence)), soft_wrap=not self._console.is_terminal)
 
 
-class Notebook:
+class _Notebook:
     """All stages in one output below the cell."""
 
     def __init__(self) -> None:
@@ -266,14 +264,14 @@ class Notebook:
         self._last = 0.0
         self._output: Any = display(self._bundle(""), raw=True, display_id=True)  # type: ignore[no-untyped-call]
 
-    def begin(self, stage: Stage) -> None:
+    def begin(self, stage: _Stage) -> None:
         self._show(f"… {stage.name}")
 
-    def update(self, stage: Stage) -> None:
+    def update(self, stage: _Stage) -> None:
         if time.monotonic() - self._last > SLOWEST:
             self._show(f"… {stage.text()}")
 
-    def end(self, stage: Stage, mark: str) -> None:
+    def end(self, stage: _Stage, mark: str) -> None:
         if mark and stage.worth_a_line:
             self._lines.append(f"{mark} {_ended(stage, mark)}")
         self._show("")
@@ -291,23 +289,23 @@ class Notebook:
         return {"text/plain": text, "text/html": f'<pre style="white-space:pre-wrap">{escape(text)}</pre>'}
 
 
-class Events:
+class _Events:
     """For programs: a JSON object a line."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._began = stream, time.monotonic()
         self._last, self._unwritten = -EVERY, False
 
-    def begin(self, stage: Stage) -> None:
+    def begin(self, stage: _Stage) -> None:
         self._write({"event": "stage", "name": stage.name, "seconds": round(time.monotonic() - self._began, 3)})
 
-    def update(self, stage: Stage) -> None:
+    def update(self, stage: _Stage) -> None:
         self._unwritten = True
         if time.monotonic() - self._last >= EVERY:
             self._last = time.monotonic()
             self._counted(stage)
 
-    def end(self, stage: Stage, mark: str) -> None:  # noqa: ARG002 (as every surface)
+    def end(self, stage: _Stage, mark: str) -> None:  # noqa: ARG002 (as every surface)
         if self._unwritten:
             self._counted(stage)
         self._last = -EVERY
@@ -315,7 +313,7 @@ class Events:
     def notice(self, sentence: str) -> None:
         self._stream.write(printable(f"{sentence}\n"))
 
-    def _counted(self, stage: Stage) -> None:
+    def _counted(self, stage: _Stage) -> None:
         p, self._unwritten = stage.progress, False
         if p is not None:
             numbers = {"done": p.done, "total": p.total, "earlier": p.earlier, "seconds": p.seconds, "rate": p.rate,
@@ -328,7 +326,7 @@ class Events:
         self._stream.flush()
 
 
-def _ended(stage: Stage, mark: str) -> str:
+def _ended(stage: _Stage, mark: str) -> str:
     return stage.text(ended=True) + (" · interrupted" if mark == "✗" else "")
 
 
@@ -368,7 +366,7 @@ def shown(
     if not events and not stream.isatty():
         yield Observer(notice=lambda sentence: _write_line(stream, sentence), result=result or SILENT.result)
         return
-    display = Display(Events(stream) if events else Terminal(stream), result)
+    display = _Display(_Events(stream) if events else _Terminal(stream), result)
     display.stage(stage)
     try:
         yield display.observer
@@ -404,4 +402,4 @@ def unless_given(observer: Observer | None) -> Observer:
     """
     if observer is not None:
         return observer
-    return Display(Notebook()).observer if in_notebook() else SILENT
+    return _Display(_Notebook()).observer if in_notebook() else SILENT

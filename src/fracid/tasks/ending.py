@@ -26,8 +26,6 @@ from typing import Any
 
 from fracid.safety.door import nowhere
 
-__all__ = ["ended_in_a_sentence", "quiet_when_closed", "undisturbed"]
-
 NAMES = ("SIGTERM", "SIGHUP")
 """Of the signals, as far as the system has them."""
 

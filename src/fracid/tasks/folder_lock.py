@@ -29,8 +29,6 @@ from fracid.safety.door import appended
 from fracid.safety.json_files import json_of
 from fracid.safety.text import shortened
 
-__all__ = ["FolderLock", "Json", "line_content", "refuse_links"]
-
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
 

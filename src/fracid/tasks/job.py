@@ -29,22 +29,6 @@ from fracid.errors import InputError
 from fracid.safety.door import text_of
 from fracid.tasks.folder_lock import Json
 
-__all__ = [
-    "Ended",
-    "Ends",
-    "Job",
-    "Progress",
-    "Stopped",
-    "Task",
-    "Work",
-    "failure_of",
-    "free_memory",
-    "one_blas_thread",
-    "perform",
-    "perform_elsewhere",
-    "unpacked",
-]
-
 FEW = 3
 """Repetitions whose time says how long the others take; the first ones wait for processes and compilation."""
 

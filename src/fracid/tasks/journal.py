@@ -35,8 +35,6 @@ from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST
 from fracid.tasks.folder_lock import FolderLock, Json, line_content
 
-__all__ = ["Journal", "append_whole", "whole_lines"]
-
 FORMAT = 1
 
 TOLD = 20

@@ -46,8 +46,6 @@ from fracid.tasks.job import (
     unpacked,
 )
 
-__all__ = ["deaf_to_ctrl_c", "follow_parent", "fresh_processes", "on_processes", "on_threads", "without_main"]
-
 SILENT = "ignore:resource_tracker:UserWarning"
 """To Python's tracker of semaphores, which warns of each that it removes, as it should after a kill."""
 

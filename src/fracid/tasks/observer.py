@@ -9,8 +9,6 @@ from typing import Any
 
 from fracid.tasks.job import Progress
 
-__all__ = ["SILENT", "Observer", "Tell"]
-
 Tell = Callable[[Progress], None]
 
 

@@ -37,8 +37,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.safety.door import descriptor, text_of
 
-__all__ = ["Memo", "Recent"]
-
 RECORD = struct.Struct("<16scQQI")
 """Key, kind, rows, columns, and the check sum of all that with what follows.
 

@@ -37,8 +37,6 @@ from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
 
-__all__ = ["EXECUTORS", "Execution", "Part", "executor_from_name", "run_tasks"]
-
 
 @dataclass(frozen=True)
 class Part:

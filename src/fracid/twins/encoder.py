@@ -10,8 +10,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.problem import Problem
 
-__all__ = ["encoder", "simulated"]
-
 FINER = 4
 """Steps of the truth for each of the problem's."""
 

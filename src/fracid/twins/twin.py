@@ -49,8 +49,6 @@ from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
 from fracid.twins.encoder import encoder
 
-__all__ = ["Twin"]
-
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
 

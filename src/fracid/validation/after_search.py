@@ -38,8 +38,6 @@ from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
 from fracid.validation.sensor_faults import misread
 
-__all__ = ["after", "failed", "noisy_start", "with_start"]
-
 FEW_SWINGS = 10
 """Beside an order that is not known, fewer are called too few."""
 

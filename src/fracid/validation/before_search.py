@@ -68,8 +68,6 @@ from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import STEPS_A_PERIOD, TooLong, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.reversed_signs import reversals, wrong_sign
 
-__all__ = ["before"]
-
 ASKED = 9
 """Samples at which J is asked for."""
 

@@ -34,17 +34,6 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
 
-__all__ = [
-    "COARSE_STEP",
-    "Discretisation",
-    "Refined",
-    "coarse_step",
-    "discretisation_check",
-    "finer_step",
-    "halved",
-    "is_rough",
-]
-
 
 @dataclass(frozen=True)
 class Refined:

@@ -10,8 +10,6 @@ from fracid.findings import Finding
 from fracid.signals.left_over import left_over
 from fracid.units import plain, with_unit
 
-__all__ = ["cost_of", "misfits", "missed"]
-
 POOR = 20.0
 """A fit of less than this [%] is called poor."""
 

@@ -75,18 +75,6 @@ from fracid.validation.after_search import noisy_start
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "Cell",
-    "NoiseStudy",
-    "Plan",
-    "SavedStudy",
-    "Statistics",
-    "binomial95",
-    "noise_study",
-    "planned",
-    "repetition",
-]
-
 BELIEVED = (0.90, 0.99)
 """Intervals of 95 % whose coverage lies within can be believed."""
 

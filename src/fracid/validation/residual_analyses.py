@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["Analyses", "Residual", "Residuals", "analysed", "first_part"]
-
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""
 

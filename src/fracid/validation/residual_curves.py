@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.validation.residual_records import ResidualAnalysis
 
-__all__ = ["ResidualCurves", "residual_curves"]
-
 LAGS, BINS, RANKS = 160, 120, 120
 """Points of each curve, at most."""
 

@@ -10,21 +10,6 @@ from fracid.cards import Card, CardDisplay
 from fracid.safety.schema import as_json
 from fracid.schemas.residuals import AnalysisBlock
 
-__all__ = [
-    "ENOUGH",
-    "NAN",
-    "SHORT",
-    "SIGNIFICANT",
-    "Contrast",
-    "Level",
-    "Line",
-    "Normality",
-    "ResidualAnalysis",
-    "Spectrum",
-    "Variance",
-    "Whiteness",
-]
-
 SHORT = 30
 """Samples below which nothing is asked."""
 

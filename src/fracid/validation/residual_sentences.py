@@ -12,20 +12,6 @@ from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.units import with_unit
 from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
 
-__all__ = [
-    "DENSER",
-    "STANDS_OUT",
-    "correlation_cause",
-    "level_sentence",
-    "normality_sentence",
-    "offset_phrase",
-    "shape_phrases",
-    "spectrum_sentences",
-    "untestable_reason",
-    "variance_sentence",
-    "whiteness_sentence",
-]
-
 NORMAL = 0.985
 """PPCC from which on a shape is normal enough: Laplace's has 0.981, the uniform 0.977, a sine 0.949."""
 

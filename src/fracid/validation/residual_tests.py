@@ -12,18 +12,6 @@ from fracid.arrays import FloatArray
 from fracid.signals.correlation import power_spectrum
 from fracid.validation.residual_records import ENOUGH, NAN
 
-__all__ = [
-    "anderson_darling",
-    "breusch_pagan",
-    "fisher",
-    "harmonic_number",
-    "is_testable",
-    "ljung_box",
-    "mann_whitney",
-    "spread_ratio",
-    "swing_band",
-]
-
 
 def is_testable(thin: FloatArray) -> bool:
     """Whether a thinned residual can be tested."""

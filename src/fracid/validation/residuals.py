@@ -99,8 +99,6 @@ from fracid.validation.residual_tests import (
 if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
 
-__all__ = ["residual_analysis"]
-
 
 def residual_analysis(
     recording: RecordingFit, output: str, resolution: Mapping[str, float | None] | None = None

@@ -22,8 +22,6 @@ from fracid.problem.costs import COSTS
 from fracid.problem.unknowns import scaled
 from fracid.signals.swing import swing_period, swing_start
 
-__all__ = ["Reversal", "reversals", "wrong_sign"]
-
 SWINGS = 2
 """That are fitted to compare signs."""
 

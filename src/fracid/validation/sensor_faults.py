@@ -59,8 +59,6 @@ from fracid.signals.resolution import resolution
 from fracid.signals.swing import swing_period
 from fracid.units import with_unit
 
-__all__ = ["Misreading", "misread", "misreadings"]
-
 SURE = 8.0
 """Standard errors: twins without a fault reach 5."""
 

@@ -55,8 +55,6 @@ from fracid.units import GREEK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CutCheck", "Treatment", "cut_check", "whole_recordings", "whole_records"]
-
 TURNS = 0.1
 """A turning point is a peak that stands out by this part of the signal's range."""
 

@@ -32,8 +32,6 @@ from fracid.workflows.study import Finished, journal_of, refuse_fit
 if TYPE_CHECKING:
     from fracid.problem.project import Project
 
-__all__ = ["FinishedComparison", "run_comparison"]
-
 TABLE = "compare.csv"
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from fracid.solver.compilation import Kernel
 
-__all__ = ["compiling_beside"]
-
 
 @contextmanager
 def compiling_beside(method: str, jobs: int) -> Iterator[None]:

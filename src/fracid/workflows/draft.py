@@ -25,8 +25,6 @@ from fracid.recording import inspect_recording
 from fracid.regression import start_values
 from fracid.safety.door import write_text
 
-__all__ = ["chosen_model", "write_draft"]
-
 
 def write_draft(
     file: Path, target: Path, columns: Mapping[str, Mapping[str, Any]] | None, *, model: str | None = None,

@@ -24,8 +24,6 @@ from fracid.safety.environment import ignore_settings
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Asked", "Drawer", "drawer", "ended_with_this", "importing"]
-
 T = TypeVar("T")
 
 

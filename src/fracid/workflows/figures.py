@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
     from fracid.validation.residual_analyses import Residuals
 
-__all__ = ["Drawing", "drawing", "of_plane", "of_recordings", "of_rig", "of_search", "saved"]
-
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
 

@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
 
-__all__ = ["FinishedRun", "loaded", "run"]
-
 FOLDER = 50_000_000
 """Bytes of a finished run folder, figures and all: a few MB, and some for each recording."""
 

@@ -32,8 +32,6 @@ from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
 from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
 
-__all__ = ["FinishedNoiseStudy", "run_noise_study"]
-
 TABLE = "noise.csv"
 
 LEVELS = tuple(map(radians, (0.05, 0.1, 0.2)))

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from fracid.recording import Recording
 
-__all__ = ["write_overview"]
-
 
 def write_overview(recording: Recording, folder: Path) -> Path:
     """Draw a recording with its report into a folder; gives the file.

@@ -19,8 +19,6 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 
-__all__ = ["FinishedDesign", "run_design"]
-
 
 @dataclass(frozen=True, repr=False)
 class FinishedDesign(CardDisplay):

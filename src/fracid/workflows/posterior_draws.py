@@ -27,8 +27,6 @@ from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
 
-__all__ = ["FinishedPosterior", "run_posterior"]
-
 DRAWN = "draws.npz"
 
 PARTIAL = ("interrupted", "stopped as asked")

@@ -33,8 +33,6 @@ from fracid.tasks.simulation_cache import Memo
 from fracid.workflows.records import json_document, write_files
 from fracid.workflows.study import Finished
 
-__all__ = ["FinishedProfiles", "run_profiles"]
-
 
 @dataclass(frozen=True, repr=False)
 class FinishedProfiles(Finished):

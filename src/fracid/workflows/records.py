@@ -13,8 +13,6 @@ from fracid.errors import unwritable
 from fracid.safety.door import write_text
 from fracid.safety.text import csv_cell
 
-__all__ = ["command_of", "csv_text", "json_document", "write_files"]
-
 
 def json_document(record: Mapping[str, Any]) -> str:
     """Give a record as the text of a file, without NaN or infinity.

@@ -28,8 +28,6 @@ from fracid.tasks.job import one_blas_thread
 from fracid.validation.monte_carlo import SavedStudy
 from fracid.workflows.figures import Figures, of_plane, of_recordings, of_rig, of_search, saved
 
-__all__ = ["redraw"]
-
 FORMATS = ("pdf", "svg", "png")
 
 

@@ -22,8 +22,6 @@ from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files
 
-__all__ = ["REGRESSION", "FinishedRegression", "run_regression"]
-
 REGRESSION = "regression.json"
 
 

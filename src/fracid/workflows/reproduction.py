@@ -27,8 +27,6 @@ from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 if TYPE_CHECKING:
     pass
 
-__all__ = ["reproduce_run"]
-
 STUDIES = ("compare.json", "noise.json", "posterior.json")
 """What a study leaves, of which its command is done again."""
 

@@ -22,8 +22,6 @@ from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.records import json_document, write_files
 
-__all__ = ["FinishedResiduals", "run_residuals"]
-
 RESULT = "residuals.json"
 
 

@@ -30,16 +30,6 @@ from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.observer import Observer
 from fracid.workflows.fit import FinishedRun, run
 
-__all__ = [
-    "ADDRESS",
-    "ASKED",
-    "command_of_study",
-    "finished_result",
-    "resume_run",
-    "safe_words",
-    "state_of",
-]
-
 STUDIES = ("compare", "noise", "posterior")
 """The commands that are typed again."""
 

@@ -28,8 +28,6 @@ from fracid.tasks.observer import Observer
 from fracid.twins.twin import Twin
 from fracid.workflows.records import json_document, write_files
 
-__all__ = ["SimulatedRecording", "driven", "simulate_twin", "twin_of"]
-
 RELEASE = {"alpha": pi / 18}
 """Where a rig's pendulum is let go, if nothing else is said [rad]: the paper's 10°."""
 

@@ -21,8 +21,6 @@ from fracid.safety.door import bytes_of
 from fracid.tasks.journal import Journal
 from fracid.tasks.observer import Observer
 
-__all__ = ["Finished", "digest_of", "journal_of", "refuse_fit"]
-
 
 @dataclass(frozen=True, repr=False)
 class Finished(CardDisplay):

@@ -35,8 +35,6 @@ from fracid.models.written.tree import (
     mentioned,
 )
 
-__all__ = ["Equation", "Flat", "equations_of", "model_of", "symbol_of"]
-
 
 @dataclass(frozen=True)
 class Equation:

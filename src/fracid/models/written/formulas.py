@@ -21,8 +21,6 @@ from fracid.models.written.reading import FUNCTIONS, call, operation, truth
 from fracid.models.written.tree import Choice, Expression, Function, Number, Program
 from fracid.safety.text import printable
 
-__all__ = ["Formula", "FormulaError", "formula"]
-
 LONGEST = 2000
 """Characters of an equation."""
 

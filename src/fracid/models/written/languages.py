@@ -34,8 +34,6 @@ from fracid.models.written.tree import (
     parts,
 )
 
-__all__ = ["C", "JavaScript", "Matlab", "Python", "SingleC", "Writer"]
-
 PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
 """Function or operation → what stands for it where a language has none of the same meaning."""
 

@@ -43,8 +43,6 @@ from fracid.models.written.tree import (
 )
 from fracid.units import GREEK
 
-__all__ = ["Equality", "LaTeX", "MathML", "constants_of", "equalities", "symbol"]
-
 GUARD = 1e-9
 """The least that something is divided by: not written."""
 

@@ -46,9 +46,6 @@ from fracid.models.written.tree import (
     parts,
 )
 
-__all__ = ["FUNCTIONS", "Untranslatable", "call", "function_of", "operation", "read", "read_functions",
-           "read_output", "truth"]  # fmt: skip
-
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
              "exp", "expm1", "log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil", "trunc", "hypot",
              "copysign", "fmod", "erf", "erfc", "gamma", "lgamma")  # fmt: skip

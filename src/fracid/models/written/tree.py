@@ -11,9 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 
-__all__ = ["Assign", "Call", "Choice", "Entry", "Expression", "Function", "If", "Leave", "Loop", "Name", "Number",
-           "Operation", "Program", "Return", "Statement", "is_truth", "mentioned", "parts"]  # fmt: skip
-
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 LOGIC = ("and", "or", "not")
 

@@ -20,8 +20,6 @@ from fracid.errors import DataError, InputError
 from fracid.recording.readers.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
 from fracid.safety.text import ascii_short
 
-__all__ = ["Chosen", "choose", "name_and_unit", "stack"]
-
 Array = NDArray[np.generic]
 
 LISTED = 12

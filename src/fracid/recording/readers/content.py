@@ -20,21 +20,6 @@ from numpy.typing import NDArray
 from fracid.errors import DataError
 from fracid.safety.text import printable
 
-__all__ = [
-    "COMPLEX",
-    "EMPTY",
-    "LISTS",
-    "SPARSE",
-    "TEXT",
-    "Content",
-    "LeftOut",
-    "damaged",
-    "most_numbers",
-    "refuse_bomb",
-    "same_name",
-    "seconds",
-]
-
 FEW_NUMBERS = 2**22
 """Any file may unpack to so many."""
 

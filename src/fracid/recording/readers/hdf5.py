@@ -31,8 +31,6 @@ from fracid.recording.readers.content import (
 )
 from fracid.recording.readers.matlab import object_left_out
 
-__all__ = ["read_hdf5"]
-
 EXPANDS = 1032
 """Zeros packed by gzip, at the most."""
 

@@ -45,8 +45,6 @@ from fracid.recording.readers.content import (
 )
 from fracid.safety.door import opened
 
-__all__ = ["MATLAB_OBJECT", "is_hdf5", "read_mat"]
-
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Version 5's types of data that hold numbers."""
 

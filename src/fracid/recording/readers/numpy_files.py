@@ -17,8 +17,6 @@ from fracid.errors import DataError
 from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb, same_name
 from fracid.safety.door import opened
 
-__all__ = ["read_npy", "read_npz"]
-
 PICKLED = LeftOut("holds Python objects, which fracid does not open: that would run code; save arrays of numbers")
 
 HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}

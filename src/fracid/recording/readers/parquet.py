@@ -9,8 +9,6 @@ from typing import Any
 from fracid.errors import DataError, InputError
 from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb, same_name
 
-__all__ = ["read_parquet"]
-
 
 def read_parquet(path: Path) -> Content:
     """Read the columns of numbers and dates.

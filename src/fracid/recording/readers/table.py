@@ -39,8 +39,6 @@ from fracid.recording.readers.text import MOST_COLUMNS, read_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
 
-__all__ = ["READERS", "Table", "read_table"]
-
 LISTED = 20
 """Columns in a message, at most."""
 

@@ -35,8 +35,6 @@ from fracid.errors import DataError
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
 
-__all__ = ["DIALECTS", "Dialect", "TextTable", "parse_text", "read_text"]
-
 BLANK = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"})
 """The last four are how Windows writes NaN."""
 
