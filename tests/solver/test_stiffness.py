@@ -183,12 +183,13 @@ def test_an_explicit_scheme_of_low_order_says_how_many_samples_it_loses(method, 
 
 
 @pytest.mark.parametrize("method", ["pi2", "gl", "pi3"])
-@pytest.mark.parametrize(("rhs", "rate", "code"), [(explosion, 1.0, "blow-up"), (growth, 3.0, "runs-away")])
-def test_a_blow_up_in_finite_time_is_told_from_exponential_growth(method, rhs, rate, code):
+@pytest.mark.parametrize(("rhs", "rate"), [(explosion, 1.0), (growth, 3.0)])
+def test_a_blow_up_in_finite_time_is_told_from_exponential_growth(method, rhs, rate):
     ended = run(rhs, 0.9, [1.0], [rate], end=200.0, method=method)
     assert not ended.completed
+    code = "runs-away" if rhs is growth else "blow-up" if method == "gl" else "unsettled"
     assert ended.fault.code == code
-    assert "short enough" in ended.fault.sentence
+    assert ("if that ends at the same time" if code == "unsettled" else "short enough") in ended.fault.sentence
 
 
 def test_the_time_of_a_blow_up_is_that_of_the_equations():
@@ -211,7 +212,7 @@ def test_a_rig_at_orders_that_no_rig_has_blows_up_and_says_when(orders, alpha):
         ).fault
 
     coarse, fine = at(2e-3), at(1e-3)
-    assert coarse.code == fine.code == "blow-up"
+    assert coarse.code == fine.code == "unsettled"
     assert coarse.number == pytest.approx(fine.number, rel=0.01)  # not the step's doing
 
 
@@ -228,8 +229,8 @@ def test_the_steps_for_each_period_are_counted(steps):
 
 def test_a_division_by_zero_is_told_with_its_time():
     found = run(divided, initial=[1.0], step=1e-3, end=2.0).fault
-    assert found.code == "not-finite"
-    assert found.number == pytest.approx(0.5, abs=0.01)  # x² = 1 − 2t
+    assert found.code == "unsettled"
+    assert found.number == pytest.approx(0.5, abs=0.01)  # x² = 1 − 2t: no step leads to where it ends
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -69,17 +69,24 @@ from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ah
 from fracid.solver.loop_arguments import RUN
 from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, started
 
-COMPLETED, DIVERGED, NOT_FINITE, LEFT = 0, 1, 2, 3
+COMPLETED, DIVERGED, NOT_FINITE, LEFT, UNSETTLED = 0, 1, 2, 3, 4
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
 
-SLOW, SETTLED, SMALL, NEWTON = 0.25, 1e-9, 1e-3, 12
+SLOW, SETTLED, SMALL, NEWTON, SOLVED = 0.25, 1e-9, 1e-3, 12, 1e-12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
-and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations."""
+and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations, until it moves none by more than 10⁻¹² of that."""
+
+KEPT, WORN, UNSOLVED = 1, 0, -1
+"""Of Newton's matrix: it serves on, it is to be made anew; and that a step was not solved."""
+
+OPEN = 1e-3
+"""Of (10⁻³ + its size) a state may move by so much more where Newton's method ends: a kink keeps it from settling, and
+the check at half the step tells what that does."""
 
 PATIENCE = 4
 """Times 12 iterations that ``bdf2`` takes at most."""
 
-UNSETTLED = 0.05
+SLACK = 0.05
 """And where a relaxing state would move by more than this part of its size."""
 
 EARLY = 64
@@ -271,7 +278,7 @@ def _unsettled(relaxing, x, history, start):
     """Tell whether a relaxing state would still move by much of its own size, which its torque goes with."""
     for k in range(len(relaxing)):
         i = relaxing[k]
-        if abs(history[i] - x[i]) > UNSETTLED * max(abs(history[i]), abs(x[i]), abs(start[k, 0])):
+        if abs(history[i] - x[i]) > SLACK * max(abs(history[i]), abs(x[i]), abs(start[k, 0])):
             return True
     return False
 
@@ -285,34 +292,70 @@ def _keep_relaxing(relaxing, x, f, start):
         start[k, 0], start[k, 1], start[k, 2] = x[i], f[i] + a * x[i], a
 
 
+@inline
+def _correct(x, f, history, newest, W, trial, relaxing, start, h):
+    """Put W (known + g b_0 f − x), by which x is to move, into the right of W's last row; tell if it is finite."""
+    states, finite = len(x), True
+    _relax(relaxing, x, f, start, h, history)
+    for i in range(states):
+        trial[i] = history[i] + newest[i] * f[i] - x[i]
+    for i in range(states):
+        change = 0.0
+        for c in range(states):
+            change += W[i, states + c] * trial[c]
+        W[states, states + i] = change
+        finite = finite and abs(change) < math.inf
+    return finite
+
+
+@inline
+def _moves(W, x, side):
+    """Return the size of the correction that was taken, or of the next, by x before and after the one taken."""
+    states, size = len(x), 0.0
+    for i in range(states):
+        size = max(size, abs(W[states, side + i]) / (SMALL + abs(x[i]) + abs(W[states, i])))
+    return size
+
+
 @helper
-def _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h):
+def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
-    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was `reuse`; it is made anew where an iteration
-    moves x by more than a tenth of the one before.  After NEWTON iterations it takes what it has (a kink may keep it
-    from settling); the check at half the step tells.  Returns whether W is worth keeping.
+    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was KEPT, and in a last row the correction that x takes and
+    the one that the same W asks for next (Deuflhard's natural monotonicity).  Where that is below a tenth of the one
+    taken, W serves on; where it is below it, W is made anew; else x has gone too far, to where the curve turns or to
+    another root: it goes back, and on with a new W, or half as far.  Returns KEPT, WORN, of a W to make anew, or
+    UNSOLVED, where after NEWTON iterations x would still move by much: a little may be left open beside a kink.
     """
-    states, moved_before = len(x), math.inf
+    states, fresh, share = len(x), state != KEPT, 1.0
+    if fresh:
+        _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+    if not _correct(x, f, history, newest, W, trial, relaxing, start, h):
+        return UNSOLVED
     for _ in range(NEWTON):
-        if not reuse:
-            _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
-        _relax(relaxing, x, f, start, h, history)
         for i in range(states):
-            trial[i] = history[i] + newest[i] * f[i] - x[i]
-        move = 0.0
-        for i in range(states):
-            change = 0.0
-            for c in range(states):
-                change += W[i, states + c] * trial[c]
-            x[i] += change
-            move = max(move, abs(change) / (SMALL + abs(x[i])))
+            if share == 1.0:
+                W[states, i] = W[states, states + i]
+            x[i] += share * W[states, i]
         rhs(t, x, u, p, f)
-        if not move > 1e-12:
-            return np.isfinite(move)
-        reuse = move < 0.1 * moved_before
-        moved_before = move
-    return False
+        if not _moves(W, x, 0) > SOLVED:
+            return KEPT
+        finite = _correct(x, f, history, newest, W, trial, relaxing, start, h)
+        taken, following = _moves(W, x, 0), _moves(W, x, states)
+        if not finite or following >= taken:
+            for i in range(states):
+                x[i] -= share * W[states, i]
+            if fresh:
+                share *= 0.5
+                continue
+            rhs(t, x, u, p, f)
+            following = math.inf
+        fresh, share = following >= 0.1 * taken, 1.0
+        if fresh:
+            _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+            if not _correct(x, f, history, newest, W, trial, relaxing, start, h):
+                return UNSOLVED
+    return WORN if _moves(W, x, states if share == 1.0 else 0) < OPEN else UNSOLVED
 
 
 @helper
@@ -336,17 +379,17 @@ def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, st
     for c in range(n):
         for i in range(n):
             W[i, n + c] = i == c
-    gauss_jordan(W)
+    gauss_jordan(W[:n])
 
 
 @helper
-def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, reuse, trial, x0, relaxing, start, h):
-    """What few steps need, apart from the loop, where it would cost registers: returns whether Newton's W is kept."""
+def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, state, trial, x0, relaxing, start, h):
+    """What few steps need, apart from the loop, where it would cost registers: returns the state of Newton's W."""
     if newton:
-        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, relaxing, start, h)
+        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h)
     if joins:
         _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
-    return reuse
+    return state
 
 
 @helper
@@ -394,11 +437,7 @@ def step_pi2(rhs, run, starting, third, out):
     last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
     earlier, curve = np.zeros(states), 1.0 if third else 0.0
     jumps, jump, entered, share = len(after) > 0, np.zeros(states), np.zeros(states), _share_of_a_jump(run.orders)
-    W, trial, factors_valid = (
-        np.zeros((states, 2 * states)),
-        np.zeros(size),
-        states < 0,
-    )  # Newton's; False, but no literal
+    W, trial, state = np.zeros((states + 1, 2 * states)), np.zeros(size), min(WORN, states)  # Newton's; no literal
     mode = flush_denormals()
     rhs(t0, x, now, p, f)
     for i in range(states):
@@ -457,10 +496,8 @@ def step_pi2(rhs, run, starting, third, out):
         )
         joins = n == m > together
         if newton or joins:
-            factors_valid = _rare(
-                newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial, x0,
-                relaxing, relax_start, h,
-            )  # fmt: skip
+            state = _rare(newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, state, trial, x0,
+                          relaxing, relax_start, h)  # fmt: skip
         _keep_relaxing(relaxing, x, f, relax_start)
         if jumps:
             _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
@@ -468,6 +505,8 @@ def step_pi2(rhs, run, starting, third, out):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
+        if state == UNSOLVED and how == COMPLETED:
+            last, how = n - 1, UNSETTLED
         if how != COMPLETED:
             break
         if n == m + row * every:
@@ -493,17 +532,17 @@ def _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing):
         x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
     rhs(t, x, now, run.p, f)
     if len(past) == 1:
-        _settle(rhs, t, x, now, run.p, f, base, weight, W, False, trial, none, nothing)
+        _settle(rhs, t, x, now, run.p, f, base, weight, W, WORN, trial, none, nothing)
 
 
 @helper
-def _settle(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing):
+def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, none, nothing):
     """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
     for _ in range(PATIENCE):
-        reuse = _newton(rhs, t, x, u, p, f, history, newest, W, reuse, trial, none, nothing, 0.0)
-        if reuse:
+        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, none, nothing, 0.0)
+        if state == KEPT:
             break
-    return reuse
+    return state
 
 
 @when_called(_ENDED(RHS, RUN, types.int64, _matrix))
@@ -516,7 +555,7 @@ def step_bdf2(rhs, run, starting, out):
     (window, sums, ahead), head = nothing_yet(kernels, end), 1
     x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
     history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
-    W, trial = np.zeros((states, 2 * states)), np.zeros(states)
+    W, trial = np.zeros((states + 1, 2 * states)), np.zeros(states)
     none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
     mode = flush_denormals()
     for i in range(states):
@@ -529,7 +568,7 @@ def step_bdf2(rhs, run, starting, out):
         _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing)
     for i in range(states):
         window[i, 0], x[i] = f[i], past[0, i]
-    k, factors_valid = min(0, together), states < 0  # 0 and False, but no literals: see step_pi2
+    k, state = min(0, together), min(WORN, states)  # 0, but no literals: see step_pi2
     for n in range(1, end + 1):
         t, j = t0 + n * h, (n - 1) % BLOCK
         if j == 0:
@@ -546,14 +585,15 @@ def step_bdf2(rhs, run, starting, out):
             x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
         rhs(t, x, now, p, f)
         if n >= first_free:
-            factors_valid = _settle(rhs, t, x, now, p, f, history_part, newest, W, factors_valid, trial,
-                                    none, nothing)  # fmt: skip
+            state = _settle(rhs, t, x, now, p, f, history_part, newest, W, state, trial, none, nothing)
         if n == m > together:
             _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             enter(i, j, f[i], head, window, ahead, kernels)
+        if state == UNSOLVED and how == COMPLETED:
+            last, how = n - 1, UNSETTLED
         if how != COMPLETED:
             break
         if n == m + row * every:

@@ -61,7 +61,9 @@ class PaperSchemeWarning(UserWarning):
 LARGEST = float(np.finfo(np.float64).max)
 """No limit is larger, so that a state within it is a number."""
 
-_OUTCOMES = (Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.LEFT)  # by the loops' codes
+_OUTCOMES = (  # by the loops' codes
+    Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.LEFT, Outcome.UNSETTLED,
+)  # fmt: skip
 
 
 def solve_fde(

@@ -502,14 +502,17 @@ def _starting_weights(q, E, fit, rule):
 
 @helper
 def _solve_together(rhs, run, x, f, A, M, base):
-    """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles."""
+    """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles.
+
+    It does not where a step leads further than the last: that would be another root.
+    """
     slope, gain, u, h, t0, m = run.slope, run.gain, run.u, run.h, _first_time(run), len(run.past) - 1
     s, states = len(f) - 1, len(slope)
     now = u[0].copy()
     if not _spectral_radius(A) <= 1.0:
         return False
     size = s * states
-    W, residual = np.zeros((size, 2 * size)), np.zeros(size)
+    W, residual, move = np.zeros((size, 2 * size)), np.zeros(size), math.inf
     for n in range(1, s + 1):
         for i in range(states):
             row = (n - 1) * states + i
@@ -524,7 +527,7 @@ def _solve_together(rhs, run, x, f, A, M, base):
             for c in range(len(now) if len(u) > 1 else 0):
                 now[c] = u[n, c]
             rhs(t0 + n * h, x[n], now, run.p, f[n])
-        move = 0.0
+        moved_before, move = move, 0.0
         for n in range(m, s + 1):
             for i in range(states):
                 total = slope[i] * (n * h)
@@ -545,6 +548,8 @@ def _solve_together(rhs, run, x, f, A, M, base):
                     return False
         if move < 1e-14:
             return True
+        if move > max(moved_before, 1e-11):
+            return False
     return move < 1e-11
 
 

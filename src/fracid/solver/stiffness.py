@@ -40,7 +40,8 @@ as much with each sample; and no step helps, for :math:`h^q` hardly depends on h
 
 **How a run ended.**  Where a state runs away, \|J\|h *before* it did tells whose fault it is: beyond its scheme's
 limit the step's.  Otherwise the solution itself grows: in finite time, where the last decades of growth take less time
-than the first, a *blow-up*; else exponentially.
+than the first, a *blow-up*; else exponentially.  An implicit step has no solution over a pole: the run is *unsettled*,
+and so it is where the solution jumps within a step and Newton's method does not find it.
 
 References
 ----------
@@ -283,7 +284,8 @@ def fault_of(
     Returns
     -------
     Finding or None
-        ``blow-up``, ``runs-away``, ``stiff``, ``ringing``, ``coarse-steps``, ``low-order`` or ``not-finite``.
+        ``blow-up``, ``runs-away``, ``stiff``, ``unsettled``, ``ringing``, ``coarse-steps``, ``low-order`` or
+        ``not-finite``.
 
     Examples
     --------
@@ -302,12 +304,13 @@ def _fault(
     run: Trajectory, rhs: Callable[..., None], gain: FloatArray, inputs: FloatArray, parameters: FloatArray
 ) -> Finding | None:
     end, several = float(run.time[-1]), len(run.time) > 1
+    unsolved = run.outcome is Outcome.UNSETTLED
     away = several and not run.completed and _sizes(run)[-1] > 10 * USUAL
     if run.outcome is Outcome.NOT_FINITE and not away:
         return Finding("not-finite", "", end, math.inf, "s",
                        f"The right-hand side is not finite after t = {end:.4g} s: a division by zero, such as "
                        "det M = 0, or an overflow.")  # fmt: skip
-    if not several and run.outcome is not Outcome.DIVERGED:
+    if not several and run.completed:
         return None
     last = len(run.time) - 1
     if not run.completed:
@@ -320,11 +323,12 @@ def _fault(
     if beyond is not None:
         return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
-    if away or run.outcome is Outcome.DIVERGED:
+    if away or unsolved or run.outcome is Outcome.DIVERGED:
         largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
         if method and largest > method.sweeps:
             return _swept_away(run, largest)
-        return _runs_away(run, largest) if several else None
+        found = _runs_away(run, largest) if several and (away or not unsolved) else None
+        return _unsolved(run, end) if unsolved and (found is None or found.code == "blow-up") else found
     if method and method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
     if method and method.family == "pi" and (ringing := _rings(run, spectra)):
@@ -378,6 +382,17 @@ def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
         "stiff", "", beyond.size, beyond.limit, "|J|h",
         f'The step is too long for {run.method}: |J|h is {beyond.size:.3g}, and {why}. Type method = "{other}", or a '
         f"step of {run.step / beyond.parts:.2g} s.",
+    )  # fmt: skip
+
+
+def _unsolved(run: Trajectory, end: float) -> Finding:
+    """A step over a pole has no solution, and one over a jump may have one that is not found."""
+    stiff = "" if run.method == "bdf2" else 'method = "bdf2", or '
+    return Finding(
+        "unsettled", "", end, run.step, "s",
+        f"Newton's method does not solve the equation of the step after t = {end:.4g} s: the solution jumps, or leaves "
+        f"every bound. Type {stiff}a step of {run.step / 10:.2g} s; if that ends at the same time, check the orders "
+        "and the constants.",
     )  # fmt: skip
 
 
@@ -444,5 +459,5 @@ def _runs_away(run: Trajectory, largest: float) -> Finding:
                        "shorter one ends there too. Check the orders and the constants.")  # fmt: skip
     doubling = float(t[later] - t[first - 1]) / math.log2(10.0)
     return Finding("runs-away", "", doubling, math.inf, "s to double",
-                   f"The solution itself grows without end, twofold in {doubling:.2g} s, and passed the limit at t = "
+                   f"The solution itself grows without end, twofold in {doubling:.2g} s, and is beyond all use at t = "
                    f"{t[-1]:.4g} s. {step}. Is a friction negative, or gravity's sign wrong?")  # fmt: skip

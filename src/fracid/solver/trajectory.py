@@ -23,6 +23,7 @@ class Outcome(Enum):
     DIVERGED = "diverged: a state left the range of the limit"
     NOT_FINITE = "the right-hand side is not finite (a division by zero, such as det M = 0, or an overflow)"
     UNSTABLE = "unstable: the step is too long for the method, which amplifies decaying modes"
+    UNSETTLED = "unsettled: Newton's method does not solve the equation of a step"
     LEFT = "left its bounds: the last sample is the first one outside"
 
 
