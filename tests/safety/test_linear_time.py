@@ -1,6 +1,9 @@
 """What is read takes time as its length: twice the input, less than three times the time."""
 
 import gc
+import hashlib
+import json
+import shutil
 import time
 from pathlib import Path
 
@@ -15,8 +18,11 @@ from fracid.errors import FracidError
 from fracid.problem.project import project_from_text
 from fracid.recording import load_recording
 from fracid.recording.readers.text import parse_text
+from fracid.report import write_report
+from fracid.report.index import write_index
 from fracid.safety.json_files import json_of
 from fracid.safety.text import csv_cell, file_stems, printable
+from twins import write
 
 WAYS = {
     "rows of text": (lambda n: parse_text("t,alpha\n" + "0.1,0.2\n" * n), 5_000),
@@ -90,6 +96,41 @@ def test_twice_the_samples_of_a_binary_recording_take_less_than_three_times_the_
         time = 1e-3 * np.arange(k * n)
         write(tmp_path / f"{k}.{write.__name__}", time, 0.3 * np.cos(time) + 1e-3 * np.sin(1e5 * time**2))
     way = lambda k: load_recording(tmp_path / f"{k}.{write.__name__}")  # noqa: E731
+    assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
+
+
+def run_of(plain, folder, *, samples=200, recordings=1):
+    """The run of `plain` as if it had had so many recordings of so many samples."""
+    shutil.copytree(plain, folder)
+    head, table = (folder / "rig.toml").read_text().split("[[recording]]")
+    result = json.loads((folder / "run" / "result.json").read_text())
+    entry, hashes, time = result["recordings"].pop("swing"), {}, 1e-2 * np.arange(samples)
+    swing = 0.35 * np.exp(-0.3 * time) * np.cos(7 * time) + 1e-3 * np.random.default_rng(1).standard_normal(samples)
+    write(folder / "swing.csv", np.column_stack([0.1 * swing, swing]), 1e-2)
+    for name in (f"swing{k}" for k in range(recordings)):
+        shutil.copy(folder / "swing.csv", folder / f"{name}.csv")
+        head += f"[[recording]]{table.replace('swing', name)}"
+        hashes[name] = hashlib.sha256((folder / "swing.csv").read_bytes()).hexdigest()
+    result |= {"recordings": dict.fromkeys(hashes, entry), "data_sha256": hashes}
+    (folder / "run" / "result.json").write_text(json.dumps(result))
+    for path in (folder / "rig.toml", folder / "run" / "project.toml"):
+        path.write_text(head)
+    return folder / "run"
+
+
+def test_the_index_of_twice_the_runs_takes_less_than_three_times_the_time(plain, tmp_path):
+    n = 15
+    for k in range(3 * n):
+        shutil.copytree(plain / "run", tmp_path / f"{1 if k < n else 2}" / f"{k}")
+    way = lambda k: write_index(tmp_path / f"{k}")  # noqa: E731
+    assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize(("of", "n"), [("samples", 40_000), ("recordings", 20)])
+def test_the_page_of_twice_the_run_takes_less_than_three_times_the_time(of, n, plain, tmp_path):
+    runs = {k: run_of(plain, tmp_path / f"{k}", **{of: k * n}) for k in (1, 2)}
+    way = lambda k: write_report(runs[k])  # noqa: E731
     assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
 
 
