@@ -12,6 +12,7 @@ import fracid
 from fracid.errors import InputError
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
+from fracid.recording.loading import resampled
 from fracid.regression import regressor
 from fracid.solver.memory import memory_from_name
 from fracid.solver.operators import mittag_leffler
@@ -145,6 +146,50 @@ def test_labelled_arrays_are_arrays_like_any(problem):
     time, alpha = Labelled(e.time, ("time",)), Labelled(e.measured[:, 1], ("time",))
     np.testing.assert_array_equal(fracid.Recording.of("swing", time, {"alpha": alpha}).signals["alpha"], alpha)
     np.testing.assert_array_equal(fracid.derivative(alpha, 0.5, H), fracid.derivative(e.measured[:, 1], 0.5, H))
+
+
+class Quantity(Labelled):
+    """What pint's and astropy's are: numbers whose unit is gone once they are an array, and which equal no word."""
+
+    units = "degree"
+
+    def to(self, unit):
+        raise NotImplementedError
+
+    def __eq__(self, other):
+        raise TypeError
+
+    __hash__ = None
+
+
+TAKE = {
+    "a signal": lambda of: fracid.Recording.of("swing", H * np.arange(5), {"alpha": of}),
+    "what is measured": lambda of: Experiment("swing", H, of, np.zeros((1, 1))),
+    "a step": lambda of: Experiment("swing", of, np.zeros((5, 1)), np.zeros((1, 1))),
+    "a signal to derive": lambda of: fracid.derivative(of, 0.5, H),
+    "an order": lambda of: fracid.solve_fde(print, of, [1.0], step=H, end=1.0),
+    "initial values": lambda of: fracid.solve_fde(print, [0.5], of, step=H, end=1.0),
+    "the step of a run": lambda of: fracid.solve_fde(print, [0.5], [1.0], step=of, end=1.0),
+    "a value to find": lambda of: fracid.Free(of, 0.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("take", TAKE.values(), ids=TAKE)
+@pytest.mark.parametrize(
+    "what",
+    [Quantity(np.ones(5), ()), np.arange(5).astype("datetime64[ms]"), np.array(["1"] * 5)],
+    ids=["unit", "dates", "words"],
+)
+def test_what_is_more_than_numbers_is_refused_in_a_line_and_not_stripped_of_it(take, what):
+    with pytest.raises(InputError, match="number") as refused:
+        take(what)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_step_to_resample_at_that_equals_no_word_is_refused():
+    swing = fracid.Recording.of("swing", H * np.arange(5), {"alpha": np.arange(5.0)})
+    with pytest.raises(InputError, match="is not possible; expected true, a step"):
+        resampled(swing, Quantity(1.0, ()))
 
 
 def test_a_table_with_words_in_it_is_refused():

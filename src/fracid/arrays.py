@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,27 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 """For indices."""
+
+
+def real_array(values: Any) -> FloatArray:
+    """Real numbers of whatever package as floats.
+
+    Raises
+    ------
+    TypeError
+        If they are none: texts, dates, complex numbers, and quantities with a unit of their own, which would be lost.
+
+    Examples
+    --------
+    >>> real_array([1, 2])
+    array([1., 2.])
+    """
+    if hasattr(type(values), "to") and (hasattr(type(values), "units") or hasattr(type(values), "unit")):
+        raise TypeError("a quantity of pint or astropy: give its plain numbers")
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub" and not all(isinstance(value, Real) for value in array.flat):
+        raise TypeError("no plain real numbers")
+    return array.astype(np.float64, copy=False)
 
 
 def zeros_together(shapes: Sequence[tuple[int, ...]]) -> list[FloatArray]:

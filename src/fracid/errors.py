@@ -122,6 +122,18 @@ def unknown_name(what: str, name: object, names: Collection[str]) -> InputError:
     return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")
 
 
+def brief(value: object) -> str:
+    """How a message quotes what a caller gave: in one line, and not a whole table.
+
+    Examples
+    --------
+    >>> brief(list(range(1000)))
+    '[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16...'
+    """
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def is_number(value: object) -> bool:
     """A real number of Python or NumPy; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool)

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import SMALLEST, Failure, FailureReason, InputError
+from fracid.errors import SMALLEST, Failure, FailureReason, InputError, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
@@ -182,8 +182,8 @@ def identify(
     project: Project | None = None
     if not isinstance(problem, Problem):
         if not hasattr(problem, "problem"):
-            raise InputError(f"identify takes a project or a problem, and {problem!r} is none. For a project file type "
-                             'fracid.identify(fracid.load_project("rig.toml")).')  # fmt: skip
+            raise InputError(f"identify takes a project or a problem, and {brief(problem)} is none. For a project "
+                             'file type fracid.identify(fracid.load_project("rig.toml")).')  # fmt: skip
         if validation:
             raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem

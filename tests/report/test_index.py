@@ -67,6 +67,12 @@ def test_whatever_stands_in_place_of_a_file_of_a_strangers_runs_hangs_nothing_an
     assert (runs / name).with_name("thesis").read_text() == "mine"
 
 
+def test_a_run_whose_name_is_no_text_is_linked_by_its_bytes(runs):
+    (runs / NAMES[0]).rename(runs / os.fsdecode(b"x\xff"))
+    assert 'href="x%FF/report.html"' in write_index(runs).read_text(encoding="utf-8")
+    assert "../x%FF/report.html" in links(runs, NAMES[1])
+
+
 def test_a_run_that_is_a_link_to_elsewhere_is_not_written_through(runs, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "run"
     (runs / NAMES[0]).rename(elsewhere)

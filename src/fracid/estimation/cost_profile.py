@@ -44,7 +44,6 @@ References
 from __future__ import annotations
 
 import math
-import reprlib
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -56,7 +55,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
-from fracid.errors import InputError, at_least, unknown_name
+from fracid.errors import InputError, at_least, brief, unknown_name
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Style, draw
@@ -292,7 +291,7 @@ def profile(
         x = getattr(problem, "x", None) if x is None else x
         problem = problem.problem
     if x is not None and any(isinstance(value, str) for value in x):
-        raise InputError(f"x = {reprlib.repr(x)} are names; x is the minimum. Type parameters={[*map(str, x)]!r}.")
+        raise InputError(f"x = {brief(x)} are names; x is the minimum. Type parameters={[*map(str, x)]!r}.")
     at = _indices(problem, parameters)
     pair = None if joint is None else _pair(problem, joint)
     at_least("points", points, 4)

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, real_array
 from fracid.cards import CardDisplay
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, brief, unknown_name
 from fracid.models import Model
 from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
@@ -96,7 +96,7 @@ class Experiment(CardDisplay):
                 object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
         if not (isinstance(self.step, int | float) and 0.0 < self.step < math.inf):
             raise InputError(
-                f"{self.name}: step = {self.step!r} is not possible; expected a number of seconds above 0."
+                f"{self.name}: step = {brief(self.step)} is not possible; expected a number of seconds above 0."
             )
 
     @classmethod
@@ -297,9 +297,7 @@ class Experiment(CardDisplay):
 
 def _numbers(name: str, values: Any) -> FloatArray:
     try:
-        if np.asarray(values).dtype.kind not in "fiub":
-            raise TypeError
-        return np.asarray(values, dtype=np.float64)
+        return real_array(values)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no array of real numbers: of angles radians, shape (n_samples, n).") from None
 

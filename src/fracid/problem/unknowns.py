@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from fracid.errors import SMALLEST, InputError, refuse_beyond
+from fracid.errors import SMALLEST, InputError, brief, is_number, refuse_beyond
 
 InitialState = Literal["estimate", "rest", "measured", "held"]
 
@@ -64,6 +64,9 @@ class Free:
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""
+        for name in ("start", "lower", "upper"):
+            if not is_number(value := getattr(self, name)):
+                raise InputError(f"{name} = {brief(value)}: expected a number.")
         if not self.lower <= self.start <= self.upper or self.lower == self.upper:
             raise InputError(
                 f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import LARGEST, SMALLEST, DataError, InputError, refuse_beyond
+from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, refuse_beyond
 from fracid.signals.swing import tail
 
 UNITS: dict[str, tuple[float, str]] = {
@@ -232,7 +232,7 @@ def _is_column(value: Any) -> bool:
 
 def _require(condition: bool, field: str, value: Any, expected: str) -> None:
     if not condition:
-        raise InputError(f"{field} = {value!r} is not possible; expected {expected}.")
+        raise InputError(f"{field} = {brief(value)} is not possible; expected {expected}.")
 
 
 def measurable(raw: FloatArray, scale: float = 1.0) -> tuple[FloatArray, str]:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
 from fracid.recording.channel import measurable
 from fracid.recording.readers.table import Table
@@ -148,7 +148,7 @@ def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:
 
 def _from_rate(table: Table, rate: Any) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
     if not isinstance(rate, Real) or isinstance(rate, bool) or not 0 < float(rate) < np.inf:
-        raise InputError(f"rate = {rate!r} is not possible; expected samples a second, e.g. 1000.")
+        raise InputError(f"rate = {brief(rate)} is not possible; expected samples a second, e.g. 1000.")
     n, rate = len(table.values), float(rate)
     _refuse_no_clock(np.array([0.0, 1 / rate]), table)
     return np.arange(n) / rate, np.ones(n, dtype=bool), _Said(None, (), tuple(_other_rates(table, rate)))

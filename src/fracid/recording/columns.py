@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, InputError, brief
 from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.table import Table
@@ -39,7 +39,7 @@ def choose_channels(
     """Return the channels asked for, or all columns that vary, and what was guessed."""
     if columns is not None:
         if not isinstance(columns, Mapping) or not columns:
-            raise InputError(f"columns = {columns!r} names no signal; expected e.g. {{'alpha': 2}}.")
+            raise InputError(f"columns = {brief(columns)} names no signal; expected e.g. {{'alpha': 2}}.")
         return {name: Channel.of(spec, name) for name, spec in columns.items()}, []
     others = [j for j in range(len(table.names)) if j != time and (unevenness(table.values[:, j]) or 1) > 1e-12]
     blank = {j for j in others if np.isnan(table.values[rows, j]).all()}

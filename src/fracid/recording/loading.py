@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
 from fracid.recording.channel import COUNTING, Channel, header_unit, measurable
 from fracid.recording.clock import read_clock
@@ -87,8 +87,9 @@ def load_recording(
     array([0.175, 0.157, 0.122])
     """
     recording = inspect_recording(
-        path, columns, time=time, start=start, stop=stop, name=name, variable=variable, uneven=resample == "uneven"
-    )
+        path, columns, time=time, start=start, stop=stop, name=name, variable=variable,
+        uneven=isinstance(resample, str) and resample == "uneven",
+    )  # fmt: skip
     return resampled(recording.bridge_blanks(), resample)
 
 
@@ -110,10 +111,12 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     array([0. , 0.1, 0.2, 0.3])
     """
     demand_fitness(recording)
+    if not (isinstance(resample, Real | None) or (isinstance(resample, str) and resample in ("needed", "uneven"))):
+        raise InputError(
+            f'resample = {brief(resample)} is not possible; expected true, a step [s], "needed" or "uneven".'
+        )
     if resample in (None, False, "uneven") or (resample == "needed" and recording.step is not None):
         return recording
-    if not isinstance(resample, Real) and resample != "needed":
-        raise InputError(f'resample = {resample!r} is not possible; expected true, a step [s], "needed" or "uneven".')
     return recording.resample(None if resample in (True, "needed") else float(resample))
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, real_array
 from fracid.cards import Card, CardDisplay
-from fracid.errors import DataError, InputError
+from fracid.errors import DataError, InputError, brief
 from fracid.figures import Style, draw
 from fracid.recording.channel import UNITS
 from fracid.recording.measures import SignalReport
@@ -132,10 +132,10 @@ class Recording(CardDisplay):
     def _start(self, start: float | str | None) -> float:
         if start is None:
             return -np.inf
-        if start != "release":
-            if isinstance(start, str):
-                raise InputError(f'from = {start!r} is not possible; expected a time [s] or "release".')
+        if not isinstance(start, str):
             return _seconds("from", start)
+        if start != "release":
+            raise InputError(f'from = {start!r} is not possible; expected a time [s] or "release".')
         if self.report.release is None:
             raise DataError(f"{self.name}: no release found ({self.report.release_reason}). Give from as a time [s].")
         return self.report.release
@@ -334,18 +334,17 @@ def demand_fitness(recording: Recording) -> None:
 
 def _seconds(name: str, value: Any) -> float:
     if not isinstance(value, Real):
-        raise InputError(f"{name} = {value!r} is not possible; expected a time [s].")
+        raise InputError(f"{name} = {brief(value)} is not possible; expected a time [s].")
     return float(value)
 
 
 def _array(name: str, samples: Any) -> FloatArray:
     """Turn samples that a caller has into numbers, or say what is wrong; what is masked is missing."""
     try:
-        if np.asarray(samples).dtype.kind not in "fiub":
-            raise TypeError
-        return np.ma.filled(np.ma.asarray(samples, dtype=float), np.nan)
+        values = real_array(samples)
     except (TypeError, ValueError):
         raise InputError(f"{name} is no array of real numbers: of time seconds, of angles radians.") from None
+    return np.where(np.ma.getmaskarray(samples), np.nan, values) if np.ma.is_masked(samples) else values
 
 
 def read_only(array: FloatArray) -> FloatArray:

@@ -213,7 +213,12 @@ def _neighbour(arrow: str, which: str, run: RunOfIndex | None) -> str:
     if run is None or not (run.folder / PAGE).exists():
         return ""
     name = escape(printable(run.who.name))
-    return f'<li><a href="../{quote(run.folder.name)}/{PAGE}" title="{which}: {name}">{arrow}{name}</a></li>'
+    return f'<li><a href="../{_address(run)}" title="{which}: {name}">{arrow}{name}</a></li>'
+
+
+def _address(run: RunOfIndex) -> str:
+    """Of its page, from the index; a folder's name may be bytes that are no text."""
+    return f"{quote(os.fsencode(run.folder.name))}/{PAGE}"
 
 
 # --- the page ------------------------------------------------------------------------------------
@@ -225,7 +230,7 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
     cards = [
         {
             "name": run.who.name, "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
-            "href": f"{quote(run.folder.name)}/{PAGE}" if (run.folder / PAGE).exists() else "",
+            "href": _address(run) if (run.folder / PAGE).exists() else "",
             "orders": orders_drawn(run.result["orders"], axis), "warnings": run.result["warnings"],
             "against": list(against.values()),
             "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,

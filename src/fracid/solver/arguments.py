@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.arrays import FloatArray, real_array
+from fracid.errors import InputError, brief, unknown_name
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS
@@ -188,9 +188,8 @@ def check_initial_and_orders(
 
 def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[float, int]:
     """The step and how many of them; `exact` where samples are given, which fix it."""
-    for name, value in (("step", step), ("start", start), ("end", end)):
-        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu":
-            raise InputError(f"{name} = {value!r}: expected a number of seconds.")
+    step, start, end = (_number(name, value, "a number of seconds")
+                        for name, value in (("step", step), ("start", start), ("end", end)))  # fmt: skip
     if not (math.isfinite(step) and step > 0):
         raise InputError(f"step = {step!r}: the step must be a positive number of seconds.")
     if not math.isfinite(start):
@@ -204,7 +203,7 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
         )
     steps = max(1, round(duration / step))
     if abs(steps * step - duration) <= 1e-6 * step * max(1.0, 1e-6 * steps):
-        return float(step), steps
+        return step, steps
     if exact:
         below = max(1, math.floor(duration / step))
         raise InputError(f"end = {end:g} is not a whole number of steps of {step:g}, and inputs or history are sampled "
@@ -215,6 +214,16 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
     warnings.warn(f"end = {end:g} is not a whole number of steps of {step:g}; the step is shortened to "
                   f"{shortened:.12g}.", StepWarning, stacklevel=4)  # fmt: skip
     return shortened, steps
+
+
+def _number(name: str, value: Any, expected: str) -> float:
+    """A plain number, of an array without dimensions too."""
+    try:
+        if np.ndim(value) or isinstance(value, bool | np.bool_):
+            raise TypeError
+        return float(real_array(value))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {brief(value)}: expected {expected}.") from None
 
 
 def check_history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
@@ -235,9 +244,9 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
         return None
     refuse_masked("bounds", bounds)
     try:
-        box = np.array(bounds, dtype=np.float64)
+        box = real_array(bounds)
     except (TypeError, ValueError):
-        raise InputError(f"bounds = {bounds!r}: expected pairs of numbers (±inf for none).") from None
+        raise InputError(f"bounds = {brief(bounds)}: expected pairs of numbers (±inf for none).") from None
     if box.shape != (len(x0), 2) or np.any(np.isnan(box)):
         raise InputError(f"bounds has the shape {box.shape}; expected ({len(x0)}, 2), lowest and highest value of each "
                          "state (±inf for none).")  # fmt: skip
@@ -302,8 +311,8 @@ def check_options(arguments: Arguments, bounds: FloatArray | None) -> Options:
     method, corrections, every = arguments.method, arguments.corrections, arguments.every
     for name in ("tolerance", "limit"):
         value = getattr(arguments, name)
-        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu" or not value > 0:
-            raise InputError(f"{name} = {value!r}: expected a number above 0.")
+        if not _number(name, value, expected := "a number above 0") > 0:
+            raise InputError(f"{name} = {value!r}: expected {expected}.")
     if method not in METHODS:
         raise InputError(f"There is no method {method!r}; type one of {', '.join(METHODS)}.")
     if not (isinstance(corrections, int | np.integer) and corrections >= 1):

@@ -63,8 +63,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.arrays import FloatArray, real_array
+from fracid.errors import InputError, brief
 from fracid.solver.trajectory import refuse_masked
 
 ORDER_LIMIT = 10.0
@@ -271,12 +271,9 @@ def _number(name: str, value: Any) -> float:
 def _signal(signal: ArrayLike) -> FloatArray:
     refuse_masked("signal", signal)
     try:
-        values = np.asarray(signal)
-        if not np.can_cast(values.dtype, float, "same_kind"):
-            raise TypeError
-        values = values.astype(float)
+        values = real_array(signal)
     except (TypeError, ValueError):
-        raise InputError(f"signal is {_short(signal)}, expected real numbers, shape (n,) or (n, channels).") from None
+        raise InputError(f"signal is {brief(signal)}, expected real numbers, shape (n,) or (n, channels).") from None
     if values.ndim not in (1, 2) or values.size == 0:
         raise InputError(f"signal has shape {values.shape}, expected (n,) or (n, channels) with at least one sample.")
     bad = np.argwhere(~(np.abs(values) < SIGNAL_LIMIT))
@@ -297,13 +294,8 @@ def _points(z: ArrayLike) -> NDArray[Any]:
     except (TypeError, ValueError):
         finite = False
     if not finite:
-        raise InputError(f"z is {_short(z)}, expected finite real or complex numbers.")
+        raise InputError(f"z is {brief(z)}, expected finite real or complex numbers.")
     return points
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _refuse_overflow(weights: FloatArray, order: float) -> None:

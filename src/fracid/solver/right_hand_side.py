@@ -26,7 +26,7 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, brief
 from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
@@ -255,7 +255,7 @@ def _fault(how: str, name: str, value: Any) -> str:
 
 def _refuse_unfit(function: Any) -> None:
     if not isinstance(function, FunctionType):
-        raise InputError(f"The right-hand side must be a function, def rhs(t, x, u, p, out); got {function!r}.")
+        raise InputError(f"The right-hand side must be a function, def rhs(t, x, u, p, out); got {brief(function)}.")
     if reason := _unfit(function):
         raise InputError(f"The right-hand side {name_of(function)} {reason}.")
 

@@ -265,7 +265,7 @@ def _solve(
     x0, slope, q = check_initial_and_orders(arguments.initial, arguments.orders, states)
     past, inputs = check_history(arguments.history, x0), arguments.inputs
     samples = inputs.before if isinstance(inputs, Driven) else inputs
-    exact = arguments.history is not None or (samples is not None and len(np.atleast_1d(samples)) > 1)
+    exact = arguments.history is not None or (samples is not None and len(vector("inputs", samples)) > 1)
     h, steps = count_steps(arguments.step, arguments.start, arguments.end, exact)
     u, after = check_driven(inputs, arguments.between, len(past) + steps, n_inputs)
     p = vector("parameters", arguments.parameters)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -10,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, real_array
 from fracid.cards import Card, CardDisplay, listed
-from fracid.errors import InputError
+from fracid.errors import InputError, brief
 from fracid.findings import Finding
 
 
@@ -142,12 +141,9 @@ def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
     refuse_masked(name, values)
     try:
-        array = np.array(values, ndmin=1)
-        if np.iscomplexobj(array):
-            raise TypeError
-        numbers = array.astype(np.float64)
+        numbers = np.array(real_array(values), ndmin=1)
     except (TypeError, ValueError):
-        raise InputError(f"{name} = {reprlib.repr(values)}: expected numbers.") from None
+        raise InputError(f"{name} = {brief(values)}: expected numbers.") from None
     if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name} = {reprlib.repr(values)}: every value must be a finite number.")
+        raise InputError(f"{name} = {brief(values)}: every value must be a finite number.")
     return numbers
