@@ -70,6 +70,20 @@ def test_a_model_is_identified_from_a_force(outputs):
     assert fit.recordings["twin"].unit("force") == "N"
 
 
+def test_states_that_a_function_alone_shows_are_asked_for_where_it_does_not_begin_at_rest():
+    twin = problem(measured()[:, :1]).experiments[0]
+    free = {"stiffness": 40.0, "damping": Free(1.0, 0.0, 5.0)}
+    with pytest.raises(
+        InputError, match=r'force begins at 4.*where length and rate start.*initial = { "length" = { start = 0.0999,'
+    ):
+        Problem(SPRING, (replace(twin, initial={}),), {"q": 1.0}, free, outputs=("force",), substeps=4)
+    asked = {"length": Free(0.1, -0.3, 0.5), "rate": Free(0.0, -2.0, 2.0)}
+    fit = fracid.identify(
+        Problem(SPRING, (replace(twin, initial=asked),), {"q": 1.0}, free, outputs=("force",), substeps=4)
+    )
+    assert fit.recordings["twin"].rmse["force"] == pytest.approx(1e-3, rel=0.1)
+
+
 def test_an_output_sees_the_input_after_a_jump():
     p = problem(measured(noise=0.0)[:, :1])
     at_truth = p.fitted(np.array([40.0, 0.8]), p.experiments[0])

@@ -20,6 +20,9 @@ from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of, 
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
+ELSEWHERE, PROBE = 0.05, 1e-6
+"""An output that is off at the start by this part of its range begins elsewhere; and the step of a derivative."""
+
 MOST_STEPS = 10**8
 """Of a run: gigabytes, and a minute."""
 
@@ -176,6 +179,7 @@ def _check_experiments(p: Parametrisation) -> None:
             refuse_beyond(f"{e.name}: initial {name}", start_of(value))
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
+        _check_hidden_start(p, e)
 
 
 def _check_sensors(p: Parametrisation, e: Experiment) -> None:
@@ -208,6 +212,45 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
                 f"per_recording names {name!r}, but the {quantity} of {channel} is not free in {e.name}; type "
                 f"{quantity} = {{ start = ..., lower = ..., upper = ... }} there too."
             )
+
+
+def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
+    """States that functions of them alone show start at 0: not where an output begins elsewhere, and nothing helps."""
+    if p.initial_state != "estimate" or e.initial or e.past is not None:
+        return
+    start, states = p.unpack(p.start, e), p.model.states
+    free = [i for i, n in enumerate(p.model.parameter_names) if isinstance(p.parameters.get(n), Free)]
+    nudges = PROBE * np.eye(len(start.parameters))[free] * (PROBE + abs(start.parameters))
+    seen = [*(i for n, i in p.model.output_states.items() if n in p.outputs), *p.rates.values()]
+    for k, name in enumerate(p.outputs):
+        h = p.model.outputs[name]
+        if isinstance(h, int) or name in e.sensors:
+            continue
+        at_start = h(0.0, start.initial, e.inputs[0], start.parameters)
+        off, size = e.measured[0, k] - at_start, np.ptp(e.measured[:, k])
+        helped = any(h(0.0, start.initial, e.inputs[0], start.parameters + d) != at_start for d in nudges)
+        slopes = np.array(
+            [h(0.0, start.initial + d, e.inputs[0], start.parameters) for d in PROBE * np.eye(len(states))]
+        )
+        slopes = (slopes - at_start) / PROBE
+        slopes[seen] = 0.0
+        if helped or not slopes.any() or abs(off) <= ELSEWHERE * size:
+            continue
+        fastest = np.max(np.abs(np.diff(e.measured[:, k]))) / e.step
+        ranges = {
+            i: (off * slopes[i] / (slopes @ slopes), size / abs(slopes[i])) for i in np.flatnonzero(slopes).tolist()
+        }
+        ranges |= {
+            j: (0.0, fastest / abs(slopes[i])) for i, j in p.model.rates.items() if i in ranges and j not in ranges
+        }
+        typed = ", ".join(
+            f'"{states[i]}" = {{ start = {at:.3g}, lower = {at - reach:.3g}, upper = {at + reach:.3g} }}'
+            for i, (at, reach) in ranges.items()
+        )
+        raise InputError(
+            f"{e.name}: {name} begins at {e.measured[0, k]:.3g}, and the model's at {at_start:.3g}: no output tells alone "
+            f"where {' and '.join(states[i] for i in ranges)} start. Type initial = {{ {typed} }}"
+        )
 
 
 def _check_past(p: Parametrisation, e: Experiment) -> None:
