@@ -73,9 +73,8 @@ def test_a_model_is_identified_from_a_force(outputs):
 def test_states_that_a_function_alone_shows_are_asked_for_where_it_does_not_begin_at_rest():
     twin = problem(measured()[:, :1]).experiments[0]
     free = {"stiffness": 40.0, "damping": Free(1.0, 0.0, 5.0)}
-    with pytest.raises(
-        InputError, match=r'force begins at 4.*where length and rate start.*initial = { "length" = { start = 0.0999,'
-    ):
+    asks = r'force begins at 4.*where length and rate start.*initial = { "length" = { start = 0.0999,'
+    with pytest.raises(InputError, match=asks):
         Problem(SPRING, (replace(twin, initial={}),), {"q": 1.0}, free, outputs=("force",), substeps=4)
     asked = {"length": Free(0.1, -0.3, 0.5), "rate": Free(0.0, -2.0, 2.0)}
     fit = fracid.identify(

@@ -248,8 +248,8 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
             for i, (at, reach) in ranges.items()
         )
         raise InputError(
-            f"{e.name}: {name} begins at {e.measured[0, k]:.3g}, and the model's at {at_start:.3g}: no output tells alone "
-            f"where {' and '.join(states[i] for i in ranges)} start. Type initial = {{ {typed} }}"
+            f"{e.name}: {name} begins at {e.measured[0, k]:.3g}, and the model's at {at_start:.3g}: no output tells "
+            f"alone where {' and '.join(states[i] for i in ranges)} start. Type initial = {{ {typed} }}"
         )
 
 
