@@ -56,30 +56,29 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Output folder.")]
 
-Json = Annotated[bool, typer.Option("--json", help="JSON on standard output, all else on standard error.")]
+def option(
+    metavar: str, what: str, *spelled: str, complete: Callable[..., list[str]] | None = None, **limits: Any
+) -> Any:
+    """An option that takes a value; `complete` is what the shell proposes.
 
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Random seed.", show_default=True, min=0)]
+    Examples
+    --------
+    >>> option("HZ", "The rate.", min=1).metavar
+    'HZ'
+    """
+    return typer.Option(*spelled, metavar=metavar, help=what, autocompletion=complete, **limits)
 
-OtherSeed = Annotated[
-    int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the file's.", min=0)
-]
 
-Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786."),
-]
+def several(metavar: str, what: str, *spelled: str, **how: Any) -> Any:
+    """An option that may be given many times.
 
-RealFriction = Annotated[
-    bool, typer.Option("--friction", help="For a rig: add the friction identified from its real recordings.")
-]
-
-Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Maximum number of threads.", min=1)]
-
-Trust = Annotated[
-    bool, typer.Option("--trust", help="Run Python code that the project refers to (my_rig.py:model). Review it first.")
-]
+    Examples
+    --------
+    >>> several("NAME", "A sensor.").help
+    'A sensor; may be repeated.'
+    """
+    return option(metavar, f"{what.removesuffix('.')}; may be repeated.", *spelled, **how)
 
 
 def named(what: str, complete: Callable[..., list[str]], *spelled: str) -> Any:
@@ -91,7 +90,39 @@ def named(what: str, complete: Callable[..., list[str]], *spelled: str) -> Any:
     >>> named("The style.", key_of("presets"), "--style").metavar
     'NAME'
     """
-    return typer.Option(*spelled, metavar="NAME", help=what, autocompletion=complete)
+    return option("NAME", what, *spelled, complete=complete)
+
+
+def flag(spelled: str, what: str) -> Any:
+    """An option that is there or not.
+
+    Examples
+    --------
+    >>> flag("--json", "JSON on standard output.").help
+    'JSON on standard output.'
+    """
+    return typer.Option(spelled, help=what)
+
+
+Out = Annotated[Path | None, option("DIR", "Output folder.", "--out")]
+
+Json = Annotated[bool, flag("--json", "JSON on standard output, all else on standard error.")]
+
+Seed = Annotated[int, option("N", "Random seed.", "--seed", min=0)]
+
+OtherSeed = Annotated[int | None, option("N", "Random seed, instead of the file's.", "--seed", min=0)]
+
+Scheduler = Annotated[
+    str | None, option("ADDRESS", "Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786.")
+]
+
+RealFriction = Annotated[bool, flag("--friction", "For a rig: add the friction identified from its real recordings.")]
+
+Jobs = Annotated[int, option("N", "Maximum number of threads.", "--jobs", min=1)]
+
+Trust = Annotated[
+    bool, flag("--trust", "Run Python code that the project refers to (my_rig.py:model). Review it first.")
+]
 
 
 @quiet_when_closed()
@@ -319,9 +350,7 @@ def natural_width(console: Any, grid: Any) -> int:
 )
 def _program(
     ctx: typer.Context,
-    version: Annotated[
-        bool, typer.Option("--version", help="Print the version; with --json also those of the libraries.")
-    ] = False,
+    version: Annotated[bool, flag("--version", "Print the version; with --json also those of the libraries.")] = False,
     json_: Annotated[bool, typer.Option("--json", hidden=True)] = False,
 ) -> None:
     """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, say, say_next, typed
+from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, option, say, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -36,17 +36,17 @@ def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet")],
     column: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN[,FIELD=VALUE]",
-            help="A signal and its column, by position from 0 or by name. Fields: unit (rad deg turns "
+        option(
+            "NAME=COLUMN[,FIELD=VALUE]",
+            "A signal and its column, by position from 0 or by name. Fields: unit (rad deg turns "
             "counts rad/s deg/s V 'N m' 1), sign, scale, zero (a number in rad, or rest), "
             "counts_per_turn, unwrap, fill (hold).",
         ),
     ] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
-    start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
+    time: Annotated[str | None, option("COLUMN[,unit=ms]", "The time column.")] = None,
+    rate: Annotated[float | None, option("HZ", "Samples a second, without a time column.")] = None,
+    start: Annotated[str | None, option("S", "First time in s, or release.", "--from")] = None,
+    stop: Annotated[float | None, option("S", "Last time in s.", "--to")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     out: Out = None,
     seed: Seed = 0,
@@ -163,9 +163,9 @@ def _with_unit(text: str, unit: str | None) -> str:
 def _again(options: Mapping[str, Any]) -> list[str]:
     """The options that were given, as words."""
     words: list[str] = []
-    for option, value in options.items():
+    for name, value in options.items():
         for one in value if isinstance(value, list) else [] if value is None else [value]:
-            words += [option, f"{one:.15g}" if isinstance(one, float) else str(one)]
+            words += [name, f"{one:.15g}" if isinstance(one, float) else str(one)]
     return words
 
 

@@ -19,14 +19,17 @@ from fracid.cli.app import (
     Scheduler,
     Trust,
     app,
+    flag,
     named,
     natural_width,
     new_console,
     one_place,
+    option,
     print_claim,
     print_figures,
     say,
     say_next,
+    several,
     typed,
 )
 from fracid.cli.app import table as new_table
@@ -60,26 +63,16 @@ COMPARE_EXAMPLE = (
 @app.command(epilog="\n\n".join(COMPARE_EXAMPLE))
 def compare(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
-    leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Hold each recording out once, fit all others.")
-    ] = False,
+    leave_one_out: Annotated[bool, flag("--leave-one-out", "Hold each recording out once, fit all others.")] = False,
     amplitude: Annotated[
-        bool, typer.Option("--amplitude", help="Test whether orders drift with amplitude: friction in disguise.")
+        bool, flag("--amplitude", "Test whether orders drift with amplitude: friction in disguise.")
     ] = False,
     evidence: Annotated[
-        bool, typer.Option("--evidence", help="Add the posterior odds of each structure, with its bounds as priors.")
+        bool, flag("--evidence", "Add the posterior odds of each structure, with its bounds as priors.")
     ] = False,
-    multi_start: Annotated[
-        int | None, typer.Option("--multi-start", metavar="N", help="Number of starts of each fit.", min=1)
-    ] = None,
-    keep: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A friction parameter to leave as it is in the file; may be repeated."),
-    ] = None,
-    rungs: Annotated[
-        list[str] | None,
-        typer.Option("--rung", metavar="NAME", help="A friction model to include, or all; may be repeated."),
-    ] = None,
+    multi_start: Annotated[int | None, option("N", "Number of starts of each fit.", "--multi-start", min=1)] = None,
+    keep: Annotated[list[str] | None, several("NAME", "A friction parameter to leave as it is in the file.")] = None,
+    rungs: Annotated[list[str] | None, several("NAME", "A friction model to include, or all.", "--rung")] = None,
     preset: Annotated[str | None, named("paper: use the cost and the outputs of the paper.", key_of("presets"))] = None,
     executor: Annotated[str, named("threads or processes.", key_of("executors"))] = "threads",
     scheduler: Scheduler = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, new_console, open_page, say_next, typed
+from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, flag, new_console, open_page, option, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.tasks.display import shown
 from fracid.workflows.drawer import drawer, importing
@@ -39,14 +39,10 @@ STORY = (
 def demo(
     open_: Annotated[
         bool | None,
-        typer.Option(
-            "--open/--no-open", help="Open the reports in the browser \\[default: on a terminal with a display]."
-        ),
+        flag("--open/--no-open", "Open the reports in the browser \\[default: on a terminal with a display]."),
     ] = None,
     out: Out = None,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Random seed, instead of the projects'.", min=0)
-    ] = None,
+    seed: Annotated[int | None, option("N", "Random seed, instead of the projects'.", "--seed", min=0)] = None,
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid.cli.app import app, named, new_console, say_next, typed
+from fracid.cli.app import app, flag, named, new_console, option, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, ZEROS, key_of, one_of
 from fracid.errors import InputError
@@ -29,21 +29,17 @@ def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording.")],
     column: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=COLUMN[,FIELD=VALUE]",
-            help="As for fracid check; alpha, theta, voltage.",
-            autocompletion=one_of(*COLUMNS),
-        ),
+        option("NAME=COLUMN[,FIELD=VALUE]", "As for fracid check; alpha, theta, voltage.", complete=one_of(*COLUMNS)),
     ] = None,
-    time: Annotated[str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="The time column.")] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="Samples a second, without a time column.")] = None,
+    time: Annotated[str | None, option("COLUMN[,unit=ms]", "The time column.")] = None,
+    rate: Annotated[float | None, option("HZ", "Samples a second, without a time column.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     model: Annotated[str | None, named("The model, as fracid models lists it.", key_of("models"))] = None,
     zero: Annotated[str | None, named("Of a cart-pole or a pendulum: hanging or upright.", one_of(*ZEROS))] = None,
     rig: Annotated[str | None, named("Whose constants to begin with.", key_of("rigs"))] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The project file.")] = None,
+    out: Annotated[Path | None, option("FILE", "The project file.", "--out")] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Annotated[bool, flag("--force", "Overwrite existing files.")] = False,
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, say, say_next
+from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, option, say, say_next
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
 
@@ -27,18 +27,11 @@ EXPORT_EXAMPLE = (
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     to: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FORMAT",
-            help="{formats}; may be repeated \\[default: all].",
-            autocompletion=key_of("formats"),
-        ),
+        list[str] | None, option("FORMAT", "{formats}; may be repeated \\[default: all].", complete=key_of("formats"))
     ] = None,
     steps: Annotated[
         int | None,
-        typer.Option(
-            metavar="N", min=1, help="Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C]."
-        ),
+        option("N", "Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C].", min=1),
     ] = None,
     precision: Annotated[
         Literal["double", "single"], typer.Option(help="Numbers of the C function: doubles, or floats.")

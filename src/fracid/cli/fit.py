@@ -23,10 +23,12 @@ from fracid.cli.app import (
     Trust,
     app,
     echo_json,
+    flag,
     named,
     natural_width,
     new_console,
     one_place,
+    option,
     print_claim,
     print_figures,
     say,
@@ -71,15 +73,14 @@ def fit(
         str | None, named("Optimiser: {optimisers}, instead of the file's.", key_of("optimisers"))
     ] = None,
     multi_start: Annotated[
-        int | None,
-        typer.Option("--multi-start", metavar="N", help="Number of starts: yours, regression, Sobol points.", min=1),
+        int | None, option("N", "Number of starts: yours, regression, Sobol points.", "--multi-start", min=1)
     ] = None,
     executor: Annotated[str | None, named("Run each start in its own process: processes.", key_of("executors"))] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Run on a Dask cluster: its scheduler, tcp://HOST:8786.")
+        str | None, option("ADDRESS", "Run on a Dask cluster: its scheduler, tcp://HOST:8786.")
     ] = None,
     cut: Annotated[
-        bool, typer.Option("--cut", help="Check how far the orders move with where the record begins: more searches.")
+        bool, flag("--cut", "Check how far the orders move with where the record begins: more searches.")
     ] = False,
     trust: Trust = False,
     out: Out = None,

@@ -21,6 +21,7 @@ from fracid.cli.app import (
     named,
     new_console,
     one_place,
+    option,
     print_figures,
     say,
     say_next,
@@ -52,13 +53,9 @@ NOISE_EXAMPLE = (
 @app.command(epilog="\n\n".join(NOISE_EXAMPLE))
 def noise(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
-    levels: Annotated[
-        str, typer.Option(metavar="DEG,DEG", help="Standard deviations of the noise, in degrees.")
-    ] = "0.05,0.1,0.2",
-    counts: Annotated[
-        str, typer.Option(metavar="N,N", help="Encoder counts per turn; 0 for no quantisation.")
-    ] = "4096,20000",
-    seeds: Annotated[int, typer.Option(metavar="N", help="Repetitions for each noise level and encoder.", min=1)] = 50,
+    levels: Annotated[str, option("DEG,DEG", "Standard deviations of the noise, in degrees.")] = "0.05,0.1,0.2",
+    counts: Annotated[str, option("N,N", "Encoder counts per turn; 0 for no quantisation.")] = "4096,20000",
+    seeds: Annotated[int, option("N", "Repetitions for each noise level and encoder.", min=1)] = 50,
     cost: Annotated[str | None, named("Cost function, instead of the project's: {costs}.", key_of("costs"))] = None,
     optimiser: Annotated[
         str | None, named("Optimiser, instead of the run's: {optimisers}.", key_of("optimisers"))
@@ -70,7 +67,7 @@ def noise(
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Maximum number of processes.", min=1)] = CORES,
+    jobs: Annotated[int, option("N", "Maximum number of processes.", "--jobs", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
     """Refit simulated noisy data many times: bias, spread, coverage.

@@ -20,7 +20,9 @@ from fracid.cli.app import (
     echo_json,
     named,
     new_console,
+    option,
     say_next,
+    several,
     typed,
 )
 from fracid.cli.app import table as new_table
@@ -55,39 +57,29 @@ def design(
     ],
     of: Annotated[
         str | None,
-        typer.Option(
+        option(
+            "NAME,NAME",
+            "Parameters whose intervals to narrow \\[default: all].",
             "--for",
-            metavar="NAME,NAME",
-            help="Parameters whose intervals to narrow \\[default: all].",
-            autocompletion=from_run("orders", "parameters"),
+            complete=from_run("orders", "parameters"),
         ),
     ] = None,
-    experiments: Annotated[int, typer.Option(metavar="N", help="Number of experiments.", min=1, max=1000)] = 3,
+    experiments: Annotated[int, option("N", "Number of experiments.", min=1, max=1000)] = 3,
     release: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEG,DEG", help="Release angles; two are a range, 0 is none \\[default: 5,150 for a pendulum]."
-        ),
+        str | None, option("DEG,DEG", "Release angles; two are a range, 0 is none \\[default: 5,150 for a pendulum].")
     ] = None,
-    seconds: Annotated[str, typer.Option(metavar="S,S", help="Durations to choose from, in s.")] = "20",
-    rate: Annotated[str, typer.Option(metavar="HZ,HZ", help="Sample rates to choose from.")] = "500",
-    arm: Annotated[str, typer.Option(metavar="NAME,NAME", help="The arm: free, clamped, or both.")] = "free",
+    seconds: Annotated[str, option("S,S", "Durations to choose from, in s.")] = "20",
+    rate: Annotated[str, option("HZ,HZ", "Sample rates to choose from.")] = "500",
+    arm: Annotated[str, option("NAME,NAME", "The arm: free, clamped, or both.")] = "free",
     voltage: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND,A,B,PEAK", help="multisine or chirp from A to B Hz, pulses of A to B s; may be repeated."
-        ),
+        list[str] | None, several("KIND,A,B,PEAK", "multisine or chirp from A to B Hz, pulses of A to B s.")
     ] = None,
     limit: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE", help="Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s; may be repeated."
-        ),
+        list[str] | None, several("NAME=VALUE", "Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s.")
     ] = None,
-    sensors: Annotated[str | None, typer.Option(metavar="NAME,NAME", help="Recorded outputs \\[default: all].")] = None,
+    sensors: Annotated[str | None, option("NAME,NAME", "Recorded outputs \\[default: all].")] = None,
     counts: Annotated[
-        float | None,
-        typer.Option(metavar="N", help="Encoder counts per turn \\[default: those of the recordings].", min=0),
+        float | None, option("N", "Encoder counts per turn \\[default: those of the recordings].", min=0)
     ] = None,
     criterion: Annotated[
         str | None, named("D, A, Ds (with --for) or T (with --against).", one_of("D", "A", "Ds", "T"))
@@ -95,18 +87,10 @@ def design(
     against: Annotated[
         str | None, named("integer: discriminate the orders from integer-order models.", one_of("integer"))
     ] = None,
-    order: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a rig: an order, mu=0.95; may be repeated.")
-    ] = None,
+    order: Annotated[list[str] | None, several("NAME=VALUE", "For a rig: an order, mu=0.95.")] = None,
     friction: RealFriction = False,
     robust: Annotated[
-        int,
-        typer.Option(
-            metavar="N",
-            help="Average over N parameter draws from the intervals; 0 for the fitted values.",
-            min=0,
-            max=1000,
-        ),
+        int, option("N", "Average over N parameter draws from the intervals; 0 for the fitted values.", min=0, max=1000)
     ] = 0,
     trust: Trust = False,
     out: Out = None,

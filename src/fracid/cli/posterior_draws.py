@@ -21,6 +21,7 @@ from fracid.cli.app import (
     natural_width,
     new_console,
     one_place,
+    option,
     say,
     say_next,
     typed,
@@ -55,17 +56,13 @@ def posterior(
             one_of("laplace", "nested", "dynesty"),
         ),
     ] = "laplace",
-    draws: Annotated[
-        int, typer.Option(metavar="N", help="Simulations of laplace; effective draws of nested sampling.", min=100)
-    ] = 2000,
+    draws: Annotated[int, option("N", "Simulations of laplace; effective draws of nested sampling.", min=100)] = 2000,
     executor: Annotated[str | None, named("threads or processes, for the method laplace.", key_of("executors"))] = None,
     scheduler: Scheduler = None,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
-    jobs: Annotated[
-        int, typer.Option("--jobs", metavar="N", help="Maximum number of threads or processes.", min=1)
-    ] = CORES,
+    jobs: Annotated[int, option("N", "Maximum number of threads or processes.", "--jobs", min=1)] = CORES,
     json_: Json = False,
 ) -> None:
     """Draw the free parameters from their posterior.

@@ -18,6 +18,7 @@ from fracid.cli.app import (
     echo_json,
     named,
     new_console,
+    option,
     print_figures,
     say,
     say_next,
@@ -51,12 +52,8 @@ def profile(
         list[str] | None,
         named("A free parameter; may be repeated \\[default: the free orders].", from_run("orders", "parameters")),
     ] = None,
-    joint: Annotated[
-        str | None, typer.Option(metavar="NAME,NAME", help="Two free parameters, also profiled together.")
-    ] = None,
-    points: Annotated[
-        int, typer.Option(metavar="N", help="Points across each interval, approximately; 4 or more.")
-    ] = 12,
+    joint: Annotated[str | None, option("NAME,NAME", "Two free parameters, also profiled together.")] = None,
+    points: Annotated[int, option("N", "Points across each interval, approximately; 4 or more.")] = 12,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,

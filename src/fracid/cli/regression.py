@@ -9,7 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, Trust, app, each_once, echo_json, named, new_console, say_next, typed
+from fracid.cli.app import (
+    Jobs,
+    Json,
+    Out,
+    Seed,
+    Trust,
+    app,
+    each_once,
+    echo_json,
+    flag,
+    named,
+    new_console,
+    option,
+    say_next,
+    several,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import ZEROS, key_of, one_of
@@ -47,37 +63,23 @@ REGRESS_EXAMPLE = (
 @app.command(epilog="\n\n".join(REGRESS_EXAMPLE))
 def regress(
     source: Annotated[Path, typer.Argument(metavar="PROJECT|RECORDING", help="A project, .toml, or a recording.")],
-    known: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A known constant in SI units; may be repeated.")
-    ] = None,
-    order: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=VALUE", help="A known order; the other orders are searched.")
-    ] = None,
-    term: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="A constant to estimate, instead of the free ones; may be repeated."),
-    ] = None,
+    known: Annotated[list[str] | None, several("NAME=VALUE", "A known constant in SI units.")] = None,
+    order: Annotated[list[str] | None, option("NAME=VALUE", "A known order; the other orders are searched.")] = None,
+    term: Annotated[list[str] | None, several("NAME", "A constant to estimate, instead of the free ones.")] = None,
     estimator: Annotated[
         Estimator, typer.Option(help="Instrumental variables, total least squares, robust or ordinary regression.")
     ] = Estimator.iv,
     cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Cut-off of the low-pass filter \\[default: from the spectrum].")
+        float | None, option("HZ", "Cut-off of the low-pass filter \\[default: from the spectrum].")
     ] = None,
-    each: Annotated[
-        bool, typer.Option("--each", help="Estimate from each recording alone, not from all together.")
-    ] = False,
-    start: Annotated[str | None, typer.Option("--from", metavar="S", help="First time in s, or release.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", metavar="S", help="Last time in s.")] = None,
+    each: Annotated[bool, flag("--each", "Estimate from each recording alone, not from all together.")] = False,
+    start: Annotated[str | None, option("S", "First time in s, or release.", "--from")] = None,
+    stop: Annotated[float | None, option("S", "Last time in s.", "--to")] = None,
     column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=COLUMN[,FIELD=VALUE]", help="For a recording: a column, as in fracid check."),
+        list[str] | None, option("NAME=COLUMN[,FIELD=VALUE]", "For a recording: a column, as in fracid check.")
     ] = None,
-    time: Annotated[
-        str | None, typer.Option(metavar="COLUMN[,unit=ms]", help="For a recording: its time column.")
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="For a recording without a time column: its sample rate.")
-    ] = None,
+    time: Annotated[str | None, option("COLUMN[,unit=ms]", "For a recording: its time column.")] = None,
+    rate: Annotated[float | None, option("HZ", "For a recording without a time column: its sample rate.")] = None,
     variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
     rig: Annotated[
         str | None, named("For a recording: the rig whose constants are used for those not estimated.", key_of("rigs"))

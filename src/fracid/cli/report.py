@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Trust, app, new_console, open_page, say_next, typed
+from fracid.cli.app import CORES, Jobs, Trust, app, flag, new_console, open_page, option, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
@@ -24,10 +24,8 @@ REPORT_EXAMPLE = (
 @app.command(epilog="\n\n".join(REPORT_EXAMPLE))
 def report(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a folder of runs.")],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Output file \\[default: report.html in the folder].")
-    ] = None,
-    open_: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    out: Annotated[Path | None, option("FILE", "Output file \\[default: report.html in the folder].", "--out")] = None,
+    open_: Annotated[bool, flag("--open", "Open the page in the browser.")] = False,
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:

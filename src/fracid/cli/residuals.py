@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, named, new_console, print_figures, say, say_next, typed
+from fracid.cli.app import (
+    Json,
+    Out,
+    Trust,
+    app,
+    echo_json,
+    named,
+    new_console,
+    option,
+    print_figures,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
@@ -37,8 +50,7 @@ def resid(
         list[str] | None, named("A recording; may be repeated \\[default: all].", from_run("recordings"))
     ] = None,
     output: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="An output, theta or alpha; may be repeated \\[default: all]."),
+        list[str] | None, option("NAME", "An output, theta or alpha; may be repeated \\[default: all].")
     ] = None,
     trust: Trust = False,
     out: Out = None,

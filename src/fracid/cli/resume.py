@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json, named
+from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json, named, option
 from fracid.cli.completion import key_of
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
@@ -35,10 +35,7 @@ def resume(
         str | None, named("For noise and compare: threads or processes, instead of the run's.", key_of("executors"))
     ] = None,
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="For noise and compare: the address of a Dask scheduler, tcp://HOST:8786."
-        ),
+        str | None, option("ADDRESS", "For noise and compare: the address of a Dask scheduler, tcp://HOST:8786.")
     ] = None,
     trust: Trust = False,
     jobs: Jobs = CORES,

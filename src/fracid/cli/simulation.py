@@ -20,9 +20,12 @@ from fracid.cli.app import (
     app,
     each_once,
     echo_json,
+    flag,
     named,
     new_console,
+    option,
     say_next,
+    several,
     typed,
 )
 from fracid.cli.app import table as new_table
@@ -74,62 +77,44 @@ def simulate(
             show_default=False,
         ),
     ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="A model that fracid models lists.", autocompletion=key_of("models")),
-    ] = None,
+    model: Annotated[str | None, option("NAME", "A model that fracid models lists.", complete=key_of("models"))] = None,
     order: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="An order, lambda=0.86; may be repeated. A rig's are 1 by default."),
+        list[str] | None, option("NAME=VALUE", "An order, lambda=0.86; may be repeated. A rig's are 1 by default.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="A parameter in SI units, b_alpha=2e-4; may be repeated."),
-    ] = None,
-    initial: Annotated[
-        list[str] | None,
-        typer.Option(metavar="STATE=VALUE", help="An initial state with its unit, alpha=10deg; may be repeated."),
-    ] = None,
-    end: Annotated[
-        str | None, typer.Option(metavar="S", help="Last time in s; a rig's is 20 by default, else the recording's.")
-    ] = None,
-    step: Annotated[str | None, typer.Option(metavar="S", help="Time between samples, 1e-3 or 2ms.")] = None,
-    substeps: Annotated[int | None, typer.Option(metavar="N", help="Solver steps per sample.", min=1, max=1000)] = None,
+    set_: Annotated[list[str] | None, several("NAME=VALUE", "A parameter in SI units, b_alpha=2e-4.", "--set")] = None,
+    initial: Annotated[list[str] | None, several("STATE=VALUE", "An initial state with its unit, alpha=10deg.")] = None,
+    end: Annotated[str | None, option("S", "Last time in s; a rig's is 20 by default, else the recording's.")] = None,
+    step: Annotated[str | None, option("S", "Time between samples, 1e-3 or 2ms.")] = None,
+    substeps: Annotated[int | None, option("N", "Solver steps per sample.", min=1, max=1000)] = None,
     hold: Annotated[
-        str | None,
-        typer.Option(metavar="S", help="Time at rest before the release; fracid check finds the release by it."),
+        str | None, option("S", "Time at rest before the release; fracid check finds the release by it.")
     ] = None,
     method: Annotated[str | None, named("Method of the solver: {methods}.", key_of("methods"))] = None,
     input_: Annotated[
         str | None,
-        typer.Option(
+        option(
+            "FILE[,FIELD=VALUE]...",
+            "A recording of the input that drives the rig; its column, if ambiguous.",
             "--input",
-            metavar="FILE[,FIELD=VALUE]...",
-            help="A recording of the input that drives the rig; its column, if ambiguous.",
         ),
     ] = None,
     noise: Annotated[
-        list[str] | None,
-        typer.Option(metavar="[NAME=]VALUE", help="Standard deviation of the noise, 0.05deg, of all angles or of one."),
+        list[str] | None, option("[NAME=]VALUE", "Standard deviation of the noise, 0.05deg, of all angles or of one.")
     ] = None,
-    counts: Annotated[
-        int, typer.Option(metavar="N", help="Encoder counts per turn; 0 for no quantisation.", min=0)
-    ] = 0,
+    counts: Annotated[int, option("N", "Encoder counts per turn; 0 for no quantisation.", min=0)] = 0,
     friction: RealFriction = False,
     zero: Annotated[str | None, named("For a rig: alpha = 0 hanging or upright.", one_of(*ZEROS))] = None,
     recording: Annotated[
         str | None, named("The recording of the project or run to simulate.", from_run("recordings"))
     ] = None,
-    states: Annotated[bool, typer.Option("--states", help="Write all states, also the fractional rates.")] = False,
+    states: Annotated[bool, flag("--states", "Write all states, also the fractional rates.")] = False,
     to: Annotated[
-        Path | None,
-        typer.Option("--to", metavar="FILE", help="Write one file, .csv, .mat or .npz, and no figure or folder."),
+        Path | None, option("FILE", "Write one file, .csv, .mat or .npz, and no figure or folder.", "--to")
     ] = None,
     truth: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the true values to this .json file and none into the recording."),
+        Path | None, option("FILE", "Write the true values to this .json file and none into the recording.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Annotated[bool, flag("--force", "Overwrite existing files.")] = False,
     trust: Trust = False,
     out: Out = None,
     seed: Seed = 1,
