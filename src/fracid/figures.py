@@ -108,7 +108,7 @@ def draw(kind: str, *result: Any, **options: Any) -> Figure:
     Parameters
     ----------
     kind : str
-        A key of ``fracid.plots.FIGURES``.
+        The name of a function of :mod:`fracid.plots`.
     *result, **options
         What that function takes.
 
@@ -118,5 +118,5 @@ def draw(kind: str, *result: Any, **options: Any) -> Figure:
     >>> draw("rig_drawing", fracid.rotary_pendulum()).axes[0].get_aspect()
     1.0
     """
-    figure: Figure = import_module(PLOTS).FIGURES[kind](*result, **options)
+    figure: Figure = getattr(import_module(PLOTS), kind)(*result, **options)
     return figure

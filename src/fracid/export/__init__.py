@@ -31,8 +31,6 @@ from fracid.safety.door import write_text
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
 
-__all__ = ["FORMATS", "Export", "export_run"]
-
 HOURS = 10_000_000
 """Steps that the memory of the C function holds where nothing is said: 2.8 h of 1 ms."""
 

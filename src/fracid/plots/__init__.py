@@ -54,7 +54,6 @@ from fracid.plots.unknown_past import cut_shifts
 from fracid.plots.writing import save
 
 __all__ = [
-    "FIGURES",
     "amplitudes",
     "cost_plane",
     "cut_shifts",
@@ -74,24 +73,3 @@ __all__ = [
     "save",
     "waterfall",
 ]
-
-FIGURES = {
-    "amplitudes": amplitudes,
-    "cost_plane": cost_plane,
-    "cut_shifts": cut_shifts,
-    "design_landscape": design_landscape,
-    "expected_curves": expected_curves,
-    "fitted_over_time": fitted_over_time,
-    "ladder": ladder,
-    "linear_response": linear_response,
-    "noise_levels": noise_levels,
-    "posterior_corner": posterior_corner,
-    "posterior_predictive": posterior_predictive,
-    "profiles": profiles,
-    "recording_overview": recording_overview,
-    "residual_diagnostics": residual_diagnostics,
-    "residual_plots": residual_plots,
-    "rig_drawing": rig_drawing,
-    "waterfall": waterfall,
-}
-"""By name, as :func:`fracid.figures.draw` looks them up."""

@@ -36,8 +36,6 @@ from fracid.models.written.equations import Equation, model_of, symbol_of
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 
-__all__ = ["MODEL", "from_library", "inputs_of", "table_of"]
-
 _FOLDER = resources.files(__name__)
 
 
