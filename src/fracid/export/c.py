@@ -26,7 +26,7 @@ from fracid.export.whole import words_of, written
 from fracid.models.written.languages import C
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
-from fracid.solver.schemes import UNSETTLED
+from fracid.solver.schemes import OPEN, SLACK
 
 STATE_PI = """\
     double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
@@ -124,7 +124,7 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
         "tables": _tables(tables, case, gl), "rhs": HERE, "precision": SINGLE if single else "In double precision.",
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
-        "sweeps": 0 if exported.newton else 1, "always": int(third), "unsettled": repr(UNSETTLED),
+        "sweeps": 0 if exported.newton else 1, "always": int(third), "slack": repr(SLACK), "open": repr(OPEN),
         "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
 

@@ -22,7 +22,7 @@ from fracid.export.whole import not_written, words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
-from fracid.solver.schemes import UNSETTLED
+from fracid.solver.schemes import OPEN, SLACK
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -89,7 +89,8 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
         predictor="in a parabola" if third else "in a straight line",
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
-        sweeps="0" if exported.newton else "1", always="true" if third else "false", unsettled=repr(UNSETTLED),
+        sweeps="0" if exported.newton else "1", always="true" if third else "false", slack=repr(SLACK),
+        open=repr(OPEN),
         origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
         rhs=written(model, "matlab", words_of(template)),
         time_scale="p.time_scale" if "time_scale" in model.parameter_names else "1",

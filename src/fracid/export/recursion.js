@@ -479,14 +479,15 @@ const Fracid = (() => {
     out.completed = true;
   }
 
-  const SLOW = 0.25, SETTLED = 1e-9, SMALL = 1e-3, NEWTON = 12, EARLY = 64, UNSETTLED = 0.05;
+  const SLOW = 0.25, SETTLED = 1e-9, SMALL = 1e-3, NEWTON = 12, EARLY = 64, SLACK = 0.05, OPEN = 1e-3;
 
   function stepPi(f, run, out) {
     const S = run.orders.length, { inputs, jumps, width, gain, relaxing, limit, step: h } = run, corrections = run.newton ? 0 : 1;
     const { together, begun, knots, C } = startTogether(f, run), free = together + 1;
     const x = run.initial.slice(), d = new Float64Array(2 * S), before = new Float64Array(S), last = new Float64Array(S);
     const known = new Float64Array(S), scale = new Float64Array(S), newest = new Float64Array(S), trial = new Float64Array(2 * S);
-    const jump = new Float64Array(S), rest = relaxing.map(() => new Float64Array(4)), b = new Float64Array(S);
+    const jump = new Float64Array(S), rest = relaxing.map(() => new Float64Array(4));
+    const taken = new Float64Array(S), next = new Float64Array(S);
     const share = Array.from(run.orders, q => q - (pow(2, q + 1) - 2) / 3);
     const u = inputs.slice(0, width);
     let W = null, pivots = null, piece = 0;
@@ -526,28 +527,51 @@ const Fracid = (() => {
       pivots = factor(W);
     }
 
+    function correction() {                              // by which x is to move, into next
+      relax(d);
+      for (let i = 0; i < S; i++) next[i] = known[i] + newest[i] * d[i] - x[i];
+      substitute(W, pivots, next);
+      return finite(next, S);
+    }
+
+    function sizeOf(move) {
+      let size = 0;
+      for (let i = 0; i < S; i++) size = max(size, abs(move[i]) / (SMALL + abs(x[i]) + abs(taken[i])));
+      return size;
+    }
+
     let keep = false;
-    function newton() {
-      let moved = Infinity;
-      for (let iteration = 0; iteration < NEWTON; iteration++) {
-        if (!keep) invert();
-        relax(d);
-        for (let i = 0; i < S; i++) b[i] = known[i] + newest[i] * d[i] - x[i];
-        substitute(W, pivots, b);
-        let move = 0;
-        for (let i = 0; i < S; i++) {
-          x[i] += b[i];
-          move = max(move, abs(b[i]) / (SMALL + abs(x[i])));
-        }
-        f(x, u, d);
-        if (!(move > 1e-12)) {
-          keep = Number.isFinite(move);
-          return;
-        }
-        keep = move < 0.1 * moved;
-        moved = move;
-      }
+    function newton() {                                  // false where x would still move by much in the end
+      let fresh = !keep, part = 1;
       keep = false;
+      if (fresh) invert();
+      if (!correction()) return false;
+      for (let iteration = 0; iteration < NEWTON; iteration++) {
+        if (part === 1) taken.set(next);
+        for (let i = 0; i < S; i++) x[i] += part * taken[i];
+        f(x, u, d);
+        const moved = sizeOf(taken);
+        if (!(moved > 1e-12)) {
+          keep = true;
+          return true;
+        }
+        let following = correction() ? sizeOf(next) : Infinity;
+        if (following >= moved) {                        // too far: back, and on with a new W, or half as far
+          for (let i = 0; i < S; i++) x[i] -= part * taken[i];
+          if (fresh) {
+            part /= 2;
+            continue;
+          }
+          f(x, u, d);
+          following = Infinity;
+        }
+        fresh = following >= 0.1 * moved;
+        part = 1;
+        if (!fresh) continue;
+        invert();
+        if (!correction()) return false;
+      }
+      return sizeOf(part === 1 ? next : taken) < OPEN;
     }
 
     function slow() {
@@ -562,7 +586,7 @@ const Fracid = (() => {
     function unsettled() {
       for (let k = 0; k < relaxing.length; k++) {
         const i = relaxing[k];
-        if (abs(known[i] - x[i]) > UNSETTLED * max(abs(known[i]), abs(x[i]), abs(rest[k][0]))) return true;
+        if (abs(known[i] - x[i]) > SLACK * max(abs(known[i]), abs(x[i]), abs(rest[k][0]))) return true;
       }
       return false;
     }
@@ -605,7 +629,7 @@ const Fracid = (() => {
       }
       f(x, u, d);
       if (relaxing.length) relax(d);
-      if (n >= free && (corrections === 0 || slow())) newton();
+      if (n >= free && (corrections === 0 || slow()) && !newton()) return;
       if (relaxing.length) keepRelaxing();
       for (let i = 0; i < S; i++) {
         if (!(abs(x[i]) <= limit) || !Number.isFinite(d[i])) return;
