@@ -8,6 +8,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.runs.saved import load_run
+from fracid.validation.discretisation import Discretisation, _helps
 from program import fit_in
 from twins import write_release
 
@@ -93,3 +94,10 @@ def test_a_quiet_step_is_left_alone_to_the_last_bit(tmp_path):
     assert free.problem.substeps == 1
     assert np.array_equal(free.x, fixed.x)
     assert free.discretisation == fixed.discretisation
+
+
+@pytest.mark.parametrize("orders", [{}, {"mu": 0.9}])
+def test_half_a_step_helps_where_values_move_by_less_whether_an_order_is_free_or_not(orders):
+    coarse, finer, alike = (Discretisation(1.0, 1.0, 1.0, orders, orders, largest) for largest in (0.4, 0.1, 0.39))
+    assert _helps("pi2", coarse, finer)
+    assert not _helps("pi2", coarse, alike)

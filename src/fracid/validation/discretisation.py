@@ -113,7 +113,10 @@ def discretisation_check(
         return Discretisation(*costs, {}, {}, warning=f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
-    return _judged(problem, x, known, costs, _minimum_beside(problem, x, second, jobs, near))
+    finer = _minimum_beside(problem, x, second, jobs, near)
+    if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
+        finer = x + finer - _minimum_beside(problem, x, problem, jobs, near)
+    return _judged(problem, x, known, costs, finer)
 
 
 def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None) -> FloatArray:
@@ -145,7 +148,7 @@ def _corrected_check(
 def _judged(
     problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float], finer: FloatArray
 ) -> Discretisation:
-    """How far the orders move to the minimum at half the step, and what that means."""
+    """How far the orders move from x to the minimum at half the step, and what that means."""
     at = {problem.unknowns[i].target: i for i in problem.order_indices}
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
@@ -248,8 +251,8 @@ def _costs_differ(method: str, check: Discretisation) -> bool:
 
 def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
     """Whether a half step makes smaller what the check of the coarse one complains of."""
-    if not coarse.orders and not _costs_differ(method, coarse):
-        return True  # its run at half the step failed
+    if not math.isfinite(coarse.cost_second_order):
+        return True
     before, after = (
         abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else check.largest
         for check in (coarse, finer)
@@ -261,7 +264,7 @@ def _complaint(problem: Problem, check: Discretisation) -> str:
     """What the check had to say, in few words."""
     if _costs_differ(problem.method, check):
         return f"half the step changes the cost from {check.cost:.3g} to {check.cost_half_step:.3g}"
-    if not check.orders and not check.largest:
+    if not math.isfinite(check.cost_second_order):
         return "the run at half the step fails"
     return f"half the step moves a value by {check.largest:.2g} times its CI half-width"
 
