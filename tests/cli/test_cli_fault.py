@@ -47,6 +47,13 @@ def test_a_fault_of_fracid_itself_is_one_line_that_says_what_to_send(error, brok
     assert "Please send the maintainers this line" in err
 
 
+def test_a_name_that_no_disk_can_have_is_the_callers_mistake(capsys, tmp_path):
+    (tmp_path / "swing.csv").write_text("t,alpha\n" + "".join(f"{k / 100},{0.3 - k / 1000}\n" for k in range(99)))
+    code, out, err = run(capsys, "init", tmp_path / "swing.csv", "--yes", "--out", tmp_path / f"{'x' * 255}.toml")
+    assert (code, out) == (2, "")
+    assert err == f"error: {tmp_path}/{'x' * 255}.toml: File name too long. Give another path.\n"
+
+
 def test_the_environment_asks_for_the_traceback(broken, capsys, monkeypatch):
     broken(ZeroDivisionError("division by zero"))
     monkeypatch.setenv("FRACID_TRACEBACK", "1")

@@ -232,6 +232,13 @@ def test_a_damaged_binary_file_is_told_so(tmp_path, ending):
         read_table(file)
 
 
+def test_a_mat_file_of_a_terabyte_of_nothing_is_refused_unread(tmp_path):
+    with (tmp_path / "huge.mat").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(DataError, match="is damaged or is no MATLAB file"):
+        load_recording(tmp_path / "huge.mat")
+
+
 def test_a_mat_file_cut_short_is_told_so(tmp_path):
     file = tmp_path / "run.mat"
     scipy.io.savemat(file, {"data": _matrix("rows")})

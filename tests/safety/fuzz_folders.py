@@ -31,6 +31,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.plots import writing
+from fracid.safety.text import printable
 from fuzz import _fault_of
 from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, _where, judge_imports, limited, made
 
@@ -151,7 +152,7 @@ def judge(number: int, scratch: Path, good: Path | None = None) -> str:
         return f"! {words}: warning: {heard[0].message}"
     if code not in (0, 1, 2, 3):
         return f"! {words}: exit code {code}: {err[-300:]}"
-    if code == 2 and (fault := _fault_of(told[-1].replace(words[1], "FOLDER") if told else "")):
+    if code == 2 and (fault := _fault_of(told[-1].replace(printable(words[1]), "FOLDER") if told else "")):
         return f"! {words}: {fault}"
     if any(c in out + err for c in "\x1b\x07\u202e\x00"):
         return f"! {words}: prints what commands a terminal"

@@ -116,6 +116,11 @@ def test_what_is_written_whole_replaces_a_link_and_leaves_what_it_leads_to(tmp_p
     assert sorted(path.name for path in tmp_path.iterdir()) == ["note", "thesis"]
 
 
+def test_a_name_of_any_bytes_is_written_out_in_a_text(tmp_path):
+    door.write_text(tmp_path / "note", f"of {os.fsdecode(bytes([255]))} and λ")
+    assert (tmp_path / "note").read_text() == "of \\udcff and λ"
+
+
 def test_no_more_is_read_than_a_file_of_its_kind_has(tmp_path):
     with (tmp_path / "huge").open("wb") as file:
         file.truncate(1 << 40)

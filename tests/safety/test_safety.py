@@ -4,6 +4,7 @@ import ast
 import csv
 import io
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -317,6 +318,15 @@ def test_a_message_does_not_command_the_terminal_whatever_the_file_is_called(cap
     assert code == 2
     assert "\\x1b[31mrig\\u202e.toml" in err
     assert "\x1b" not in err
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("words", [("simulate",), ("design", "--out"), ("posterior",)], ids=lambda words: words[0])
+def test_a_run_whose_name_is_bytes_and_no_text_is_as_good_as_any(capsys, plain, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    run_folder = shutil.copytree(plain / "run", os.fsdecode(b"\xff"))
+    code, _, err = run(capsys, words[0], run_folder, *words[1:], *(["sheet"] if words[1:] else []))
+    assert (code, err.isascii()) == (0, True)
 
 
 # --- dependencies ------------------------------------------------------------------------------------

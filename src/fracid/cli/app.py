@@ -165,6 +165,9 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
+        if isinstance(error, OSError) and error.filename is not None:  # a disk's, or of a name that it cannot have
+            sys.stderr.write(f"error: {printable(f'{error.filename}: {error.strerror}. Give another path.')}\n")
+            raise SystemExit(InputError.exit_code) from None
         sys.stderr.write(f"error: {_last_resort(error)}\n")
         raise SystemExit(FAULT) from None
 

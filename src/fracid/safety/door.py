@@ -175,7 +175,9 @@ def nowhere() -> TextIO:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text whole or not at all; see :func:`write_whole`.
+    r"""Write a text whole or not at all; see :func:`write_whole`.
+
+    What is no text in it, as of a file's name of any bytes, is written out: ``\udcff``.
 
     Raises
     ------
@@ -190,7 +192,7 @@ def write_text(path: Path, text: str) -> None:
     >>> [path.name for path in folder.iterdir()]
     ['note.txt']
     """
-    write_whole(path, text.encode())
+    write_whole(path, text.encode(errors="backslashreplace"))
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -22,6 +22,7 @@ from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import load_run
 from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
 from fracid.tasks.observer import Observer
@@ -264,10 +265,10 @@ def _record(
     parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
     initial = dict(zip(model.states, model.state_vector(twin.initial).tolist(), strict=True))
     return {
-        "simulated": True, "source": source, "model": model.name, "zero": model.zero, "orders": dict(twin.orders),
-        "parameters": parameters, "initial": initial, "step": twin.step, "substeps": twin.substeps, "end": twin.end,
-        "hold": twin.hold, "method": run.method, "memory": run.memory, "driven": bool(twin.inputs),
-        "noise": dict(noise), "counts": counts, "seed": seed, "outcome": run.outcome.value,
+        "simulated": True, "source": printable(source), "model": model.name, "zero": model.zero,
+        "orders": dict(twin.orders), "parameters": parameters, "initial": initial, "step": twin.step,
+        "substeps": twin.substeps, "end": twin.end, "hold": twin.hold, "method": run.method, "memory": run.memory,
+        "driven": bool(twin.inputs), "noise": dict(noise), "counts": counts, "seed": seed, "outcome": run.outcome.value,
     }  # fmt: skip
 
 

@@ -27,6 +27,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,12 +96,14 @@ def read_mat(path: Path) -> Content:
     DataError
         It is damaged, no MATLAB file, or would unpack to more numbers than a recording has.
     """
-    with opened(path) as file:
-        raw = file.read()
     try:
-        if len(raw) >= 128 and raw[126:128] in (b"IM", b"MI") and 0 not in raw[:4]:
-            return _version5(raw, path)
-        return _version4(raw)
+        with opened(path) as file:
+            head = file.read(128)
+            is_new = head[126:] in (b"IM", b"MI") and 0 not in head[:4]
+            if head and not is_new:
+                _old_header(head, 0)  # before gigabytes of anything are read
+            raw = head + file.read()
+        return _version5(raw, path) if is_new else _version4(raw)
     except _Damaged as error:
         raise damaged(path, "MATLAB file", error) from None
     except zlib.error as error:
@@ -294,8 +297,8 @@ def _version4(raw: bytes) -> Content:
     return variables
 
 
-def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut, int]:
-    """Return name and value of the matrix that begins there, and where the next begins."""
+def _old_header(raw: bytes, at: int) -> tuple[np.dtype[Any], int, int, int, int, int]:
+    """Return what kind of number a matrix has, of what kind it is, its rows and columns, and the length of its name."""
     if at + 20 > len(raw):
         raise _Damaged("it ends in the middle of a header")
     for order in "<>":
@@ -308,7 +311,12 @@ def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut
         raise _Damaged("no MATLAB header")
     if min(rows, columns) < 0 or is_complex not in (0, 1) or not 0 < length <= 4096:
         raise _Damaged(f"a matrix of {rows}×{columns}")
-    dtype = np.dtype(order + OLD_NUMBERS[number])
+    return np.dtype(order + OLD_NUMBERS[number]), full, rows, columns, is_complex, length
+
+
+def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut, int]:
+    """Return name and value of the matrix that begins there, and where the next begins."""
+    dtype, full, rows, columns, is_complex, length = _old_header(raw, at)
     start = at + 20 + length
     end = start + rows * columns * dtype.itemsize * (1 + is_complex)
     if end > len(raw):
