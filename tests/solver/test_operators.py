@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import rgamma
 
 from fracid.errors import InputError
-from fracid.solver.operators import derivative, gl_weights, gl_weights_order_derivative, mittag_leffler
+from fracid.solver.operators import derivative, gl_weights, mittag_leffler
 
 KINDS = ["caputo", "gl", "rl"]
 SPLINE_KINDS = ["caputo", "rl"]
@@ -77,32 +77,6 @@ def test_weights_of_two_orders_convolve_to_those_of_their_sum(a, b):
     np.testing.assert_allclose(product, gl_weights(a + b, 60), atol=1e-12 * np.abs(product).max())
 
 
-@pytest.mark.parametrize("order", [-1.0, -0.5, 0.0, 1e-7, 0.5, 0.9146, 1 - 1e-7, 1.0, 1.3, 2.0, 2.5, 3.0])
-def test_the_slope_of_the_weights_is_that_of_mpmath_also_at_integer_orders(order):
-    slopes = gl_weights_order_derivative(order, 2001)
-    for k in [1, 2, 3, 4, 5, 17, 100, 2000]:
-        with mpmath.workdps(60):
-            exact = (-1) ** k * mpmath.diff(lambda q, k=k: mpmath.binomial(q, k), mpmath.mpf(order))
-        assert slopes[k] == pytest.approx(float(exact), rel=1e-11, abs=1e-15), k
-    assert slopes[0] == 0
-
-
-@given(order=st.one_of(st.sampled_from([-1.0, 0.0, 1.0, 2.0]), st.floats(-2, 2.5)))
-def test_the_slope_of_the_weights_is_the_limit_of_their_difference(order):
-    bump = 1e-5
-    difference = (gl_weights(order + bump, 500) - gl_weights(order - bump, 500)) / (2 * bump)
-    slopes = gl_weights_order_derivative(order, 500)
-    np.testing.assert_allclose(slopes, difference, rtol=1e-5, atol=1e-8 * np.abs(slopes).max())
-
-
-@pytest.mark.parametrize("order", [0.0, 1.0, 2.0])
-def test_the_slope_is_continuous_through_an_integer_order(order):
-    at = gl_weights_order_derivative(order, 10**5)
-    for nearby in (math.nextafter(order, -9), math.nextafter(order, 9)):
-        np.testing.assert_allclose(gl_weights_order_derivative(nearby, 10**5), at, rtol=1e-11, atol=1e-15)
-
-
-@pytest.mark.parametrize("function", [gl_weights, gl_weights_order_derivative])
 @pytest.mark.parametrize(
     ("order", "count", "message"),
     [
@@ -115,14 +89,13 @@ def test_the_slope_is_continuous_through_an_integer_order(order):
         (-1e6, 100_000, "order -1000000.0 makes 100000 weights overflow"),
     ],
 )
-def test_weights_say_what_is_wrong_with_their_arguments(function, order, count, message):
+def test_weights_say_what_is_wrong_with_their_arguments(order, count, message):
     with pytest.raises(InputError, match=message):
-        function(order, count)
+        gl_weights(order, count)
 
 
-def test_one_weight_is_one_and_its_slope_zero():
+def test_one_weight_is_one():
     np.testing.assert_array_equal(gl_weights(0.7, 1), [1.0])
-    np.testing.assert_array_equal(gl_weights_order_derivative(0.7, 1), [0.0])
 
 
 # Exactness.

@@ -23,6 +23,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -213,9 +214,17 @@ def echo_json(value: Any) -> None:
     typer.echo(json_text(value))
 
 
-def typed(*words: object) -> str:
-    """A command as one types it, ``fracid fit 'my rig.toml'``."""
-    return shlex.join(["fracid", *map(str, words)])
+def answer(json_: bool, result: Any, show: Callable[[Any], None]) -> None:
+    """Print what a command found: a record for programs, or what `show` prints on a console."""
+    if json_:
+        echo_json(result)
+    else:
+        show(new_console())
+
+
+def typed(*words: object, trust: bool = False) -> str:
+    """A command as one types it, ``fracid fit 'my rig.toml'``; with the trust that it needs."""
+    return shlex.join(["fracid", *map(str, words), *["--trust"] * trust])
 
 
 def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -235,6 +244,29 @@ def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
         if name in values:
             raise InputError(f"{option} says {name} twice, {values[name]} and {value}; say it once.")
         values[name] = value
+    return values
+
+
+def numbers(option: str, text: str, example: str = "5,150", *, least: float = -inf) -> tuple[float, ...]:
+    """Parse the numbers of a list with commas.
+
+    Raises
+    ------
+    InputError
+        If they are none, not finite, or below `least`.
+
+    Examples
+    --------
+    >>> numbers("--rate", "200,500")
+    (200.0, 500.0)
+    """
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or not all(isfinite(v) and v >= least for v in values):
+        what = "with commas" if least == -inf else f"from {least:g} on"
+        raise InputError(f"{option} {text!r} is not possible; expected numbers {what}: {option} {example}.")
     return values
 
 

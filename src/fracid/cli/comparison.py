@@ -106,7 +106,7 @@ def compare(
         console = new_console()
         _show(finished, console)
         why = "after writing the best structure into its file: residuals, intervals, report"
-        say_next(console, (typed("fit", project, *["--trust"] * trust), why))
+        say_next(console, (typed("fit", project, trust=trust), why))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)
 

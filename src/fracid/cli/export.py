@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, app, echo_json, new_console, option, say, say_next
+from fracid.cli.app import Json, Out, Trust, answer, app, option, say, say_next
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from fracid.export import Export
 
 EXPORT_EXAMPLE = (
@@ -65,16 +68,13 @@ def export(
         bundle = export_run(
             load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision
         )
-    if json_:
-        echo_json({"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)})
-    else:
-        _show(bundle)
+    record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
+    answer(json_, record, partial(_show, bundle))
 
 
-def _show(bundle: Export) -> None:
+def _show(bundle: Export, console: Console) -> None:
     from rich.markup import escape
 
-    console = new_console()
     for note in bundle.notes:
         say(console, escape(note))
     for path in bundle.files:

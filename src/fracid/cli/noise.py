@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from math import degrees, isfinite, pi, radians
+from functools import partial
+from math import degrees, pi, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,10 +17,10 @@ from fracid.cli.app import (
     Scheduler,
     Seed,
     Trust,
+    answer,
     app,
-    echo_json,
     named,
-    new_console,
+    numbers,
     one_place,
     option,
     print_figures,
@@ -78,40 +79,19 @@ def noise(
     figure.  After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of the model reaches
     the end of the recording.
     """
-    grid = [radians(v) for v in _numbers("--levels", levels)], [_step(v) for v in _numbers("--counts", counts)]
+    degrees = numbers("--levels", levels, "0.05,0.1,0.2", least=0.0)
+    steps = [_step(v) for v in numbers("--counts", counts, "4096,20000", least=0.0)]
     from fracid.workflows.monte_carlo import run_noise_study
 
     with shown(events=json_) as observer:
         finished = run_noise_study(
-            source, levels=grid[0], resolutions=grid[1], seeds=seeds, cost=cost, optimiser=optimiser,
+            source, levels=[*map(radians, degrees)], resolutions=steps, seeds=seeds, cost=cost, optimiser=optimiser,
             executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
             observer=observer, command=sys.argv[1:],
         )  # fmt: skip
-    if json_:
-        echo_json(finished.result)
-    else:
-        console = new_console()
-        _show(finished, console)
-        command = "profile" if source.is_dir() else "fit"
-        say_next(
-            console,
-            (
-                typed(command, source, *["--trust"] * trust),
-                "profile likelihood of the measured data" if command == "profile" else "the fit of the measured data",
-            ),
-        )
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    """The numbers of a list with commas."""
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if not values or not all(isfinite(v) and v >= 0 for v in values):
-        example = "0.05,0.1,0.2" if option == "--levels" else "4096,20000"
-        raise InputError(f"{option} {text!r} is not possible; expected numbers from 0 on: {option} {example}.")
-    return values
+    command, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
+    after = typed(command, source, trust=trust), f"{what} of the measured data"
+    answer(json_, finished.result, partial(_show, finished, after))
 
 
 def _step(counts: float) -> float:
@@ -125,7 +105,7 @@ def _step(counts: float) -> float:
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(finished: FinishedNoiseStudy, console: Console) -> None:
+def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
 
     study = finished.study
@@ -148,6 +128,7 @@ def _show(finished: FinishedNoiseStudy, console: Console) -> None:
     console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
     console.print(f"table    {escape(str(finished.table))}", soft_wrap=True)
     print_figures(console, finished.figures)
+    say_next(console, after)
 
 
 def _row(s: Statistics) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,11 +16,11 @@ from fracid.cli.app import (
     RealFriction,
     Seed,
     Trust,
+    answer,
     app,
     each_once,
-    echo_json,
     named,
-    new_console,
+    numbers,
     option,
     say_next,
     several,
@@ -106,8 +107,8 @@ def design(
     done.
     """
     orders, limits = _assigned("--order", order, "mu=0.95"), _assigned("--limit", limit, "theta=2.5")
-    angles = (0.0,) if release is None else _numbers("--release", release)
-    durations, rates = _numbers("--seconds", seconds), _numbers("--rate", rate)
+    angles = (0.0,) if release is None else numbers("--release", release)
+    durations, rates = numbers("--seconds", seconds), numbers("--rate", rate)
     from fracid.experiments.space import DesignSpace
     from fracid.workflows.planning import run_design
 
@@ -121,13 +122,9 @@ def design(
             orders=orders or None, swing=SWING if release is None else (), friction=friction, robust=robust,
             trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
         )  # fmt: skip
-    if json_:
-        echo_json(finished.result)
-    else:
-        console = new_console()
-        _show(finished, console)
-        project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)
-        say_next(console, (typed("fit", project, *["--trust"] * trust), "when the recordings are there"))
+    project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)
+    after = typed("fit", project, trust=trust), "when the recordings are there"
+    answer(json_, finished.result, partial(_show, finished, after))
 
 
 # ------------------------------------------------------------------ from text to a space
@@ -137,17 +134,6 @@ def _names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip()) if text else ()
 
 
-def _numbers(option: str, text: str) -> tuple[float, ...]:
-    """The numbers of a list with commas."""
-    try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
-    if not values or not all(map(isfinite, values)):
-        raise InputError(f"{option} {text!r} is not possible; expected numbers with commas: {option} 5,150.")
-    return values
-
-
 def _assigned(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
     """Parse ``NAME=VALUE`` of an option that may be given again."""
     values: list[tuple[str, float]] = []
@@ -155,7 +141,7 @@ def _assigned(option: str, texts: list[str] | None, example: str) -> dict[str, f
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise InputError(f"{option} {text!r} is not possible; expected NAME=VALUE: {option} {example}.")
-        values.append((name.strip(), _numbers(option, value)[0]))
+        values.append((name.strip(), numbers(option, value)[0]))
     return each_once(option, values)
 
 
@@ -165,18 +151,18 @@ def _voltage(text: str) -> Any:
 
     kinds = {"multisine": Multisine, "chirp": Chirp, "pulses": Pulses}
     kind, _, rest = text.partition(",")
-    numbers = _numbers("--voltage", rest) if rest else ()
-    if kind not in kinds or len(numbers) != 3:
+    values = numbers("--voltage", rest) if rest else ()
+    if kind not in kinds or len(values) != 3:
         raise InputError(f"--voltage {text!r} is not possible; expected multisine,0.2,8,6 (from Hz, to Hz, peak), "
                          "chirp,0.3,4,6 or pulses,0.1,1,6 (shortest s, longest s, peak).")  # fmt: skip
-    low, high, peak = numbers
+    low, high, peak = values
     return kinds[kind](low, high, peak)
 
 
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(finished: FinishedDesign, console: Console) -> None:
+def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
 
     plan = finished.plan
@@ -202,3 +188,4 @@ def _show(finished: FinishedDesign, console: Console) -> None:
         alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
         console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
     console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)
+    say_next(console, after)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,11 +16,10 @@ from fracid.cli.app import (
     Scheduler,
     Seed,
     Trust,
+    answer,
     app,
-    echo_json,
     named,
     natural_width,
-    new_console,
     one_place,
     option,
     say,
@@ -80,24 +80,18 @@ def posterior(
             run, method=method, draws=draws, executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed,
             jobs=jobs, observer=observer, command=sys.argv[1:],
         )  # fmt: skip
-    if json_:
-        echo_json(finished.result)
-        return
-    console = new_console()
-    _show(finished, console)
     if finished.posterior.trusted:
-        say_next(
-            console, (typed("profile", run, *["--trust"] * trust), "the same from another side: no prior, no draws")
-        )
-    elif method == "laplace":
-        again = typed("posterior", run, "--method", "nested", *["--trust"] * trust)
-        say_next(console, (again, "draws from the whole prior; minutes"))
+        after = [(typed("profile", run, trust=trust), "the same from another side: no prior, no draws")]
+    else:
+        again = typed("posterior", run, "--method", "nested", trust=trust)
+        after = [(again, "draws from the whole prior; minutes")] * (method == "laplace")
+    answer(json_, finished.result, partial(_show, finished, after))
 
 
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(finished: FinishedPosterior, console: Console) -> None:
+def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Console) -> None:
     from rich.markup import escape
 
     drawn, unknowns = finished.posterior, finished.result["unknowns"]
@@ -124,6 +118,7 @@ def _show(finished: FinishedPosterior, console: Console) -> None:
     console.print(f"draws    {escape(str(finished.draws))}", soft_wrap=True)
     for figure in (path for path in finished.figures if path.suffix == ".png"):
         console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+    say_next(console, *after)
 
 
 def _prior(prior: dict[str, Any]) -> str:

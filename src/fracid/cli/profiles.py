@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,10 +15,9 @@ from fracid.cli.app import (
     Out,
     Seed,
     Trust,
+    answer,
     app,
-    echo_json,
     named,
-    new_console,
     option,
     print_figures,
     say,
@@ -71,16 +71,12 @@ def profile(
     with shown(events=json_) as observer:
         finished = run_profiles(source, parameters=parameter, joint=_pair(joint), points=points, trust=trust, out=out,
                                 seed=seed, jobs=jobs, observer=observer)  # fmt: skip
-    if json_:
-        echo_json(finished.result)
+    if source.is_dir():
+        what = "the page, with the profiles" if finished.folder == source else "the page of the run"
+        after = typed("report", source, "--open", trust=trust), what
     else:
-        console = new_console()
-        _show(finished, console)
-        if source.is_dir():
-            what = "the page, with the profiles" if finished.folder == source else "the page of the run"
-            say_next(console, (typed("report", source, "--open", *["--trust"] * trust), what))
-        else:
-            say_next(console, (typed("fit", source, *["--trust"] * trust), "the whole result, with a page"))
+        after = typed("fit", source, trust=trust), "the whole result, with a page"
+    answer(json_, finished.result, partial(_show, finished, after))
 
 
 def _pair(joint: str | None) -> tuple[str, str] | None:
@@ -95,7 +91,7 @@ def _pair(joint: str | None) -> tuple[str, str] | None:
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(analysis: FinishedProfiles, console: Console) -> None:
+def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
 
     table = new_table("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile")
@@ -120,6 +116,7 @@ def _show(analysis: FinishedProfiles, console: Console) -> None:
             say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
     console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)
     print_figures(console, analysis.figures)
+    say_next(console, after)
 
 
 def _half(ends: tuple[float, float] | None) -> str:

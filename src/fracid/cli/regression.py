@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,12 +16,11 @@ from fracid.cli.app import (
     Out,
     Seed,
     Trust,
+    answer,
     app,
     each_once,
-    echo_json,
     flag,
     named,
-    new_console,
     option,
     say_next,
     several,
@@ -111,15 +111,11 @@ def regress(
             columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable, rig=rig, zero=zero,
             trust=trust, out=out,
         )  # fmt: skip
-    if json_:
-        echo_json(finished.result)
+    if source.suffix == ".toml":
+        after = typed("fit", source, trust=trust), "by simulation, from this start"
     else:
-        console = new_console()
-        _show(finished, out, console)
-        if source.suffix == ".toml":
-            say_next(console, (typed("fit", source, *["--trust"] * trust), "by simulation, from this start"))
-        else:
-            say_next(console, (typed("init", source), "a project of it, to be fitted by simulation"))
+        after = typed("init", source), "a project of it, to be fitted by simulation"
+    answer(json_, finished.result, partial(_show, finished, out, after))
     if not any(c.identified for f in finished.regressions.values() for c in f.parameters.values()):
         raise typer.Exit(DataError.exit_code)
 
@@ -141,7 +137,7 @@ def _value_of(option: str) -> Any:
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(results: FinishedRegression, out: Path | None, console: Console) -> None:
+def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
 
     for name, f in results.regressions.items():
@@ -157,6 +153,7 @@ def _show(results: FinishedRegression, out: Path | None, console: Console) -> No
         console.print(f"  • {escape(note)}", soft_wrap=True)
     if out is not None:
         console.print(f"result   {escape(str(out / 'regression.json'))}", soft_wrap=True)
+    say_next(console, after)
 
 
 def _print_constants(console: Console, f: Regression) -> None:

@@ -8,12 +8,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager, redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, app, echo_json, new_console
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, answer, app
 from fracid.cli.app import table as new_table
 from fracid.safety.environment import ignore_settings
 from fracid.tasks.display import shown
@@ -54,10 +55,8 @@ def reproduce(
     start_time = time.perf_counter()
     with shown(events=json_) as observer:
         reproduction = reproduce_run(run, trust=trust, out=out, jobs=jobs, observer=observer, typed=_typed_again)
-    if json_:
-        echo_json(reproduction.to_json())
-    else:
-        _show(reproduction, run, time.perf_counter() - start_time, new_console())
+    seconds = time.perf_counter() - start_time
+    answer(json_, reproduction.to_json(), partial(_show, reproduction, run, seconds))
     if not reproduction.reproduced:
         raise typer.Exit(1)
 

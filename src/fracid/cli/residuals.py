@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,10 +14,9 @@ from fracid.cli.app import (
     Json,
     Out,
     Trust,
+    answer,
     app,
-    echo_json,
     named,
-    new_console,
     option,
     print_figures,
     say,
@@ -67,10 +67,7 @@ def resid(
 
     with shown(events=json_) as observer:
         finished = run_residuals(run, recordings=recording, outputs=output, trust=trust, out=out, observer=observer)
-    if json_:
-        echo_json(finished.result)
-    else:
-        _show(finished, new_console())
+    answer(json_, finished.result, partial(_show, finished))
     if not any(isfinite(a.level.rms) for a in finished.all):
         names = " or ".join(finished.analyses)
         raise DataError(f"No run of the model reached the end of {names}: there is no residual.")
@@ -98,11 +95,11 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     print_figures(console, analysis.figures)
     from fracid.selection.ladder import has_friction
 
-    project, trust = analysis.run.project, ["--trust"] * bool(analysis.run.project.own_code)
+    project, trust = analysis.run.project, bool(analysis.run.project.own_code)
     if has_friction(project.problem.model):
-        say_next(console, (typed("compare", project.path, *trust), "does another structure leave less?"))
+        say_next(console, (typed("compare", project.path, trust=trust), "does another structure leave less?"))
     else:
-        say_next(console, (typed("profile", analysis.run.folder, *trust), "which values do the data exclude?"))
+        say_next(console, (typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"))
 
 
 def _figures(analysis: FinishedResiduals) -> Any:

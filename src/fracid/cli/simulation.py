@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from math import degrees, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,12 +18,11 @@ from fracid.cli.app import (
     RealFriction,
     Seed,
     Trust,
+    answer,
     app,
     each_once,
-    echo_json,
     flag,
     named,
-    new_console,
     option,
     say_next,
     several,
@@ -140,10 +140,8 @@ def simulate(
     with shown(events=json_) as observer:
         simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states,
                                   to=to, out=out, force=force, truth=truth, observer=observer)  # fmt: skip
-    if json_:
-        echo_json({**simulated.result, "files": [str(path) for path in simulated.files]})
-    else:
-        _show(source, simulated, new_console())
+    record = {**simulated.result, "files": [str(path) for path in simulated.files]}
+    answer(json_, record, partial(_show, source, simulated))
 
 
 # ------------------------------------------------------------------ from text to a twin

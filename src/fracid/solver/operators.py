@@ -102,52 +102,18 @@ def gl_weights(order: float, count: int) -> FloatArray:
     >>> gl_weights(2, 5)
     array([ 1., -2.,  1.,  0.,  0.])
     """
-    factors, _ = _gl_factors(order, count)
+    order = _number("order", order)
+    if not isinstance(count, Integral) or count < 1:
+        raise InputError(f"count is {count!r}, expected the number of weights, an integer of at least 1.")
+    k = np.arange(1.0, count)
+    # The first form is exact where a factor is nearly zero; over 10⁶ factors it would drift by 10⁻¹¹, since
+    # k - 1 - q rounds alike for many k.  The second, as printed in (19), does not.
+    factors = np.where(k < 2 * abs(order) + 2, (k - 1 - order) / k, 1 - (order + 1) / k)
     with np.errstate(over="ignore", invalid="ignore"):
         weights = np.concatenate(([1.0], np.cumprod(factors)))
-    _refuse_overflow(weights, order)
+    if not np.isfinite(weights).all():
+        raise InputError(f"order {order!r} makes {len(weights)} weights overflow. Take an order nearer to 0.")
     return np.rint(weights) + 0.0 if float(order).is_integer() else weights
-
-
-def gl_weights_order_derivative(order: float, count: int) -> FloatArray:
-    r"""Differentiate the Grünwald–Letnikov weights by the order, :math:`\partial w_k/\partial q`.
-
-    The recursion (19) differentiated, :math:`w_k' = (1 - (q+1)/k)\,w_{k-1}' - w_{k-1}/k`, summed up:
-    :math:`w_k' = -w_k \sum_{j\le k} 1/(j-1-q)`.  At an integer order q one factor of w_k is zero, and what
-    remains is minus the product of the others.
-
-    Parameters
-    ----------
-    order : float
-        q, any real number.
-    count : int
-        How many, from :math:`\partial w_0/\partial q = 0` on; at least 1.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-
-    Raises
-    ------
-    InputError
-        If the order is not a finite number, the count is below 1, or the result overflows.
-
-    Examples
-    --------
-    The weights of order 1 are 1, -1, 0, 0, …, yet those of an order nearby are not:
-
-    >>> gl_weights_order_derivative(1.0, 5)
-    array([ 0.        , -1.        ,  0.5       ,  0.16666667,  0.08333333])
-    """
-    factors, k = _gl_factors(order, count)
-    zero = np.abs(factors) < np.finfo(float).tiny
-    others = np.where(zero, 1 / k, factors)
-    with np.errstate(over="ignore", invalid="ignore"):
-        product = np.cumprod(others)
-        slope = np.where(np.logical_or.accumulate(zero), 1.0, np.cumsum(1 / (others * k)))
-        result = np.concatenate(([0.0], -product * slope))
-    _refuse_overflow(result, order)
-    return result
 
 
 def derivative(
@@ -298,23 +264,7 @@ def _points(z: ArrayLike) -> NDArray[Any]:
     return points
 
 
-def _refuse_overflow(weights: FloatArray, order: float) -> None:
-    if not np.isfinite(weights).all():
-        raise InputError(f"order {order!r} makes {len(weights)} weights overflow. Take an order nearer to 0.")
-
-
 # Grünwald–Letnikov.
-
-
-def _gl_factors(order: float, count: int) -> tuple[FloatArray, FloatArray]:
-    """The factors w_k / w_(k-1) of (19) and k, from k = 1 on, shape (count - 1,)."""
-    order = _number("order", order)
-    if not isinstance(count, Integral) or count < 1:
-        raise InputError(f"count is {count!r}, expected the number of weights, an integer of at least 1.")
-    k = np.arange(1.0, count)
-    # The first form is exact where a factor is nearly zero; over 10⁶ factors it would drift by 10⁻¹¹, since
-    # k - 1 - q rounds alike for many k.  The second, as printed in (19), does not.
-    return np.where(k < 2 * abs(order) + 2, (k - 1 - order) / k, 1 - (order + 1) / k), k
 
 
 def _grunwald_letnikov(values: FloatArray, order: float) -> FloatArray:
