@@ -1,11 +1,13 @@
 """A command parses, makes one call of the library, and prints; the work and the folders are of fracid.workflows."""
 
 import ast
+from itertools import chain
 from pathlib import Path
 
 import pytest
 
 import fracid
+from fracid.cli import PANELS
 
 PACKAGE = Path(fracid.__file__).parent
 COMMANDS = sorted((PACKAGE / "cli").glob("*.py"))
@@ -28,7 +30,9 @@ def imported(tree):
 
 def commands(tree):
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and any("app.command" in ast.unparse(d) for d in node.decorator_list):
+        if isinstance(node, ast.FunctionDef) and any(
+            ast.unparse(d).startswith("command(") for d in node.decorator_list
+        ):
             yield node
 
 
@@ -39,6 +43,11 @@ def test_a_command_neither_identifies_nor_draws_nor_writes_but_calls_who_does(pa
     for command in commands(tree):
         statements = sum(isinstance(node, ast.stmt) for part in command.body[1:] for node in ast.walk(part))
         assert statements <= LONGEST.get(command.name, 16), f"{command.name} does more than parse, call and print"
+
+
+def test_every_command_is_looked_at():
+    found = {c.name for path in COMMANDS for c in commands(ast.parse(path.read_text(encoding="utf-8")))}
+    assert found == set(chain.from_iterable(PANELS.values()))
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)

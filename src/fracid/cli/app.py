@@ -1,7 +1,7 @@
 """The program: its options that all commands share, and how it ends.
 
 A command is one short file beside this one: parse, one call of the library, text for people or JSON
-for programs.  To add one, write ``cli/NAME.py`` with a function under ``@app.command`` and import it in
+for programs.  To add one, write ``cli/NAME.py`` with a function under ``@command`` and import it in
 ``cli/__init__.py``.
 
 Exit codes: 0 it did what was asked; 1 long work was interrupted, there is no memory or disk for it, or the reader of
@@ -25,7 +25,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -56,6 +56,22 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def command(*examples: str) -> Callable[[Command], Command]:
+    """Make a function a command of the program, whose help ends with examples.
+
+    Examples
+    --------
+    >>> command("fracid check log.csv")(print).__name__
+    'print'
+    >>> app.registered_commands.pop().epilog.split()[-1]
+    'log.csv'
+    """
+    heading = f"[bold]Example{'s' * (len(examples) > 1)}[/bold]"
+    return app.command(epilog="\n\n".join((heading, *examples)))
 
 
 def option(

@@ -10,7 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Jobs, Json, Out, Seed, app, each_once, echo_json, new_console, option, say, say_next, typed
+from fracid.cli.app import (
+    Jobs,
+    Json,
+    Out,
+    Seed,
+    command,
+    each_once,
+    echo_json,
+    new_console,
+    option,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -22,16 +35,13 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
 
-CHECK_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid check release.mat  [dim]# guesses the columns and says so[/dim]",
     "fracid check release.mat --column theta=1 --column alpha=2,zero=3.14159 --out checked",
     "fracid check swing.txt --rate 1000 --column alpha=0,unit=deg,scale=0.99 --json",
     "fracid check log.csv --time stamp --column alpha=joint1/position --column u=command,unit=V,fill=hold",
 )
-
-
-@app.command(epilog="\n\n".join(CHECK_EXAMPLE))
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet")],
     column: Annotated[

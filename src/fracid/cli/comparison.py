@@ -18,7 +18,7 @@ from fracid.cli.app import (
     Out,
     Scheduler,
     Trust,
-    app,
+    command,
     flag,
     named,
     natural_width,
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 
-COMPARE_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid compare rig.toml  [dim]# writes runs/rig-compare[/dim]",
     "fracid compare rig.toml --leave-one-out --jobs 8  [dim]# each recording held out once[/dim]",
     "fracid compare rig.toml --amplitude  [dim]# do the orders drift as the swing dies?[/dim]",
@@ -58,9 +58,6 @@ COMPARE_EXAMPLE = (
     "fracid compare rig.toml --rung viscous --rung Coulomb  [dim]# these alone; all: also play and springpots[/dim]",
     "fracid compare rig.toml --json | jq .verdict",
 )
-
-
-@app.command(epilog="\n\n".join(COMPARE_EXAMPLE))
 def compare(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
     leave_one_out: Annotated[bool, flag("--leave-one-out", "Hold each recording out once, fit all others.")] = False,

@@ -10,7 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, app, echo_json, flag, new_console, open_page, option, say_next, typed
+from fracid.cli.app import (
+    CORES,
+    Jobs,
+    Json,
+    Out,
+    command,
+    echo_json,
+    flag,
+    new_console,
+    open_page,
+    option,
+    say_next,
+    typed,
+)
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.tasks.display import shown
 from fracid.workflows.drawer import drawer, importing
@@ -35,7 +48,7 @@ STORY = (
 """Folder, preset, headline."""
 
 
-@app.command(epilog="[bold]Example[/bold]\n\nfracid demo --out runs/demo")
+@command("fracid demo --out runs/demo")
 def demo(
     open_: Annotated[
         bool | None,

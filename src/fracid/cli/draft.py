@@ -8,23 +8,20 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid.cli.app import app, flag, named, new_console, option, say_next, typed
+from fracid.cli.app import command, flag, named, new_console, option, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, ZEROS, key_of, one_of
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-INIT_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid init release.mat  [dim]# asks what the columns are; writes release.toml[/dim]",
     "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim]# takes what it guesses[/dim]",
     "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
     "fracid init log.csv --model joint --column angle=q --column torque=tau",
 )
-
-
-@app.command(epilog="\n\n".join(INIT_EXAMPLE))
 def init(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording.")],
     column: Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, answer, app, option, say, say_next
+from fracid.cli.app import Json, Out, Trust, answer, command, option, say, say_next
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
 
@@ -18,15 +18,12 @@ if TYPE_CHECKING:
 
     from fracid.export import Export
 
-EXPORT_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid export runs/rig  [dim]# everything, into runs/rig/export[/dim]",
     "fracid export runs/rig --to matlab --out ~/rig  [dim]# then, in Octave: \\[t, x] = model();[/dim]",
     "fracid export runs/rig --to c  [dim]# a function for a controller that runs for hours[/dim]",
 )
-
-
-@app.command(epilog="\n\n".join(EXPORT_EXAMPLE))
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     to: Annotated[
@@ -80,5 +77,5 @@ def _show(bundle: Export, console: Console) -> None:
     for path in bundle.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)
     if model := next((path for path in bundle.files if path.name == "model.m"), None):
-        command = f"cd {shlex.quote(str(model.parent))} && octave --eval '[t, x] = model(); plot(t, x)'"
-        say_next(console, (command, "or in MATLAB: [t, x] = model();"))
+        octave = f"cd {shlex.quote(str(model.parent))} && octave --eval '[t, x] = model(); plot(t, x)'"
+        say_next(console, (octave, "or in MATLAB: [t, x] = model();"))

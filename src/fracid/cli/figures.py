@@ -6,24 +6,21 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Out, Trust, app, named
+from fracid.cli.app import CORES, Jobs, Out, Trust, command, named
 from fracid.cli.completion import key_of, one_of
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-DRAW_EXAMPLE = (
-    "[bold]Examples[/bold]",
+WRITTEN = ("pdf", "svg", "png")
+
+
+@command(
     "fracid draw runs/rig  [dim]# PDF for a journal's columns, into runs/rig/figures/journal[/dim]",
     "fracid draw runs/rig --format pdf --format svg --out paper/figures",
     "fracid draw runs/rig --style screen --format pdf",
     "fracid draw runs/rig-compare  [dim]# the ladder of structures[/dim]",
     "fracid draw qube-servo2 --zero upright  [dim]# the rig itself, to scale[/dim]",
 )
-
-WRITTEN = ("pdf", "svg", "png")
-
-
-@app.command(epilog="\n\n".join(DRAW_EXAMPLE))
 def draw(
     source: Annotated[
         str,

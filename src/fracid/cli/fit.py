@@ -21,7 +21,7 @@ from fracid.cli.app import (
     OtherSeed,
     Out,
     Trust,
-    app,
+    command,
     echo_json,
     flag,
     named,
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 SHOWN = 3
 """So many notes are printed, what costs most first."""
 
-FIT_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid fit rig.toml  [dim]# writes runs/rig[/dim]",
     "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
     "fracid fit rig.toml --multi-start 16  [dim]# sixteen starts, and the figure of where they ended[/dim]",
@@ -63,9 +63,6 @@ FIT_EXAMPLE = (
     "fracid fit rig.toml --preset paper  [dim]# gl-paper, ITAE on alpha, orders alone, genetic algorithm[/dim]",
     "fracid fit rig.toml --json | jq .orders",
 )
-
-
-@app.command(epilog="\n\n".join(FIT_EXAMPLE))
 def fit(
     project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
     preset: Annotated[str | None, named("paper: the settings of the paper.", key_of("presets"))] = None,

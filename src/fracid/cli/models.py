@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import Json, app, echo_json, new_console, say_next, typed
+from fracid.cli.app import Json, command, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.units import GREEK
@@ -16,15 +16,12 @@ if TYPE_CHECKING:
 
     from fracid.models import Model
 
-MODELS_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid models",
     "fracid models cart-pole  [dim]# its parameters and where its equations come from[/dim]",
     "fracid models --json",
 )
-
-
-@app.command(epilog="\n\n".join(MODELS_EXAMPLE))
 def models(
     name: Annotated[
         str | None, typer.Argument(metavar="NAME", help="One of them, in full.", autocompletion=key_of("models"))

@@ -18,7 +18,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     named,
     numbers,
     one_place,
@@ -41,17 +41,14 @@ if TYPE_CHECKING:
 
 HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
-NOISE_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid noise runs/rig  [dim]# the model as fitted is the truth; writes runs/rig/noise[/dim]",
     "fracid noise rig.toml --levels 0,0.02,0.2 --counts 4096,20000 --seeds 50  [dim]# fits first[/dim]",
     "fracid noise runs/rig --cost itae --out runs/rig-itae  [dim]# what ITAE makes of the same recordings[/dim]",
     "fracid noise runs/rig --optimiser genetic --jobs 2",
     "fracid noise runs/rig --json | jq '.cells[].unknowns.mu.coverage'",
 )
-
-
-@app.command(epilog="\n\n".join(NOISE_EXAMPLE))
 def noise(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
     levels: Annotated[str, option("DEG,DEG", "Standard deviations of the noise, in degrees.")] = "0.05,0.1,0.2",
@@ -89,8 +86,8 @@ def noise(
             executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
             observer=observer, command=sys.argv[1:],
         )  # fmt: skip
-    command, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
-    after = typed(command, source, trust=trust), f"{what} of the measured data"
+    verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
+    after = typed(verb, source, trust=trust), f"{what} of the measured data"
     answer(json_, finished.result, partial(_show, finished, after))
 
 

@@ -17,7 +17,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     each_once,
     named,
     numbers,
@@ -36,8 +36,12 @@ if TYPE_CHECKING:
 
     from fracid.workflows.planning import FinishedDesign
 
-DESIGN_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+SWING = (5.0, 150.0)
+"""Angles from which a pendulum is released if none are given [°]."""
+
+
+@command(
     "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim]# narrow these; writes runs/rig/design"
     "[/dim]",
     "fracid design runs/rig --against integer  [dim]# tell the orders from friction[/dim]",
@@ -45,13 +49,6 @@ DESIGN_EXAMPLE = (
     "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim]# before any recording[/dim]",
     "fracid design runs/rig --for mu --json | jq '.expected.mu.interval95'",
 )
-
-
-SWING = (5.0, 150.0)
-"""Angles from which a pendulum is released if none are given [°]."""
-
-
-@app.command(epilog="\n\n".join(DESIGN_EXAMPLE))
 def design(
     source: Annotated[
         str, typer.Argument(metavar="RUN|PROJECT|RIG", help="A run folder, a project file to fit, or a rig's name.")

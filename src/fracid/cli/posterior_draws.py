@@ -17,7 +17,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     named,
     natural_width,
     one_place,
@@ -37,16 +37,13 @@ if TYPE_CHECKING:
 
     from fracid.workflows.posterior_draws import FinishedPosterior
 
-POSTERIOR_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid posterior runs/rig  [dim]# seconds; writes runs/rig/posterior[/dim]",
     "fracid posterior runs/rig --draws 10000 --jobs 8",
     "fracid posterior runs/rig --method nested  [dim]# minutes; needs fracid\\[posterior][/dim]",
     "fracid posterior runs/rig --json | jq .unknowns.mu.interval95",
 )
-
-
-@app.command(epilog="\n\n".join(POSTERIOR_EXAMPLE))
 def posterior(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     method: Annotated[

@@ -16,7 +16,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     named,
     option,
     print_figures,
@@ -36,16 +36,13 @@ if TYPE_CHECKING:
     from fracid.estimation.cost_profile import Profile
     from fracid.workflows.profiles import FinishedProfiles
 
-PROFILE_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid profile runs/rig  [dim]# the orders; into the folder of that run[/dim]",
     "fracid profile runs/rig --parameter mu --parameter b_alpha --joint mu,b_alpha",
     "fracid profile rig.toml --points 20 --out profiled  [dim]# fits first[/dim]",
     "fracid profile runs/rig --json | jq .profiles.mu.interval95",
 )
-
-
-@app.command(epilog="\n\n".join(PROFILE_EXAMPLE))
 def profile(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
     parameter: Annotated[

@@ -17,7 +17,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     each_once,
     flag,
     named,
@@ -50,17 +50,13 @@ class Estimator(StrEnum):
     ols = "ols"
 
 
-REGRESS_EXAMPLE = (
-    "[bold]Examples[/bold]",
+@command(
     "fracid regress rig.toml  [dim]# what it leaves free, and a start for its fit[/dim]",
     "fracid regress rig.toml --from release --order mu=1 --estimator tukey",
     "fracid regress release.mat --time 0 --column theta=1 --column alpha=2,zero=3.14159 --from release "
     "--rig srv02-rotpen --known C4=0.1944",
     "fracid regress rig.toml --json | jq .parameters.C1",
 )
-
-
-@app.command(epilog="\n\n".join(REGRESS_EXAMPLE))
 def regress(
     source: Annotated[Path, typer.Argument(metavar="PROJECT|RECORDING", help="A project, .toml, or a recording.")],
     known: Annotated[list[str] | None, several("NAME=VALUE", "A known constant in SI units.")] = None,

@@ -7,21 +7,18 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Trust, app, flag, new_console, open_page, option, say_next, typed
+from fracid.cli.app import CORES, Jobs, Trust, command, flag, new_console, open_page, option, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-REPORT_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid report runs/rig  [dim]# writes runs/rig/report.html[/dim]",
     "fracid report runs/rig --open  [dim]# and opens it in the browser[/dim]",
     "fracid report runs  [dim]# of a folder of runs: runs/index.html, all of them side by side[/dim]",
     "fracid report runs/rig --out rig.html  [dim]# one file: send it to whom you like[/dim]",
     "fracid profile runs/rig && fracid report runs/rig  [dim]# with the profiles[/dim]",
 )
-
-
-@app.command(epilog="\n\n".join(REPORT_EXAMPLE))
 def report(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a folder of runs.")],
     out: Annotated[Path | None, option("FILE", "Output file \\[default: report.html in the folder].", "--out")] = None,

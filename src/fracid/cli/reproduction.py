@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, answer, app
+from fracid.cli.app import CORES, Jobs, Json, Out, Trust, answer, app, command
 from fracid.cli.app import table as new_table
 from fracid.safety.environment import ignore_settings
 from fracid.tasks.display import shown
@@ -27,16 +27,13 @@ if TYPE_CHECKING:
 SHOWN = 12
 """Differences in the table."""
 
-REPRODUCE_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid reproduce runs/rig",
     "fracid reproduce runs/rig-noise --jobs 8  [dim]# a study: its command is typed again[/dim]",
     "fracid reproduce runs/rig --out runs/again  [dim]# keeps the new result[/dim]",
     "fracid reproduce runs/rig --json | jq .differences",
 )
-
-
-@app.command(epilog="\n\n".join(REPRODUCE_EXAMPLE))
 def reproduce(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit, compare or noise.")],
     trust: Trust = False,

@@ -10,19 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fracid.cli.app import (
-    Json,
-    Out,
-    Trust,
-    answer,
-    app,
-    named,
-    option,
-    print_figures,
-    say,
-    say_next,
-    typed,
-)
+from fracid.cli.app import Json, Out, Trust, answer, command, named, option, print_figures, say, say_next, typed
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
@@ -35,15 +23,12 @@ if TYPE_CHECKING:
     from fracid.validation.residual_records import ResidualAnalysis
     from fracid.workflows.residuals import FinishedResiduals
 
-RESID_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid resid runs/rig  [dim]# every recording and output; into the folder of that run[/dim]",
     'fracid resid runs/rig --recording "release 92°" --output alpha',
     "fracid resid runs/rig --json | jq '.recordings[][].whiteness.effective_samples'",
 )
-
-
-@app.command(epilog="\n\n".join(RESID_EXAMPLE))
 def resid(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     recording: Annotated[

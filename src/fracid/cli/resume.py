@@ -14,21 +14,18 @@ from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Trust, app, echo_json, named, option
+from fracid.cli.app import CORES, Jobs, Json, Trust, app, command, echo_json, named, option
 from fracid.cli.completion import key_of
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
 
-RESUME_EXAMPLE = (
-    "[bold]Examples[/bold]",
+
+@command(
     "fracid resume runs/rig",
     "fracid resume runs/rig-noise --jobs 8  [dim]# threads and executor change no result[/dim]",
     "fracid resume runs/rig-noise --scheduler tcp://head:8786",
 )
-
-
-@app.command(epilog="\n\n".join(RESUME_EXAMPLE))
 def resume(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of an interrupted run.")],
     executor: Annotated[

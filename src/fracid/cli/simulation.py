@@ -19,7 +19,7 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
-    app,
+    command,
     each_once,
     flag,
     named,
@@ -40,19 +40,6 @@ if TYPE_CHECKING:
     from fracid.twins.twin import Twin
     from fracid.workflows.simulation import SimulatedRecording
 
-SIMULATE_EXAMPLE = (
-    "[bold]Examples[/bold]",
-    "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim]# from 10°; writes runs/srv02-rotpen-"
-    "simulated[/dim]",
-    "fracid simulate qube-servo2 --friction --initial alpha=60deg --hold 1 --noise 0.05deg --counts 2048 --to "
-    "twin.csv  [dim]# then: fracid check twin.csv[/dim]",
-    "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim]# a twin of its recording[/dim]",
-    "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim]# what if?[/dim]",
-    "fracid simulate --model cart-pole --noise position=0.0002 --to cart.csv  [dim]# with an input of its own[/dim]",
-    "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
-    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim]# an exercise: the "
-    "recording does not contain the solution[/dim]",
-)
 
 UNITS = {
     "rad": {"rad": 1.0, "deg": pi / 180, "°": pi / 180, "turn": 2 * pi, "turns": 2 * pi},
@@ -66,7 +53,18 @@ UNITS = {
 """SI unit → what may stand behind a number instead, and its size."""
 
 
-@app.command(epilog="\n\n".join(SIMULATE_EXAMPLE))
+@command(
+    "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim]# from 10°; writes runs/srv02-rotpen-"
+    "simulated[/dim]",
+    "fracid simulate qube-servo2 --friction --initial alpha=60deg --hold 1 --noise 0.05deg --counts 2048 --to "
+    "twin.csv  [dim]# then: fracid check twin.csv[/dim]",
+    "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim]# a twin of its recording[/dim]",
+    "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim]# what if?[/dim]",
+    "fracid simulate --model cart-pole --noise position=0.0002 --to cart.csv  [dim]# with an input of its own[/dim]",
+    "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
+    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim]# an exercise: the "
+    "recording does not contain the solution[/dim]",
+)
 def simulate(
     source: Annotated[
         str | None,
