@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,30 +76,10 @@ def residual_plots(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    whole, step = recording.residual(output), appearance.encoder_step(resolution, output)
-    mask = np.isfinite(whole)
-    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
-    residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
+    step = appearance.encoder_step(resolution, output)
     figure = appearance.new(9.5, 7, style)
-    over_time, over_fitted, distribution, probability = figure.subplots(2, 2).flat
-    if residual.size:
-        _over_time(over_time, recording.time, factor * whole, step, unit)
-        _over_fitted(over_fitted, fitted, residual, step, unit)
-        _distribution(distribution, residual, step, unit)
-        _normal_probability(probability, residual)
-    label = f"residual of {appearance.symbol(output)} [{display_unit}]"
-    appearance.label(over_time, "over time", "time [s]", label)
-    appearance.label(
-        over_fitted,
-        "against the fitted value",
-        f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}",
-        label,
-    )
-    appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
-    appearance.label(
-        probability, probability.get_title() or "normal probability", "standard normal quantile [–]", label
-    )
-    _blank(() if residual.size else figure.axes)
+    _panels(figure.subplots(2, 2).flat, recording, output, step)
+    _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
 
@@ -153,42 +133,42 @@ def residual_diagnostics(
     step = appearance.encoder_step(resolution, output)
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
     unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
-    residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     figure = appearance.new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
-    if residual.size:
-        _over_time(panels["time"], recording.time, factor * whole, step, unit)
-        _over_fitted(panels["fitted"], fitted, residual, step, unit)
-        _over_fitted(panels["speed"], factor * _speed(recording, output)[mask], residual, step, unit)
-        _distribution(panels["normal"], residual, step, unit)
-        _normal_probability(panels["probability"], residual)
+    _panels([panels[name] for name in ("time", "fitted", "normal", "probability")], recording, output, step)
+    if mask.any():
+        _over_fitted(panels["speed"], factor * _speed(recording, output)[mask], factor * whole[mask], step, unit)
         _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, diagnosis)
     symbol = appearance.symbol(output)
-    label = f"residual of {symbol} [{display_unit}]"
-    appearance.label(panels["time"], "over time", "time [s]", label)
-    appearance.label(
-        panels["fitted"],
-        "against the fitted value",
-        f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}",
-        label,
-    )
-    appearance.label(
-        panels["speed"], "against the fitted speed", f"fitted speed of {symbol} [{_per(display_unit, 's')}]", label
-    )
-    appearance.label(panels["normal"], "distribution", label, f"density [{_per('1', display_unit)}]")
-    heading = panels["probability"].get_title() or "normal probability"
-    appearance.label(panels["probability"], heading, "standard normal quantile [–]", label)
+    speed, label = f"fitted speed of {symbol} [{_per(display_unit, 's')}]", f"residual of {symbol} [{display_unit}]"
+    appearance.label(panels["speed"], "against the fitted speed", speed, label)
     _name(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]")
-    _name(
-        panels["spectrum"],
-        _of_spectrum(diagnosis),
-        "frequency [Hz]",
-        f"density of the power [{_squared(display_unit)}/Hz]",
-    )
-    _blank(() if residual.size else figure.axes)
+    density = f"density of the power [{_squared(display_unit)}/Hz]"
+    _name(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density)
+    _blank(() if mask.any() else figure.axes)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
+
+
+def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: float | None) -> None:
+    """The four of Figure 3: over time, against the fitted value, the distribution, the probability plot."""
+    over_time, over_fitted, distribution, probability = panels
+    whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
+    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
+    residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
+    if residual.size:
+        _over_time(over_time, recording.time, factor * whole, step, unit)
+        _over_fitted(over_fitted, fitted, residual, step, unit)
+        _distribution(distribution, residual, step, unit)
+        _normal_probability(probability, residual)
+    label = f"residual of {appearance.symbol(output)} [{display_unit}]"
+    value = f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}"
+    heading = probability.get_title() or "normal probability"
+    appearance.label(over_time, "over time", "time [s]", label)
+    appearance.label(over_fitted, "against the fitted value", value, label)
+    appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
+    appearance.label(probability, heading, "standard normal quantile [–]", label)
 
 
 def _name(axes: Axes, heading: str, x: str, y: str) -> None:
