@@ -177,8 +177,13 @@ TAKE = {
 @pytest.mark.parametrize("take", TAKE.values(), ids=TAKE)
 @pytest.mark.parametrize(
     "what",
-    [Quantity(np.ones(5), ()), np.arange(5).astype("datetime64[ms]"), np.array(["1"] * 5)],
-    ids=["unit", "dates", "words"],
+    [
+        Quantity(np.ones(5), ()),
+        np.arange(5).astype("datetime64[ms]"),
+        np.arange(5).astype("m8[ms]"),
+        np.array(["1"] * 5),
+    ],
+    ids=["unit", "dates", "spans of time", "words"],
 )
 def test_what_is_more_than_numbers_is_refused_in_a_line_and_not_stripped_of_it(take, what):
     with pytest.raises(InputError, match="number") as refused:

@@ -30,7 +30,7 @@ def real_array(values: Any) -> FloatArray:
     if hasattr(type(values), "to") and (hasattr(type(values), "units") or hasattr(type(values), "unit")):
         raise TypeError("a quantity of pint or astropy: give its plain numbers")
     array = np.asarray(values)
-    if array.dtype.kind not in "fiub" and not all(isinstance(value, Real) for value in array.flat):
+    if array.dtype.kind not in "fiubO" or (array.dtype == object and not all(isinstance(v, Real) for v in array.flat)):
         raise TypeError("no plain real numbers")
     return array.astype(np.float64, copy=False)
 
