@@ -37,6 +37,14 @@ def test_a_process_beside_that_dies_ends_the_waiting_for_it(nothing_kept, monkey
     assert starting.start_together.beside is None
 
 
+@pytest.mark.usefixtures("nothing_kept")
+@pytest.mark.parametrize("where", ["queues.SimpleQueue", "process.BaseProcess.start"])
+def test_where_no_process_can_be_started_this_one_compiles(monkeypatch, where):
+    monkeypatch.setattr(f"multiprocessing.{where}", lambda *_, **__: os.open("/nowhere", os.O_RDONLY))
+    with compiling_beside("pi2", 2):
+        assert starting.start_together.beside is None
+
+
 @pytest.mark.usefixtures("no_process", "nothing_kept")
 @pytest.mark.parametrize(("method", "jobs"), [("pi2", 1), ("gl", 2)])
 def test_one_job_and_a_method_without_a_start_begin_no_process(method, jobs):

@@ -1,5 +1,6 @@
 """The process beside a fit: what it has not begun, this one does; and it draws without the solver."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -54,6 +55,17 @@ def test_what_a_killed_process_leaves_undone_is_done_here():
         os.kill(next(iter(beside.pool._processes)), signal.SIGKILL)
         assert {answer() for answer in reversed(answers)} == {os.getpid()}
         assert beside.asked(its_process, None)() == process() == os.getpid()
+
+
+def broken_pipe(*_, **__):
+    raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+
+@pytest.mark.parametrize("where", ["queues.SimpleQueue", "process.BaseProcess.start"])
+def test_where_no_process_can_be_started_all_is_done_here(monkeypatch, where):
+    monkeypatch.setattr(f"multiprocessing.{where}", broken_pipe)
+    with drawer(2) as beside:
+        assert beside.asked(its_process, None)() == os.getpid()
 
 
 def test_what_leads_the_process_beside_has_ended_before_the_program_may():

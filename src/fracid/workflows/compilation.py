@@ -31,16 +31,19 @@ def compiling_beside(method: str, jobs: int) -> Iterator[None]:
     if jobs < 2 or not METHODS[method].started or not (kernel := _start()).can_be_kept():
         yield
         return
-    pool = fresh_processes(1, _prepare)
+    pool = None
     try:
-        with ended_with_this(pool):
-            with deaf_to_ctrl_c(), without_main(), suppress(BrokenExecutor):
+        with suppress(BrokenExecutor, OSError):  # where none can be started, this one compiles
+            pool = fresh_processes(1, _prepare)
+            with deaf_to_ctrl_c(), without_main():
                 future = pool.submit(_compile)
-                kernel.beside = lambda: _ended(future, METHODS[method].family)
+            kernel.beside = lambda: _ended(future, METHODS[method].family)
+        with ended_with_this(pool):
             yield
     finally:
         kernel.beside = None
-        pool.shutdown(cancel_futures=True)
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
 
 
 def _start() -> Kernel:

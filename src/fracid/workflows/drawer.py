@@ -73,7 +73,7 @@ class Drawer:
             while self.pool is not None and self._waiting and not self._given:
                 try:
                     future = self.pool.submit(self._waiting[0].work, *self._waiting[0].what)
-                except BrokenExecutor:
+                except (BrokenExecutor, OSError):
                     return
                 self._waiting.popleft().future = future
                 self._given.append(future)
@@ -125,14 +125,17 @@ def drawer(jobs: int) -> Iterator[Drawer]:
         return
     from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes, without_main  # not above: help would wait
 
-    pool = fresh_processes(1, _prepare)
+    pool = None
     try:
-        with deaf_to_ctrl_c(), without_main(), suppress(BrokenExecutor):
-            pool.submit(int)  # starts it
+        with suppress(BrokenExecutor, OSError):  # where none can be started, this one draws
+            pool = fresh_processes(1, _prepare)
+            with deaf_to_ctrl_c(), without_main():
+                pool.submit(int)  # starts it
         yield Drawer(pool)
     finally:
         _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
-        pool.shutdown(cancel_futures=True)  # waits: an exit that comes meanwhile writes to a pipe that is just closed
+        if pool is not None:  # waits: an exit that comes meanwhile writes to a pipe that is just closed
+            pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
