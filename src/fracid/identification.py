@@ -371,12 +371,11 @@ class _Findings:
         self.known = with_start(problem, self.result.best.point, known, jobs=jobs)
 
     def walk(self, jobs: int) -> Evaluation | None:
-        """Look off the tangent where shared intervals end; a point that is lower than the minimum, if one is seen."""
+        """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
         if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
             return None
         while True:
-            shared = [i for i, u in enumerate(self.problem.unknowns) if u.experiment is None]
-            found = walked(self.near, self.known, shared, jobs=jobs)
+            found = walked(self.near, self.known, jobs=jobs)
             bent = isinstance(found, Evaluation) or found.walked.any()
             if not (bent and self._halve(jobs)):  # bumps that the step makes are no valley
                 break

@@ -82,16 +82,6 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
     )
 
 
-def column_norms(problem: Problem, x: FloatArray, *, jobs: int = 1) -> FloatArray | Failure:
-    """How much each unknown moves all samples, ‖∂e/∂x_i‖, shape (n_unknowns,)."""
-    everything = np.arange(len(x))
-    if problem.blocks is not None:
-        blocks = by_blocks(problem, x, everything, jobs=jobs)
-        return blocks if isinstance(blocks, Failure) else blocks.norms
-    J = jacobian(problem, x, everything, jobs=jobs)
-    return J if isinstance(J, Failure) else np.linalg.norm(np.concatenate([j.reshape(-1, len(x)) for j in J]), axis=0)
-
-
 def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:

@@ -6,7 +6,7 @@ there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.U
 
 .. math::  h(v) = \sqrt{(V_i(v) - V(\hat x))/L}
 
-should be 1.  Where it is off by more than a tenth, the end is moved to where it is: by the secant of h, which is a line
+should be 1.  Where it is off by more than a seventh, the end is moved to where it is: by the secant of h, a line
 where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, each run corrects them
 on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs.  If a point lies lower
 than the minimum, that was none, and the search goes on from there.
@@ -15,7 +15,7 @@ than the minimum, that was none, and the search goes on from there.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -27,10 +27,13 @@ from fracid.estimation.minimum import onward
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 
-OFF = 0.1
+BENT = 2.0
+"""By which factor the end of an interval that all recordings share is off where the others are walked, too."""
+
+OFF = 0.15
 """A height that is off by less leaves the interval of the tangent."""
 
-CLOSE = 0.03
+CLOSE = 0.1
 """A height that is off by less ends the walk."""
 
 POINTS, RUNS = 6, 20
@@ -43,8 +46,10 @@ LOWER = 0.05
 """Part of its limit by which V is lower at a lower point."""
 
 
-def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int = 1) -> Uncertainty | Evaluation:
-    """The intervals of some unknowns where the cost ends them, or a point that is lower than the minimum.
+def walked(here: Tangent, known: Uncertainty, *, jobs: int = 1) -> Uncertainty | Evaluation:
+    """The intervals where the cost ends them, or a point that is lower than the minimum.
+
+    What belongs to one recording is walked where the tangent is far off for what all share.
 
     Parameters
     ----------
@@ -52,8 +57,6 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
         At the minimum.
     known : Uncertainty
         There.
-    which : iterable of int
-        Unknowns; those without an interval stay so.
     jobs : int
         Threads.
 
@@ -69,10 +72,23 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
     >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
     >>> from fracid.estimation.minimum import settled
     >>> here = settled(problem, problem.start)
-    >>> found = walked(here, uncertainty(problem, here.x, near=here), [0])
+    >>> found = walked(here, uncertainty(problem, here.x, near=here))
     >>> found.method(0), bool(found.ends[0, 0] < 0.95 < found.ends[0, 1])
     ('sandwich', True)
     """
+    shared = [i for i, u in enumerate(here.problem.unknowns) if u.experiment is None]
+    found = _walked(here, known, shared, jobs)
+    if isinstance(found, Evaluation):
+        return found
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moved = np.log((found.ends - here.x[:, None]) / (known.ends - here.x[:, None]))[shared]
+    if not np.any(np.abs(moved[np.isfinite(moved)]) > math.log(BENT)):
+        return found
+    return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], jobs)
+
+
+def _walked(here: Tangent, known: Uncertainty, which: Sequence[int], jobs: int) -> Uncertainty | Evaluation:
+    """The same of some unknowns; those without an interval stay so."""
     sides = [
         (i, side) for i in which for side in (0, 1) if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side])
     ]
@@ -82,7 +98,8 @@ def walked(here: Tangent, known: Uncertainty, which: Iterable[int], *, jobs: int
     lower = [point for point in found if isinstance(point, Evaluation)]
     if lower:
         return min(lower, key=lambda e: e.cost)
-    ends, moved = known.ends.copy(), np.zeros(len(here.x), dtype=bool)
+    ends = known.ends.copy()
+    moved = known.walked.copy() if len(known.walked) else np.zeros(len(here.x), dtype=bool)
     for (i, side), end in zip(sides, found, strict=True):
         if isinstance(end, float) and end != ends[i, side]:
             ends[i, side], moved[i] = end, True

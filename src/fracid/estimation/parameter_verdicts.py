@@ -43,7 +43,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
-from fracid.estimation.derivatives import column_norms
+from fracid.estimation.derivatives import difference_steps
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
@@ -140,7 +140,7 @@ def identifiability(
     known = uncertainty(problem, x, jobs=jobs) if known is None else known
     if isinstance(known, Failure):
         return {n: Verdict(n, "unknown", str(known)) for n in problem.names}
-    view = _View(problem, x, known, profiles or {}, jobs)
+    view = _View(problem, x, known, profiles or {})
     return {n: next(verdict for rule in RULES for verdict in rule(view, i)) for i, n in enumerate(problem.names)}
 
 
@@ -148,11 +148,10 @@ class _View:
     """What the rules look at; the costly parts once, and only where a rule asks."""
 
     def __init__(
-        self, problem: Problem, x: FloatArray, precision: Uncertainty, profiles: Mapping[str, Profile], jobs: int
+        self, problem: Problem, x: FloatArray, precision: Uncertainty, profiles: Mapping[str, Profile]
     ) -> None:
-        self.problem, self.x, self.known, self.profiles, self.jobs = problem, x, precision, profiles, jobs
+        self.problem, self.x, self.known, self.profiles = problem, x, precision, profiles
         self.names = problem.names
-        self._powers: FloatArray | None = None
 
     def half(self, i: int) -> float:
         """The longer side of the interval, were no bound to cut it; infinite where there is none."""
@@ -215,11 +214,18 @@ class _View:
         model = self.problem.model
         return tuple(n for n, i in model.output_states.items() if model.orders[i] == order)
 
+    @cached_property
+    def two_sizes(self) -> tuple[tuple[Problem, FloatArray, list[FloatArray]], ...]:
+        """The problem, its unknowns and its errors, and the same with all angles halved; none where they cannot be."""
+        whole = self.problem, self.x
+        found = [(p, x, p.errors(x)) for p, x in (whole, *_halved_angles(*whole))]
+        good = tuple((p, x, errors) for p, x, errors in found if not isinstance(errors, Failure))
+        return good if len(good) == 2 else ()
+
     def power(self, i: int) -> float:
-        """With which power of the swing an unknown's sensitivity grows; NaN where angles cannot be halved."""
-        if self._powers is None:
-            self._powers = _powers(self.problem, self.x, self.jobs)
-        return float(self._powers[i])
+        """With which power of the swing an unknown's effect grows; NaN where angles cannot be halved."""
+        effects = [_effect(*size, i) for size in self.two_sizes]
+        return math.log2(effects[0] / effects[1]) if effects and min(effects) > 0 else math.nan
 
 
 def _is_angle(problem: Problem, u: Unknown) -> bool:
@@ -227,18 +233,25 @@ def _is_angle(problem: Problem, u: Unknown) -> bool:
     return u.unit == "rad" and u.kind == "parameter" and u.target not in problem.model.friction
 
 
-def _powers(problem: Problem, x: FloatArray, jobs: int) -> FloatArray:
-    """log₂ of how much each column of J falls when all angles are halved, shape (n_unknowns,)."""
+def _effect(problem: Problem, x: FloatArray, errors: list[FloatArray], i: int) -> float:
+    """How much a small step of unknown i moves all samples, a unit of it; NaN where its run fails."""
+    step = np.zeros(len(x))
+    step[i] = difference_steps(problem, x)[i]
+    beside = x + step if x[i] + step[i] <= problem.space.upper[i] else x - step
+    there = problem.errors(beside)
+    if isinstance(there, Failure):
+        return math.nan
+    return math.sqrt(sum(float(np.sum((a - b) ** 2)) for a, b in zip(there, errors, strict=True))) / float(step[i])
+
+
+def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
     if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
-        return np.full(len(x), np.nan)
+        return
     smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
     if smaller.names != problem.names:  # half the motion begins otherwise: a joint that slid does not
-        return np.full(len(x), np.nan)
+        return
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])
-    norms = column_norms(problem, x, jobs=jobs), column_norms(smaller, np.where(angles, 0.5 * x, x))
-    if isinstance(norms[0], Failure) or isinstance(norms[1], Failure):
-        return np.full(len(x), np.nan)
-    return np.asarray(np.log2(np.maximum(norms[0], 1e-300) / np.maximum(norms[1], 1e-300)))
+    yield smaller, np.where(angles, 0.5 * x, x)
 
 
 def _halved(e: Experiment) -> Experiment:

@@ -62,7 +62,7 @@ class Discretisation:
     shift: Mapping[str, float]
     """How far that moved them."""
     largest: float = 0.0
-    """The largest shift of an order or a parameter that all recordings share, in CI half-widths."""
+    """The largest shift of an unknown, in CI half-widths."""
     warning: str = ""
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
     refinement: str = ""
@@ -79,7 +79,7 @@ COARSE_STEP = "step"
 """The code of a finding of the discretisation check, whose sentence stands there."""
 
 QUIET = 0.2
-"""CI half-widths by which half the step may move a parameter."""
+"""CI half-widths by which half the step may move an unknown."""
 
 COARSE = 0.05
 """A cost that changes by more than this part at half the step says that the step is too coarse."""
@@ -163,10 +163,8 @@ def _judged(
     if moved:
         remedy = f"substeps = {_substeps(problem)}" if problem.method == "pi2" else 'method = "pi2"'
         warning += f" Type {remedy} in [fit]."
-    shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
-    largest = max(
-        (abs(float(finer[i] - x[i])) / half for i in shared if (half := half_width(known, x, i))), default=0.0
-    )
+    halves = [half_width(known, x, i) for i in range(len(x))]
+    largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning)
     if _costs_differ(problem.method, check):
         warning = (
