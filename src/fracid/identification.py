@@ -399,14 +399,13 @@ class _Findings:
             f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors may bend an "
             "interval."
         )
-        self.take(replace(finer, check=replace(finer.check, refinement=said)))
+        self.take(replace(finer, check=replace(finer.check, refinement=said)), jobs)
         return True
 
-    def take(self, finer: Refined) -> None:
-        """Go on at a finer step."""
-        self.problem, self.check, self.near = finer.problem, finer.check, finer.near
-        self.result = replace(self.result, best=finer.best)
-        self.known = with_start(finer.problem, finer.best.point, finer.uncertainty)
+    def take(self, finer: Refined, jobs: int) -> None:
+        """Go on at a finer step, with derivatives of its own: those of the coarser one led there."""
+        self.problem, self.check, self.result = finer.problem, finer.check, replace(self.result, best=finer.best)
+        self.settle(jobs)
 
     def with_quiet_step(self, jobs: int) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
@@ -416,7 +415,7 @@ class _Findings:
         fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
         finer = None if fixed else finer_step(problem, x, self.check, jobs, self.near)
         if finer is not None:
-            self.take(finer)
+            self.take(finer, jobs)
 
 
 def _examine(
