@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import difflib
 import errno
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from numbers import Integral, Real
@@ -183,18 +184,26 @@ def refuse_beyond(name: str, value: float, least: float = 0.0) -> None:
         raise InputError(f"{name} = {value:g} is beyond what can be computed with; expected {low:g} … {LARGEST:g}.")
 
 
-def unwritable(what: str, error: OSError, remedy: str) -> FracidError:
-    """Return the error for what cannot be written: where the disk is full no other place on it is better.
+@contextmanager
+def writing(what: str, remedy: str = "Give another: --out DIR.") -> Iterator[None]:
+    """Say what cannot be written: where the disk is full no other place on it is better.
 
     Examples
     --------
-    >>> print(unwritable("The folder runs/rig", OSError(errno.ENOSPC, "No space left on device"), "Give another."))
-    The folder runs/rig cannot be written: the disk is full. Make room, then type the same again; what was done is kept.
-    >>> print(unwritable("The folder /etc/rig", OSError(errno.EACCES, "Permission denied"), "Give another: --out DIR."))
-    The folder /etc/rig cannot be written: Permission denied. Give another: --out DIR.
+    >>> with writing("The folder runs/rig"):
+    ...     raise OSError(errno.ENOSPC, "No space left on device")
+    Traceback (most recent call last):
+    fracid.errors.Unfinished: The folder runs/rig cannot be written: the disk is full. Make room, then type the same
+    again; what was done is kept.
+    >>> with writing("The folder /etc/rig"):
+    ...     raise OSError(errno.EACCES, "Permission denied")
+    Traceback (most recent call last):
+    fracid.errors.InputError: The folder /etc/rig cannot be written: Permission denied. Give another: --out DIR.
     """
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return Unfinished(
-            f"{what} cannot be written: the disk is full. Make room, then type the same again; what was done is kept."
-        )
-    return InputError(f"{what} cannot be written: {error.strerror or error}. {remedy}")
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise Unfinished(f"{what} cannot be written: the disk is full. Make room, then type the same again; what "
+                             "was done is kept.") from None  # fmt: skip
+        raise InputError(f"{what} cannot be written: {error.strerror or error}. {remedy}") from None

@@ -59,7 +59,7 @@ from fracid.estimation.long_records import (
 )
 from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import Estimate, RecordingFit, deviations_of
+from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
@@ -662,19 +662,10 @@ def _recording(
     problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], e: Experiment, use: str
 ) -> RecordingFit:
     """One recording beside its simulation, which is NaN where the run fails."""
-    simulated = problem.fitted(x, e)
-    failure = isinstance(simulated, Failure)
-    values = np.full(e.measured.shape, np.nan) if isinstance(simulated, Failure) else simulated
-    cost = np.inf if failure else problem.cost_function.value(e.time, e.in_deviations(e.measured - values), e.scored)
-    initial = dict(zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True))
-    return RecordingFit(
-        e.name, use, e.start + e.time,
-        dict(zip(problem.outputs, e.measured.T, strict=True)), dict(zip(problem.outputs, values.T, strict=True)), cost,
-        {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in initial.items()},
-        {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters} | _release(estimates, e),
-        e.sha256, e.units, problem.model.zero, problem.model.pendulum, e.scored, deviations_of(problem.outputs, e),
-        e.times is not None,
-    )  # fmt: skip
+    begun = zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True)
+    initial = {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in begun}
+    own = {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters}
+    return fit_of(problem, x, e, use, initial, own | _release(estimates, e))
 
 
 def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:

@@ -217,9 +217,9 @@ def test_help_names_the_estimators(capsys):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    (["--known", "C4"], "--known 'C4' is not possible; expected NAME=VALUE, e.g. C4=0.1944"),
+    (["--known", "C4"], "--known 'C4' is not possible; expected NAME=VALUE: --known C4=0.1944"),
     (["--known", "C44=1"], "unknown constant 'C44'"),
-    (["--order", "mu=one"], "--order 'mu=one' is not possible; expected NAME=VALUE, e.g. mu=1.0"),
+    (["--order", "mu=one"], "--order 'one' is not possible; expected numbers with commas: --order mu=1.0"),
     (["--order", "my=1"], "unknown order 'my'; the known ones are lambda, mu"),
     (["--term", "friction"], "unknown constant 'friction'"),
     (["--rig", "qube-servo2"], "--rig is for a recording; the project file says it of each of its own"),

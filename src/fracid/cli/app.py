@@ -263,6 +263,27 @@ def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
+def assigned(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
+    """Parse the values of an option that may be repeated.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> assigned("--order", ["mu=0.95"], "mu=1.0")
+    {'mu': 0.95}
+    """
+    values: list[tuple[str, float]] = []
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise InputError(f"{option} {text!r} is not possible; expected NAME=VALUE: {option} {example}.")
+        values.append((name.strip(), numbers(option, value, example)[0]))
+    return each_once(option, values)
+
+
 def numbers(option: str, text: str, example: str = "5,150", *, least: float = -inf) -> tuple[float, ...]:
     """Parse the numbers of a list with commas.
 

@@ -183,7 +183,7 @@ def _structure(row: Row) -> tuple[str, str]:
     return ("+ " if len(terms) > 1 else "") + terms[-1], ("free ←" if row.paper else "free") if row.fractional else "1"
 
 
-def _order(value: float, ends: tuple[float, float] | None) -> str:
+def _order(value: float, ends: tuple[float, ...] | None) -> str:
     return f"{value:.4f}" if ends is None else f"{value:.4f} ± {(ends[1] - ends[0]) / 2:.2g}"
 
 

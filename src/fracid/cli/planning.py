@@ -17,8 +17,8 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
+    assigned,
     command,
-    each_once,
     named,
     numbers,
     option,
@@ -103,7 +103,7 @@ def design(
     complete with the new recordings, voltages, expected curves with a band, plan.json and figures.  Exit code 0 when
     done.
     """
-    orders, limits = _assigned("--order", order, "mu=0.95"), _assigned("--limit", limit, "theta=2.5")
+    orders, limits = assigned("--order", order, "mu=0.95"), assigned("--limit", limit, "theta=2.5")
     angles = (0.0,) if release is None else numbers("--release", release)
     durations, rates = numbers("--seconds", seconds), numbers("--rate", rate)
     from fracid.experiments.space import DesignSpace
@@ -129,17 +129,6 @@ def design(
 
 def _names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip()) if text else ()
-
-
-def _assigned(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
-    """Parse ``NAME=VALUE`` of an option that may be given again."""
-    values: list[tuple[str, float]] = []
-    for text in texts or ():
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip():
-            raise InputError(f"{option} {text!r} is not possible; expected NAME=VALUE: {option} {example}.")
-        values.append((name.strip(), numbers(option, value)[0]))
-    return each_once(option, values)
 
 
 def _voltage(text: str) -> Any:

@@ -6,7 +6,7 @@ from enum import StrEnum
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,8 +17,8 @@ from fracid.cli.app import (
     Seed,
     Trust,
     answer,
+    assigned,
     command,
-    each_once,
     flag,
     named,
     option,
@@ -101,11 +101,10 @@ def regress(
         from fracid.workflows.regression import run_regression  # here: it takes a second to import
 
         finished = run_regression(
-            source, known=each_once("--known", map(_value_of("known"), known or ())),
-            orders=each_once("--order", map(_value_of("order"), order or ())), terms=term or (),
-            estimator=estimator.value, cutoff=cutoff, each=each, start=start_from_text(start), stop=stop,
-            columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable, rig=rig, zero=zero,
-            trust=trust, out=out,
+            source, known=assigned("--known", known, "C4=0.1944"), orders=assigned("--order", order, "mu=1.0"),
+            terms=term or (), estimator=estimator.value, cutoff=cutoff, each=each, start=start_from_text(start),
+            stop=stop, columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable,
+            rig=rig, zero=zero, trust=trust, out=out,
         )  # fmt: skip
     if source.suffix == ".toml":
         after = typed("fit", source, trust=trust), "by simulation, from this start"
@@ -114,23 +113,6 @@ def regress(
     answer(json_, finished.result, partial(_show, finished, out, after))
     if not any(c.identified for f in finished.regressions.values() for c in f.parameters.values()):
         raise typer.Exit(DataError.exit_code)
-
-
-def _value_of(option: str) -> Any:
-    """A function that reads ``C4=0.19``."""
-
-    def read(text: str) -> tuple[str, float]:
-        name, _, value = text.partition("=")
-        try:
-            return name.strip(), float(value)
-        except ValueError:
-            example = "C4=0.1944" if option == "known" else "mu=1.0"
-            raise InputError(f"--{option} {text!r} is not possible; expected NAME=VALUE, e.g. {example}.") from None
-
-    return read
-
-
-# ------------------------------------------------------------------ from results to text
 
 
 def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str], console: Console) -> None:

@@ -20,6 +20,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import Sandwich, at_bound, sandwich
+from fracid.estimation.horizons import uninterrupted
 from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
 from fracid.problem import Problem
 from fracid.quantiles import CHI2_95, NORMAL_95
@@ -101,10 +102,8 @@ def refit(
         search = nelder_mead(inner, None)
     else:
         search = least_squares(inner, None, tolerance=tolerance, budget=budget)
-    result = minimise(lambda y: replace(problem.evaluate(whole(y)), point=y), search)
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return replace(result.best, point=whole(result.best.point))
+    best = uninterrupted(minimise(lambda y: replace(problem.evaluate(whole(y)), point=y), search)).best
+    return replace(best, point=whole(best.point))
 
 
 class Surface:

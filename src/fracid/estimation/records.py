@@ -8,7 +8,7 @@ recording alone, such as its initial angle.  Both are records of numbers; nothin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, rounded
+from fracid.errors import Failure
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
 from fracid.signals.resolution import resolution
@@ -25,7 +26,7 @@ from fracid.units import shown_unit, typeset_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.problem import Experiment
+    from fracid.problem import Experiment, Problem
 
 VERDICTS = {"practically not": "practically non-identifiable", "not at all": "not identifiable"}
 """Verdicts whose name in files says less than tables have room for."""
@@ -215,9 +216,23 @@ class RecordingFit:
         return draw(kind, self, name, resolution=self.resolutions, style=style)
 
 
-def deviations_of(outputs: Sequence[str], e: Experiment) -> dict[str, FloatArray]:
-    """Output → the standard deviations of its samples; empty where none is known."""
-    return {} if e.deviation is None else dict(zip(outputs, e.deviation.T, strict=True))
+def fit_of(
+    problem: Problem, x: FloatArray, e: Experiment, use: str, initial: Mapping[str, Estimate],
+    parameters: Mapping[str, Estimate],
+) -> RecordingFit:  # fmt: skip
+    """One recording beside its simulation at x, which is NaN where the run fails."""
+    simulated, model = problem.fitted(x, e), problem.model
+    if isinstance(simulated, Failure):
+        fitted, cost = np.full(e.measured.shape, np.nan), np.inf
+    else:
+        fitted = simulated
+        cost = problem.cost_function.value(e.time, e.in_deviations(e.measured - fitted), e.scored)
+    deviations = () if e.deviation is None else zip(problem.outputs, e.deviation.T, strict=True)
+    return RecordingFit(
+        e.name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),
+        dict(zip(problem.outputs, fitted.T, strict=True)), cost, initial, parameters, e.sha256, e.units,
+        model.zero, model.pendulum, e.scored, dict(deviations), e.times is not None,
+    )  # fmt: skip
 
 
 def fit_percent(measured: FloatArray, fitted: FloatArray) -> float:

@@ -36,13 +36,23 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import DataError, InputError, at_least
 from fracid.estimation.climbing import climbed
-from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined
+from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined, uninterrupted
 from fracid.estimation.starts import Start
-from fracid.optimise import MOST_STARTS, Entry, Evaluation, Optimiser, Outcome, Result, sobol_points
+from fracid.optimise import (
+    MOST_STARTS,
+    Entry,
+    Evaluation,
+    Optimiser,
+    Outcome,
+    Result,
+    optimiser_from_name,
+    sobol_points,
+)
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
+from fracid.problem.project import Project
 from fracid.safety.schema import as_json
 from fracid.schemas.run_record import EndBlock
 from fracid.tasks.job import Task
@@ -111,6 +121,21 @@ def search(
         return _scattered(problem, points, executor, jobs, watch, journal)
     result, made = grown_horizon(problem, points, jobs, watch, spare)
     return (result, made) if result.interrupted else _climbing(problem, result, made, jobs, watch)
+
+
+def searched(project: Project, purpose: str, jobs: int) -> FloatArray:
+    """Give the point that a project's own search comes to.
+
+    Raises
+    ------
+    DataError
+        If no run reached its end, so that there is no model for a `purpose`.
+    """
+    optimiser, rng = optimiser_from_name(project.optimiser), np.random.default_rng(project.seed)
+    best = uninterrupted(search(project.problem, optimiser, rng, jobs=jobs, starts=project.starts)[0]).best
+    if not np.isfinite(best.cost):
+        raise DataError(f"{project.path}: no run reached its end: {best.reason}. There is no model to {purpose}.")
+    return best.point
 
 
 def _climbing(

@@ -15,7 +15,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.search import search
+from fracid.estimation.search import searched
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
 from fracid.experiments.criteria import CRITERIA, Objective, objective_named
 from fracid.experiments.exchange import averaged, exchange
@@ -25,7 +25,6 @@ from fracid.experiments.space import Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
 from fracid.fit import Fit
 from fracid.models import Model
-from fracid.optimise import optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
@@ -188,15 +187,8 @@ def subject_of(
     if isinstance(source, Problem):
         return subject_of_problem(source, source.start, space, jobs=jobs)
     if isinstance(source, Project):
-        rng = np.random.default_rng(source.seed)
-        result, _ = search(source.problem, optimiser_from_name(source.optimiser), rng, jobs=jobs, starts=source.starts)
-        if result.interrupted:
-            raise KeyboardInterrupt
-        if not np.isfinite(result.best.cost):
-            raise InputError(f"{source.path}: no run reached its end: {result.best.reason}. There is no model to plan "
-                             "with.")  # fmt: skip
-        return subject_of_problem(source.problem, result.best.point, space, name=source.path.stem,
-                                  table=_tables(source), jobs=jobs)  # fmt: skip
+        x = searched(source, "plan with", jobs)
+        return subject_of_problem(source.problem, x, space, name=source.path.stem, table=_tables(source), jobs=jobs)
     raise InputError(f"{type(source).__name__} is nothing to design from; expected a fit, a run that fracid.load_run "
                      "read, a project or a model.")  # fmt: skip
 

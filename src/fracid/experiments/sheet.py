@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, unwritable
+from fracid.errors import Failure, writing
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
@@ -131,7 +131,7 @@ def write_sheet(plan: Sheet, folder: Path) -> tuple[Path, ...]:
     from fracid.plots import save  # matplotlib is slow to load
 
     curves, files = expected_curves(plan), []
-    try:
+    with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
         texts = {
             "sheet.txt": _sheet(plan),
@@ -144,8 +144,6 @@ def write_sheet(plan: Sheet, folder: Path) -> tuple[Path, ...]:
         for name, text in texts.items():
             write_text(folder / name, text)
             files.append(folder / name)
-    except OSError as error:
-        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     units = plan.subject.problem.model.input_units
     for curve in curves:
         number = plan.experiments.index(curve.candidate) + 1

@@ -25,7 +25,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fracid.errors import InputError, unknown_name, unwritable
+from fracid.errors import InputError, unknown_name, writing
 from fracid.safety.door import write_text
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def export_run(
     folder = Path(folder)
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run)]
-    try:
+    with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
             before = len(files)
@@ -102,8 +102,6 @@ def export_run(
                     notes.append(thing)
             if formats and len(files) == before:  # nothing of what was asked for
                 raise InputError(notes[-1])
-    except OSError as error:
-        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
 
 

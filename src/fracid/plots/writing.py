@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError, unwritable
+from fracid.errors import InputError, writing
 from fracid.plots import appearance
 from fracid.safety.door import write_whole
 
@@ -87,13 +87,11 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
                 _hold_labels(figure)
     for axes in figure.axes:
         figure.delaxes(axes)  # clear() would make each anew first, a tenth of the whole time
-    try:
+    with writing(str(folder), "Give another folder."):
         Path(folder).mkdir(parents=True, exist_ok=True)
         paths = tuple(Path(folder) / f"{stem}.{ending}" for ending in formats)
         for ending, path in zip(formats, paths, strict=True):
             write_whole(path, contents[ending])
-    except OSError as error:
-        raise unwritable(str(folder), error, "Give another folder.") from None
     return paths
 
 

@@ -37,7 +37,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -434,15 +434,8 @@ class _Page:
 
     def text(self) -> str:
         """All of it."""
-        parts = [self._head(), self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
-        return "\n\n".join("\n".join(part) for part in parts) + "\n"
-
-    def _head(self) -> list[str]:
-        return [
-            f"# {self.recording.report.verdict}",
-            "#",
-            "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE",
-        ]
+        parts = [self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
+        return toml_text(self.recording, parts)
 
     def _model(self) -> list[str]:
         rigs = ", ".join(RIGS)
@@ -519,21 +512,22 @@ class _Page:
         )
         if joint == "theta" or self.arm or self.driven:  # an arm that sticks quickens the pendulum too
             return f"# {line}"
-        y = np.nan_to_num(self.recording.signals["alpha"] - self.reports["alpha"].rest)
-        first = 0 if self.recording.report.release is None else int(
-            np.searchsorted(self.recording.time, self.recording.report.release))  # fmt: skip
-        part = quickening(y[first:], COUNTS * (self.reports["alpha"].resolution or 0.0))
+        part = quickening(self._swing(), COUNTS * (self.reports["alpha"].resolution or 0.0))
         why = f"; its small swings are {100 * part:.1f} % quicker"
         return f"{line}{why}" if part > QUICK else f"# {line}"
 
+    def _swing(self) -> FloatArray:
+        """The pendulum about its rest, from its release on."""
+        r = self.recording
+        first = 0 if r.report.release is None else int(np.searchsorted(r.time, r.report.release))
+        return np.nan_to_num(r.signals["alpha"] - self.reports["alpha"].rest)[first:]
+
     def _inertia(self, gravity: float) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
-        r = self.recording
-        step = r.report.clock.step
-        y = np.nan_to_num(r.signals["alpha"] - self.reports["alpha"].rest)
-        first = 0 if r.report.release is None else int(np.searchsorted(r.time, r.report.release))
-        spectrum = np.abs(np.fft.rfft(y[first:] * np.hanning(len(y) - first), 8 * len(y)))
-        omega = 2 * math.pi * float(np.argmax(spectrum)) / (8 * len(y) * step)
+        step, swing = self.recording.report.clock.step, self._swing()
+        samples = 8 * len(self.recording.time)
+        spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), samples))
+        omega = 2 * math.pi * float(np.argmax(spectrum)) / (samples * step)
         return gravity / omega**2 if omega > 0 else self.model.parameter("C1").value
 
     def _slower(self) -> float:
@@ -561,16 +555,7 @@ class _Page:
                 f"mu     = {free}".ljust(52) + "# of the pendulum"]  # fmt: skip
 
     def _recording(self) -> list[str]:
-        path = Path(self.recording.path).resolve()
-        relative_path = os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/")
-        lines = ["[[recording]]", toml_line("name", self.recording.name, ""), toml_line("file", relative_path, "")]
-        if self.variable:
-            lines.append(toml_line("variable", self.variable, "# the array in the file"))
-        if self.time:
-            lines.append(f"time = {toml_table(self.time)}")
-        else:
-            lines += [f"# {line}" for line in self.recording.report.reading if line.startswith("Time ")]
-        lines += [f"{name} = {toml_table(fields)}" for name, fields in self.columns.items()]
+        lines = [*toml_file(self.recording, self.folder, self.variable, self.time, self.columns)]
         lines.append(self._from())
         if self._held():
             reach = max(0.05, 5 * self.recording.report.clock.step)
@@ -652,6 +637,30 @@ class _Page:
 
 def _joint(name: str) -> str:
     return {"theta": "arm", "alpha": "pendulum"}[name]
+
+
+def toml_text(recording: Recording, parts: Iterable[Iterable[str]]) -> str:
+    """A project file: what the recording is like, and the tables of it that have lines."""
+    head = [f"# {recording.report.verdict}", "#",
+            "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE"]  # fmt: skip
+    tables = ["\n".join(part) for part in (head, *parts)]
+    return "\n\n".join(table for table in tables if table) + "\n"
+
+
+def toml_file(
+    recording: Recording, folder: Path, variable: str | None, time: Mapping[str, Any] | None, columns: Columns
+) -> Iterator[str]:
+    """The table of a recording as far as its columns."""
+    path = os.path.relpath(Path(recording.path).resolve(), folder.resolve())
+    yield from ("[[recording]]", toml_line("name", recording.name, ""))
+    yield toml_line("file", path.replace(os.sep, "/"), "")
+    if variable:
+        yield toml_line("variable", variable, "# the array in the file")
+    if time:
+        yield f"time = {toml_table(time)}"
+    else:
+        yield from (f"# {line}" for line in recording.report.reading if line.startswith("Time "))
+    yield from (f"{name} = {toml_table(fields)}" for name, fields in columns.items())
 
 
 def toml_line(key: str, value: str, comment: str) -> str:

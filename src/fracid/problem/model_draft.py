@@ -9,7 +9,6 @@ elements that the recording does not ask for stand as comments.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model, model
 from fracid.models.library import table_of
-from fracid.problem.draft import Draft, toml_line, toml_range, toml_table
+from fracid.problem.draft import Draft, toml_file, toml_line, toml_range, toml_text
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
 from fracid.recording import Recording, inspect_recording
@@ -174,21 +173,10 @@ class _Page:
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
-        parts = [
-            self._head(),
-            self._model(),
-            [*self._parameters()],
-            [*self._orders()],
-            [*self._recording()],
-            self._fit(),
-        ]
-        text = "\n\n".join("\n".join(part) for part in parts if part) + "\n"
+        parts = [self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
+        text = toml_text(self.recording, parts)
         findings = tuple(f"May be wrong: {f}" for f in self.recording.report.findings)
         return Draft(text, self.columns, (*self.notes, *findings))
-
-    def _head(self) -> list[str]:
-        return [f"# {self.recording.report.verdict}", "#",
-                "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE"]  # fmt: skip
 
     def _model(self) -> list[str]:
         zero = [toml_line("zero", self.model.zero, f"# {self.model.pendulum} = 0 where it hangs; or upright")]
@@ -229,14 +217,7 @@ class _Page:
             yield f"{n} = {{ start = {start}, lower = {low}, upper = {high} }}".ljust(52) + why
 
     def _recording(self) -> Iterator[str]:
-        path = Path(self.recording.path).resolve()
-        yield from ("[[recording]]", toml_line("name", self.recording.name, ""))
-        yield toml_line("file", os.path.relpath(path, self.folder.resolve()).replace(os.sep, "/"), "")
-        if self.variable:
-            yield toml_line("variable", self.variable, "# the array in the file")
-        if self.time:
-            yield f"time = {toml_table(self.time)}"
-        yield from (f"{name} = {toml_table(fields)}" for name, fields in self.columns.items())
+        yield from toml_file(self.recording, self.folder, self.variable, self.time, self.columns)
         for state, output in self.table["model"].get("begins", {}).items():
             y = self.recording.signals[output]
             at, wide = float(y[np.isfinite(y)][0]), float(np.ptp(y[np.isfinite(y)]))

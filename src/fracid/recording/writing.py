@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError
+from fracid.errors import InputError, writing
 from fracid.recording.recording import Recording
 from fracid.safety.door import write_whole
 
@@ -50,11 +50,9 @@ def save_recording(recording: Recording, path: str | Path, *, note: str = "") ->
     if path.suffix.lower() not in WRITERS:
         raise InputError(f"{path} cannot be written: its ending is {path.suffix!r}; expected {', '.join(WRITERS)}.")
     content = WRITERS[path.suffix.lower()](recording, note)
-    try:
+    with writing(str(path), "Give another file."):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}. Give another file.") from None
     return path
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unwritable
+from fracid.errors import InputError, writing
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
@@ -181,12 +181,10 @@ def write_index(folder: str | Path) -> Path:
     path = folder / INDEX
     if os.path.lexists(path) and not _is_ours(path):
         raise InputError(f"{path} is not an index that fracid wrote; move it away first.")
-    try:
+    with writing(f"The index {path}", "Give another folder."):
         write_text(path, _index_page(folder, runs))
         for k, run in enumerate(runs):
             _link(run.folder / PAGE, runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
-    except OSError as error:
-        raise unwritable(f"The index {path}", error, "Give another folder.") from None
     return path
 
 

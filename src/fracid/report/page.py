@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import unwritable
+from fracid.errors import writing
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
@@ -114,11 +114,9 @@ def write_report(
         return write_index(folder)
     path = folder / REPORT if out is None else Path(out)
     text = report_page(_material(folder, fit, project, plane, jobs, trust, residuals))
-    try:
+    with writing(f"The report {path}", "Give another: --out FILE."):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
-    except OSError as error:
-        raise unwritable(f"The report {path}", error, "Give another: --out FILE.") from None
     if out is None:
         refresh_index(folder.parent)
     return path

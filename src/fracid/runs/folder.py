@@ -34,7 +34,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import FracidError, InputError, unwritable
+from fracid.errors import InputError, writing
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.schema import as_json, read_as
@@ -322,10 +322,8 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
 
 
 def _write_state(folder: Path, state: RunState) -> None:
-    try:
+    with writing(f"The folder {folder}"):
         write_text(folder / RUN, json.dumps(as_json(RunBlock, state), indent=2, ensure_ascii=False) + "\n")
-    except OSError as error:
-        raise _unwritable(folder, error) from None
 
 
 def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
@@ -349,18 +347,15 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
     'first'
     """
     _refuse_strangers(folder)
-    with FolderLock(folder):
-        try:
-            for old in (EVALUATIONS, MEMO, "result.json", *LATER):
-                (folder / old).unlink(missing_ok=True)
-            for path in (*_figures(folder), *_halves(folder)):
-                path.unlink(missing_ok=True)
-            began = datetime.now(UTC).isoformat(timespec="seconds")
-            typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
-            environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), "code": code(), **typed})
-            write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
-        except OSError as error:
-            raise _unwritable(folder, error) from None
+    with FolderLock(folder), writing(f"The folder {folder}"):
+        for old in (EVALUATIONS, MEMO, "result.json", *LATER):
+            (folder / old).unlink(missing_ok=True)
+        for path in (*_figures(folder), *_halves(folder)):
+            path.unlink(missing_ok=True)
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
+        environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), "code": code(), **typed})
+        write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
     return folder
 
 
@@ -386,19 +381,14 @@ def discard(folder: Path) -> None:
                 place.rmdir()
 
 
-def _unwritable(folder: Path, error: OSError) -> FracidError:
-    return unwritable(f"The folder {folder}", error, "Give another: --out DIR.")
-
-
 def _refuse_strangers(folder: Path) -> None:
     """Make the folder, but refuse one with files of somebody else."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
-    except (FileExistsError, NotADirectoryError):
-        raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
-    except OSError as error:
-        raise _unwritable(folder, error) from None
+    with writing(f"The folder {folder}"):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            names = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+        except (FileExistsError, NotADirectoryError):
+            raise InputError(f"{folder} is no folder, or lies below a file; give another: --out DIR.") from None
     if names and not names & {"environment.json", RUN}:
         raise InputError(f"{folder} holds files that are not a run's; give an empty or a new folder: --out DIR.")
 
@@ -438,9 +428,7 @@ def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, 
         If the disk will not take them.
     """
     result = result_of(fit, project, timing)
-    try:
+    with writing(f"The result in {folder}", "Allow it, then type fracid resume."):
         write_text(folder / "result.json", json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
         write_text(folder / "project.toml", project.text)
-    except OSError as error:
-        raise unwritable(f"The result in {folder}", error, "Allow it, then type fracid resume.") from None
     return result

@@ -29,9 +29,9 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.inference import WithPosterior
 from fracid.cards import Card, CardDisplay
-from fracid.errors import Failure, FracidError, InputError, NotTrusted
+from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
-from fracid.estimation.records import Estimate, RecordingFit, deviations_of
+from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
 from fracid.fit import fit_card
@@ -212,17 +212,11 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
                         self.claim_reasons)  # fmt: skip
 
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
-        run = problem.fitted(_vector(problem, self.values), e)
-        fitted = np.full(e.measured.shape, np.nan) if isinstance(run, Failure) else run
-        cost = problem.cost_function.value(e.time, e.in_deviations(e.measured - fitted), e.scored)
         entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
             {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
         )
-        measured, simulated = (dict(zip(problem.outputs, y.T, strict=True)) for y in (e.measured, fitted))
-        return RecordingFit(e.name, use, e.start + e.time, measured, simulated, cost, initial, own, e.sha256, e.units,
-                            self.problem.model.zero, self.problem.model.pendulum, e.scored,
-                            deviations_of(problem.outputs, e), e.times is not None)  # fmt: skip
+        return fit_of(problem, _vector(problem, self.values), e, use, initial, own)
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):

@@ -69,9 +69,17 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
-from fracid.safety.json_files import from_json, json_number
+from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json
-from fracid.schemas.comparison import ComparisonBlock, EvidenceBlock, FittedBlock, RowBlock, ScoreBlock, StartBlock
+from fracid.schemas.comparison import (
+    ComparisonBlock,
+    EvidenceBlock,
+    FittedBlock,
+    LeftOverBlock,
+    RowBlock,
+    ScoreBlock,
+    StartBlock,
+)
 from fracid.schemas.result import AlternativeBlock
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import STRONG, schwarz
@@ -142,7 +150,7 @@ class Row:
     """How many are free, initial states included; what the fitted recordings do not see is not."""
     bic: float
     """Schwarz's criterion, less that of the best row."""
-    orders: Mapping[str, tuple[float, tuple[float, float] | None]]
+    orders: Mapping[str, tuple[float, tuple[float, ...] | None]]
     """Each order with its 95 % interval; None for a fixed one, or where there is none."""
     values: Mapping[str, float]
     """Every unknown by its name [SI]."""
@@ -485,21 +493,36 @@ class _Fold:
     ladder: Ladder
 
 
-def _fold(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
-    """A fold; a process makes it once."""
-    if isinstance(origin, _OfFile):
-        return _fold_of_file(origin, held_out, leave_one_out)
-    if held_out not in origin.folds:
-        origin.folds[held_out] = _made(origin, held_out, leave_one_out)
-    return origin.folds[held_out]
+@dataclass(frozen=True)
+class _Place:
+    """Which recordings a task fits, and which it does not see."""
+
+    origin: _InMemory | _OfFile
+    held_out: tuple[str, ...]
+    leave_one_out: bool
+
+    @property
+    def fold(self) -> _Fold:
+        """A process makes it once."""
+        if isinstance(self.origin, _OfFile):
+            return _fold_of_file(self)
+        if self.held_out not in self.origin.folds:
+            self.origin.folds[self.held_out] = _made(self)
+        return self.origin.folds[self.held_out]
+
+    def minimum(self, name: str, values: Mapping[str, float]) -> tuple[Problem, FloatArray]:
+        """A structure's problem, and its minimum."""
+        problem = self.fold.ladder[name].problem
+        return problem, np.array([values[n] for n in problem.names])
 
 
-def _made(origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool) -> _Fold:
+def _made(place: _Place) -> _Fold:
+    origin = place.origin
     problem, validation, alternatives = origin.load()
     problem = reopened(replace(problem, substeps=origin.substeps or problem.substeps), origin.opened)
-    every = (*problem.experiments, *validation) if leave_one_out else problem.experiments
-    fitted = tuple(e for e in every if e.name not in held_out)
-    others = tuple(e for e in (*problem.experiments, *validation) if e.name in held_out)
+    every = (*problem.experiments, *validation) if place.leave_one_out else problem.experiments
+    fitted = tuple(e for e in every if e.name not in place.held_out)
+    others = tuple(e for e in (*problem.experiments, *validation) if e.name in place.held_out)
     keep, rungs = origin.only
     fitted_problem = replace(problem, experiments=fitted)
     beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
@@ -513,14 +536,13 @@ _fold_of_file = lru_cache(maxsize=32)(_made)
 
 
 def _fit_project(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, optimiser: str, seed: int, starts: int,
-    jobs: int, before: dict[str, float] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    place: _Place, optimiser: str, seed: int, starts: int, jobs: int, before: dict[str, float] | None
+) -> dict[str, Any]:
     """Where every structure may start: the project as it stands, searched as a fit of it is, and its bounds opened.
 
     `before` has its minimum at a coarser step; a fit at this one would not know that, and may come to another.
     """
-    given, watch, opened = _fold(origin, held_out, leave_one_out).ladder.given, Watch(), tuple[OpenedBound, ...]()
+    given, watch, opened = place.fold.ladder.given, Watch(), tuple[OpenedBound, ...]()
     if given.names:
         entry = OPTIMISERS[optimiser]
         if given.cost_function.loss is None:
@@ -540,8 +562,7 @@ def _fit_project(
 
 
 def _fit_structure(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
+    place: _Place, name: str, below: dict[str, dict[str, float]], seed: int, starts: int, jobs: int,
     before: tuple[dict[str, float], str, int] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Fit one structure and score it: a task, whose result is plain JSON.
@@ -549,8 +570,7 @@ def _fit_structure(
     `below` has where it may start, each with all values: the minima of the structures that it holds, and the fit of the
     project.  `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
-    fold = _fold(origin, held_out, leave_one_out)
-    structure, others = fold.ladder[name], fold.held_out
+    structure, others = place.fold.ladder[name], place.fold.held_out
     problem = structure.problem
     best, outcome = (
         _fitted(structure, below, seed, starts, jobs) if before is None else _refitted(structure, below, *before, jobs)
@@ -714,8 +734,15 @@ class _Study:
     """Fold → all values of the project as it stands, fitted; nothing where no run of it ends."""
     began: float = field(default_factory=time.perf_counter)
 
+    def place(self, fold: str = WHOLE) -> _Place:
+        return _Place(self.origin, self.folds[fold], self.leave_one_out)
+
     def ladder(self, fold: str) -> Ladder:
-        return _fold(self.origin, self.folds[fold], self.leave_one_out).ladder
+        return self.place(fold).fold.ladder
+
+    def task(self, what: str, row: Row, *more: Any) -> Task:
+        """What follows from the fit of a structure to all recordings."""
+        return Task(f"{what} | {row.name}", (self.place(), row.name, dict(row.values), *more))
 
     def fit(self) -> dict[tuple[str, str], dict[str, Any]]:
         """(Fold, structure) → what :func:`_fit_structure` gave."""
@@ -732,9 +759,7 @@ class _Study:
         """The steps a sample at which the best rows of either kind are quiet."""
         kinds = [[row for row in rows if row.fractional == kind and math.isfinite(row.cost)] for kind in (False, True)]
         best = [_best(kind) for kind in kinds if kind]
-        tasks = [Task(f"step | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
-                                             dict(row.values), _half_widths(row), max(1, self.execution.jobs // 2)))
-                 for row in best]  # fmt: skip
+        tasks = [self.task("step", row, _half_widths(row), max(1, self.execution.jobs // 2)) for row in best]
         results = self._run(_choose_step, tasks, "is the step fine enough?")
         return max((int(results[task.key]["substeps"]) for task in tasks), default=1)
 
@@ -760,9 +785,8 @@ class _Study:
         jobs = max(1, self.execution.jobs // len(self.folds))
         tasks = {
             fold: Task(" | ".join(filter(None, (GIVEN, fold, again))), (
-                self.origin, held_out, self.leave_one_out, self.optimiser, self.seed, self.starts, jobs,
-                before.get(fold) or None,
-            )) for fold, held_out in self.folds.items()
+                self.place(fold), self.optimiser, self.seed, self.starts, jobs, before.get(fold) or None,
+            )) for fold in self.folds
         }  # fmt: skip
         results = self._run_fits([*tasks.values()], again, _fit_project)
         found = {fold: StartBlock.model_validate(results[task.key]) for fold, task in tasks.items()}
@@ -790,8 +814,7 @@ class _Study:
         minima = {n: fits[fold, n]["values"] for n in s.below if fits[fold, n]["cost"] is not None}
         below = {n: assignment(p := hierarchy[n].problem, np.array([values[u] for u in p.names]))
                  for n, values in minima.items()} | ({GIVEN: self.given[fold]} if self.given[fold] else {})  # fmt: skip
-        return (self.origin, self.folds[fold], self.leave_one_out, s.name, below, self.seed, self.starts,
-                max(1, self.execution.jobs // beside))  # fmt: skip
+        return self.place(fold), s.name, below, self.seed, self.starts, max(1, self.execution.jobs // beside)
 
     def _run_fits(self, tasks: list[Task], note: str = "", work: Callable[..., Any] = _fit_structure) -> dict[str, Any]:
         before = self.earlier
@@ -817,9 +840,8 @@ class _Study:
 
     def with_odds(self, rows: Sequence[Row], samples: float) -> tuple[tuple[Row, ...], tuple[str, ...]]:
         """The rows with their posterior odds, and why some have none."""
-        tasks = {row.name: Task(f"evidence | {row.name}", (self.origin, self.folds[WHOLE], self.leave_one_out, row.name,
-                                                           dict(row.values), self.execution.jobs))
-                 for row in rows if math.isfinite(row.cost)}  # fmt: skip
+        fits = (row for row in rows if math.isfinite(row.cost))
+        tasks = {row.name: self.task("evidence", row, self.execution.jobs) for row in fits}
         results = self._run(_log_evidence, [*tasks.values()], "evidence")
         hierarchy, logs, without = self.ladder(WHOLE), {}, []
         for name, task in tasks.items():
@@ -836,21 +858,18 @@ class _Study:
         """What of integer order comes nearest to a fractional structure."""
         own = self.origin.load()[2]
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
-        half = _half_widths(row)
-        key = f"alternatives | {row.name}"
-        task = Task(key, (self.origin, self.folds[WHOLE], self.leave_one_out, row.name, dict(row.values), half, others,
-                          self.execution.jobs, self.starts, self.seed))  # fmt: skip
-        content = self._run(_try_alternatives, [task], "integer-order alternatives")[key]["alternative"]
+        how = self.execution.jobs, self.starts, self.seed
+        task = self.task("alternatives", row, _half_widths(row), others, *how)
+        content = self._run(_try_alternatives, [task], "integer-order alternatives")[task.key]["alternative"]
         return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
 
     def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
         """The amplitude test of some structures."""
         names = dict.fromkeys(n for n in structures if math.isfinite(comparison[n].cost))
-        tasks = [Task(f"amplitude | {name}", (self.origin, self.folds[WHOLE], self.leave_one_out, name,
-                                              dict(comparison[name].values), max(1, self.execution.jobs // len(names))))
-                 for name in names]  # fmt: skip
-        results = self._run(_test_amplitude, tasks, "do the orders drift with amplitude?")
-        return {name: AmplitudeTest.of_json(results[f"amplitude | {name}"]) for name in names}
+        jobs = max(1, self.execution.jobs // max(1, len(names)))
+        tasks = {name: self.task("amplitude", comparison[name], jobs) for name in names}
+        results = self._run(_test_amplitude, [*tasks.values()], "do the orders drift with amplitude?")
+        return {name: AmplitudeTest.of_json(results[task.key]) for name, task in tasks.items()}
 
 
 def _half_widths(row: Row) -> dict[str, float]:
@@ -859,52 +878,39 @@ def _half_widths(row: Row) -> dict[str, float]:
 
 
 def _choose_step(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: Mapping[str, float], half_widths: dict[str, float], jobs: int,
-) -> dict[str, Any]:  # fmt: skip
-    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
+    place: _Place, name: str, values: Mapping[str, float], half_widths: dict[str, float], jobs: int
+) -> dict[str, Any]:
+    problem, x = place.minimum(name, values)
     if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
-    return {"substeps": quiet_substeps(problem, np.array([values[n] for n in problem.names]), half_widths, jobs=jobs)}
+    return {"substeps": quiet_substeps(problem, x, half_widths, jobs=jobs)}
 
 
 def _key(fold: str, s: Structure) -> str:
     return f"{s.name} | without {fold}" if fold else s.name
 
 
-def _test_amplitude(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: Mapping[str, float], jobs: int,
-) -> dict[str, Any]:  # fmt: skip
-    fold = _fold(origin, held_out, leave_one_out)
-    problem = fold.ladder[name].problem
-    x = np.array([values[n] for n in problem.names])
-    return amplitude_test(problem, x, others=fold.held_out, jobs=jobs).to_json()
+def _test_amplitude(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
+    return amplitude_test(*place.minimum(name, values), others=place.fold.held_out, jobs=jobs).to_json()
 
 
-def _log_evidence(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: Mapping[str, float], jobs: int,
-) -> dict[str, Any]:  # fmt: skip
+def _log_evidence(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
     """A structure's evidence and least cost, or the reason why there is none."""
-    problem = _fold(origin, held_out, leave_one_out).ladder[name].problem
     try:
-        found = laplace_evidence(problem, np.array([values[n] for n in problem.names]), jobs=jobs)
+        found = laplace_evidence(*place.minimum(name, values), jobs=jobs)
     except InputError as error:
         return as_json(EvidenceBlock, {"log_evidence": None, "cost": None, "reason": str(error)})
     return as_json(EvidenceBlock, {"log_evidence": found.log_evidence, "cost": found.cost, "reason": ""})
 
 
 def _try_alternatives(
-    origin: _InMemory | _OfFile, held_out: tuple[str, ...], leave_one_out: bool, name: str,
-    values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]], jobs: int, starts: int,
-    seed: int,
+    place: _Place, name: str, values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]],
+    jobs: int, starts: int, seed: int,
 ) -> dict[str, Any]:  # fmt: skip
-    fold = _fold(origin, held_out, leave_one_out).ladder
-    problem = fold[name].problem
-    best = problem.evaluate(np.array([values[n] for n in problem.names]))
-    beside = {s.friction: _from_there(s.problem, others[s.name]) for s in fold.structures if s.name in others}
-    nearest = integer_alternatives(problem, best, half, jobs=jobs, own=beside, starts=starts, seed=seed)
+    problem, x = place.minimum(name, values)
+    every = place.fold.ladder.structures
+    beside = {s.friction: _from_there(s.problem, others[s.name]) for s in every if s.name in others}
+    nearest = integer_alternatives(problem, problem.evaluate(x), half, jobs=jobs, own=beside, starts=starts, seed=seed)
     return {"alternative": None if nearest is None else as_json(AlternativeBlock, nearest)}
 
 
@@ -986,23 +992,22 @@ def _rows(
     problem: Problem,
 ) -> tuple[tuple[Row, ...], float]:  # fmt: skip
     """The table's rows, and the samples that the residuals of the best in sample are worth."""
-    whole = {s.name: fitted[WHOLE, s.name] for s in hierarchy.structures}
-    successes = [r for r in whole.values() if r["cost"] is not None]
-    samples = min(successes, key=lambda r: float(r["cost"]))["samples"] if successes else 2.0
-    criteria = {n: schwarz(r["squares"], r["parameters"], samples, problem.cost_function)
-                if r["squares"] is not None else math.inf for n, r in whole.items()}  # fmt: skip
+    whole = {s.name: FittedBlock.model_validate(fitted[WHOLE, s.name]) for s in hierarchy.structures}
+    samples = min(whole.values(), key=lambda r: math.inf if r.cost is None else r.cost).samples
+    criteria = {n: math.inf if r.squares is None else schwarz(r.squares, r.parameters, samples, problem.cost_function)
+                for n, r in whole.items()}  # fmt: skip
     lowest = min(criteria.values())
     rows = []
     for s in hierarchy.structures:
-        r, free = whole[s.name], s.problem.orders
-        orders = {n: (_order(s, r["values"], n), _pair(r["orders"].get(s.problem.ties.get(n, n)))) for n in free}
+        r = whole[s.name]
+        orders = {n: (_order(s, r.values, n), r.orders.get(s.problem.ties.get(n, n))) for n in s.problem.orders}
         held_out = {n: score for fold in folds for n, score in
                     fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
         rows.append(Row(
-            s.friction, s.fractional, s.name, s.paper, from_json(r["cost"], math.inf), r["parameters"],
-            criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r["values"], tuple(r["at_bound"]),
-            {n: _score_of(v) for n, v in r["in_sample"].items()}, {n: _score_of(v) for n, v in held_out.items()},
-            r["outcome"], {n: LeftOver(**e) for n, e in r.get("left_over", {}).items()},
+            s.friction, s.fractional, s.name, s.paper, math.inf if r.cost is None else r.cost, r.parameters,
+            criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r.values, tuple(r.at_bound),
+            _scores(r.in_sample), _scores({n: ScoreBlock.model_validate(v) for n, v in held_out.items()}),
+            r.outcome, _left_over(r.left_over),
         ))  # fmt: skip
     return tuple(rows), samples
 
@@ -1012,12 +1017,12 @@ def _order(s: Structure, values: Mapping[str, float], name: str) -> float:
     return float(values.get(root, s.problem.order_starts[root]))
 
 
-def _pair(ends: Sequence[float] | None) -> tuple[float, float] | None:
-    return None if ends is None else (ends[0], ends[1])
+def _scores(blocks: Mapping[str, ScoreBlock]) -> dict[str, Score]:
+    return {n: Score(**dict(block)) for n, block in blocks.items()}
 
 
-def _score_of(content: Mapping[str, Any]) -> Score:
-    return Score(**dict(ScoreBlock.model_validate(content)))
+def _left_over(blocks: Mapping[str, LeftOverBlock]) -> dict[str, LeftOver]:
+    return {n: LeftOver(**dict(block)) for n, block in blocks.items()}
 
 
 def _best(rows: Sequence[Row]) -> Row:
@@ -1160,9 +1165,9 @@ def _row_json(row: Row) -> dict[str, Any]:
 
 def _row_of(block: RowBlock) -> Row:
     own = {f.name: getattr(block, f.name) for f in fields(Row)}
-    scores = {use: {n: Score(**dict(s)) for n, s in own[use].items()} for use in ("in_sample", "held_out")}
-    own["left_over"] = {n: LeftOver(**dict(e)) for n, e in block.left_over.items()}
-    return Row(**own | scores | {"orders": {n: (o.value, o.interval95) for n, o in block.orders.items()}})
+    scores = {"in_sample": _scores(block.in_sample), "held_out": _scores(block.held_out)}
+    orders = {n: (o.value, o.interval95) for n, o in block.orders.items()}
+    return Row(**own | scores | {"left_over": _left_over(block.left_over), "orders": orders})
 
 
 def _in_unit(rmse: float, itae: float, unit: str) -> dict[str, Any]:

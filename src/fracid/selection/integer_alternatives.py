@@ -290,15 +290,14 @@ def _of_the_project(
     apart is how many it takes.
     """
     for name, alternative in own.items():
-        result, _ = search(alternative, OPTIMISERS["multistart"], np.random.default_rng(seed), jobs=jobs, starts=starts)
-        if result.interrupted:
-            raise KeyboardInterrupt
-        if result.best.residuals is not None:
-            rival = Rival(alternative, result.best, name, here.off, nested=False)
+        rng = np.random.default_rng(seed)
+        end = uninterrupted(search(alternative, OPTIMISERS["multistart"], rng, jobs=jobs, starts=starts)[0]).best
+        if end.residuals is not None:
+            rival = Rival(alternative, end, name, here.off, nested=False)
             _, gain = gain_over(rival, problem, best)
             larger = len(alternative.names) > len(problem.names)
-            as_well = gain <= STRONG if larger else _as_well(gain, result.best.cost, best.cost)
-            yield rival, Trial(name, result.best.cost, gain, as_well)
+            as_well = gain <= STRONG if larger else _as_well(gain, end.cost, best.cost)
+            yield rival, Trial(name, end.cost, gain, as_well)
 
 
 def _as_well(gain: float, cost: float, fractional: float) -> bool:

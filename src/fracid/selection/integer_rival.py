@@ -30,7 +30,7 @@ import numpy as np
 
 from fracid.errors import Failure
 from fracid.estimation.climbing import without
-from fracid.estimation.horizons import Watch, growing
+from fracid.estimation.horizons import Watch, growing, uninterrupted
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
@@ -263,10 +263,7 @@ def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float
     best_values = dict(zip(problem.names, best.point.tolist(), strict=True))
     as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
-        result = growing(rival, rival.start, jobs, Watch(), also=(as_found,))
-        if result.interrupted:
-            raise KeyboardInterrupt
-        integer = result.best
+        integer = uninterrupted(growing(rival, rival.start, jobs, Watch(), also=(as_found,))).best
     else:
         integer = rival.evaluate(rival.start)
     if integer.residuals is None:

@@ -30,7 +30,7 @@ from io import RawIOBase
 from pathlib import Path
 from types import TracebackType
 
-from fracid.errors import InputError, Unfinished, unwritable
+from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST
 from fracid.tasks.folder_lock import FolderLock, Json, line_content
@@ -223,10 +223,8 @@ def _cut_short(path: Path, error: OSError) -> Unfinished:
 
 
 def _opened(path: Path) -> RawIOBase:
-    try:
+    with writing(str(path), "Give another folder: --out DIR."):
         return appended(path)
-    except OSError as error:
-        raise unwritable(str(path), error, "Give another folder: --out DIR.") from None
 
 
 def _read(

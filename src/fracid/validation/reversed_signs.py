@@ -15,6 +15,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
+from fracid.estimation.horizons import uninterrupted
 from fracid.findings import Finding
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Problem
@@ -154,10 +155,8 @@ def _left_over(problem: Problem, jobs: int) -> float:
         if part < BAD:
             break
         search = least_squares(replace(problem.space, start=x), None, tolerance=1e-3, budget=6)
-        result = minimise(problem.evaluate, search, jobs=jobs)
-        if result.interrupted:
-            raise KeyboardInterrupt
-        x, part = result.best.point, _part(problem, result.best.point)
+        x = uninterrupted(minimise(problem.evaluate, search, jobs=jobs)).best.point
+        part = _part(problem, x)
     return part
 
 

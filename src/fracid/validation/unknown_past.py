@@ -41,7 +41,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
-from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.figures import Style, draw
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
@@ -469,18 +469,18 @@ def _from(inputs: FloatArray, k: int) -> FloatArray:
 def _refitted(
     name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
 ) -> Treatment | Failure:
-    result = refined(other, _carried(problem, x, other), jobs, Watch(), tolerance=1e-5, budget=budget)
-    if result.interrupted:
-        raise KeyboardInterrupt
-    if not math.isfinite(result.best.cost):
-        return Failure(FailureReason.RUN, f"no run reached its end: {result.best.reason}")
+    begun = _carried(problem, x, other)
+    result = uninterrupted(refined(other, begun, jobs, Watch(), tolerance=1e-5, budget=budget))
+    best = result.best
+    if not math.isfinite(best.cost):
+        return Failure(FailureReason.RUN, f"no run reached its end: {best.reason}")
     later = max(o.start - e.start for e, o in zip(problem.experiments, other.experiments, strict=True))
     at = {other.unknowns[i].target: i for i in other.order_indices}
     before = {problem.unknowns[i].target: float(x[i]) for i in problem.order_indices}
-    orders = {n: float(result.best.point[i]) for n, i in at.items()}
+    orders = {n: float(best.point[i]) for n, i in at.items()}
     label = f"{name} by {later:.2g} s" if later > 0 else name
     return Treatment(
-        label, orders, {n: orders[n] - before[n] for n in orders}, result.best.cost, other.levels(result.best.point),
+        label, orders, {n: orders[n] - before[n] for n in orders}, best.cost, other.levels(best.point),
         result.outcome is Outcome.BUDGET_SPENT,
     )  # fmt: skip
 

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.bayes.evidence import require_evidence
 from fracid.models.friction import RUNGS
-from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
-from fracid.safety.schema import fault_of, lines_of
-from fracid.safety.text import file_stems
+from fracid.runs.folder import JOURNAL, inputs_of, open_folder
+from fracid.safety.schema import fault_of
 from fracid.schemas.comparison import AmplitudeBlock, EvidenceBlock, StartBlock, fault_of_fitted
 from fracid.schemas.result import AlternativeBlock
-from fracid.schemas.run_record import StudyLine
 from fracid.selection.comparison import GIVEN, Comparison, compare
 from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
@@ -25,9 +23,10 @@ from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.tasks.tasks import executor_from_name
+from fracid.workflows.figures import of_comparison, saved
 from fracid.workflows.fit import loaded
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
-from fracid.workflows.study import Finished, journal_of, refuse_fit
+from fracid.workflows.study import Finished, folder_of, header_of, journal_of, refuse_fit
 
 if TYPE_CHECKING:
     from fracid.problem.project import Project
@@ -106,7 +105,7 @@ def run_comparison(
     watching = unless_given(observer)
     watching.stage("recordings")
     project = loaded(project, preset, trust)
-    folder = Path("runs") / f"{project.path.stem}-compare" if out is None else Path(out)
+    folder = folder_of(out, project.path, "compare")
     options: dict[str, Any] = {
         "leave_one_out": leave_one_out, "amplitude": amplitude, "evidence": evidence, "keep": sorted(keep),
         "rungs": list(RUNGS if "all" in rungs else rungs) or None,
@@ -125,7 +124,9 @@ def run_comparison(
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     watching.stage("figures")
-    figures = _written(comparison, project, record, folder)
+    table, result = csv_text(comparison.table()), json_document(record)
+    write_files(folder, {"project.toml": project.text, TABLE: table, FinishedComparison.FILE: result})
+    figures = saved(of_comparison(comparison), folder)
     watching.stage("")
     return FinishedComparison(folder, figures, record, project, comparison)
 
@@ -176,30 +177,9 @@ def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> No
     """Make the folder, or go on in it; a comparison that is finished gives way to another one."""
     journal, result = folder / JOURNAL, folder / FinishedComparison.FILE
     refuse_fit(folder, "the comparison")
-    if result.exists() and journal.exists() and _header(journal) != study:
+    if result.exists() and journal.exists() and header_of(journal) != study:
         with FolderLock(folder):
             result.unlink()
             journal.unlink()
     if not journal.exists():  # else environment.json keeps the command that is gone on with
         open_folder(folder, command)
-
-
-def _header(journal: Path) -> Any:
-    return next((line["study"] for line in lines_of(journal, StudyLine)), None)
-
-
-def _written(comparison: Comparison, project: Project, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
-    """Write all that was found; gives the figures."""
-    from fracid.plots import save
-
-    texts = {
-        "project.toml": project.text,
-        TABLE: csv_text(comparison.table()),
-        FinishedComparison.FILE: json_document(record),
-    }
-    write_files(folder, texts)
-    paths = [*save(comparison.plot(), folder / FIGURES, "ladder")]
-    for name, stem in file_stems(comparison.amplitude).items():
-        if comparison.amplitude[name].drifts:
-            paths += save(comparison.amplitude[name].plot(), folder / FIGURES, f"amplitude-{stem}")
-    return tuple(paths)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError, unwritable
+from fracid.errors import InputError, writing
 from fracid.estimation.horizons import horizons
 from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
@@ -104,10 +104,8 @@ MANY = 200_000
 def _written(draft: Draft, target: Path) -> Project:
     """Write it where it runs as it is; else say what stands against it, and write nothing."""
     project = project_from_text(draft.text, target)
-    try:
+    with writing(str(target), "Give another: --out FILE."):
         write_text(target, draft.text)
-    except OSError as error:
-        raise unwritable(str(target), error, "Give another: --out FILE.") from None
     return project
 
 

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from fracid.models import Model
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
-    from fracid.validation.residual_analyses import Residuals
+    from fracid.selection.comparison import Comparison
+    from fracid.validation.monte_carlo import NoiseStudy, SavedStudy
+    from fracid.validation.residual_analyses import Analyses, Residuals
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
@@ -196,6 +198,34 @@ def _recording_figure(recording: RecordingFit, output: str | None, resolution: M
     if output is None:
         return fitted_over_time(recording, resolution=resolution, style=style)
     return residual_plots(recording, output, resolution=resolution, style=style)
+
+
+def of_tests(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]],
+             analyses: Analyses | None = None, style: str = "screen") -> Figures:  # fmt: skip
+    """What ``fracid resid`` looks at: of what was analysed, or of each output of each recording."""
+    from fracid.plots import residual_diagnostics
+
+    stems = file_stems(recordings)
+    for name, recording in recordings.items():
+        found = dict.fromkeys(recording.measured) if analyses is None else analyses.get(name, {})
+        for output, analysis in found.items():
+            figure = residual_diagnostics(recording, output, analysis=analysis, resolution=resolutions[name],
+                                          style=style)  # fmt: skip
+            yield f"residuals-{stems[name]}-{output}", figure
+
+
+def of_comparison(comparison: Comparison, style: str = "screen") -> Figures:
+    """The ladder, and the orders over the amplitude where they drift."""
+    yield "ladder", comparison.plot(style=style)
+    for name, stem in file_stems(comparison.amplitude).items():
+        if comparison.amplitude[name].drifts:
+            yield f"amplitude-{stem}", comparison.amplitude[name].plot(style=style)
+
+
+def of_study(study: NoiseStudy | SavedStudy, style: str = "screen") -> Figures:
+    """Bias, spread and coverage, where anything was estimated."""
+    if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
+        yield "noise", study.plot(style=style)
 
 
 def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:

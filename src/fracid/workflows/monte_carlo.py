@@ -8,29 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, inf, isfinite, nextafter, pi, radians
+from math import degrees, inf, nextafter, pi, radians
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, InputError
-from fracid.estimation.search import search
-from fracid.optimise import optimiser_from_name
+from fracid.errors import InputError
+from fracid.estimation.search import searched
 from fracid.problem import Problem
-from fracid.problem.project import Project, load_project
+from fracid.problem.project import Project
 from fracid.runs.environment import versions
-from fracid.runs.folder import FIGURES, open_folder
-from fracid.runs.saved import load_run
-from fracid.safety.paths import refuse_mistaken
+from fracid.runs.folder import open_folder
+from fracid.runs.saved import SavedRun
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
+from fracid.workflows.figures import of_study, saved
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
-from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
+from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit, run_or_project
 
 TABLE = "noise.csv"
 
@@ -125,7 +122,7 @@ def run_noise_study(
         truth = _truth_of(source, jobs, trust, watching)
         if angles:
             _refuse_other_units(truth.problem)
-        folder = _folder(source) if out is None else Path(out)
+        folder = folder_of(out, source, "noise")
         plan = planned(
             truth.problem, truth.x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, cost=cost,
             optimiser=optimiser or truth.optimiser, starts=truth.starts,
@@ -134,13 +131,10 @@ def run_noise_study(
         study = _studied(plan, truth, folder, executor, jobs, watching, words)
     watching.stage("figures")
     record = study.to_json() | {"source": str(source)}
-    figures = _written(study, record, folder)
+    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.table())})
+    figures = saved(of_study(study), folder)
     watching.stage("")
     return FinishedNoiseStudy(folder, figures, record, study)
-
-
-def _folder(source: Path) -> Path:
-    return source / "noise" if source.is_dir() else Path("runs") / f"{source.stem}-noise"
 
 
 def _command(
@@ -182,27 +176,12 @@ class _Truth:
 
 
 def _truth_of(source: Path, jobs: int, trust: bool, observer: Observer) -> _Truth:
-    if source.suffix != ".toml":
-        refuse_mistaken(source, "run")
-    if not source.is_dir():
-        return _of_project(source, jobs, trust, observer)
-    observer.stage("run")
-    run = load_run(source, trust=trust)
-    return _truth(run.project, run.problem, run.x, str(run.result.get("optimiser", "multistart")))
-
-
-def _of_project(path: Path, jobs: int, trust: bool, observer: Observer) -> _Truth:
-    """Fit a project, without what comes after the search."""
-    observer.stage("recordings")
-    project = load_project(path, trust=trust)
+    """Values of a run; those that the search of a project comes to."""
+    found = run_or_project(source, trust, observer)
+    if isinstance(found, SavedRun):
+        return _truth(found.project, found.problem, found.x, found.optimiser)
     observer.stage("search")
-    rng = np.random.default_rng(project.seed)
-    result, _ = search(project.problem, optimiser_from_name(project.optimiser), rng, jobs=jobs, starts=project.starts)
-    if result.interrupted:
-        raise KeyboardInterrupt
-    if not isfinite(result.best.cost):
-        raise DataError(f"{path}: no run reached its end: {result.best.reason}. There is no model to simulate.")
-    return _truth(project, project.problem, result.best.point, project.optimiser)
+    return _truth(found, found.problem, searched(found, "simulate", jobs), found.optimiser)
 
 
 def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
@@ -252,12 +231,3 @@ def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
         **{name: plan.how[name] for name in ("optimiser", "starts")},
         "versions": versions(),
     }
-
-
-def _written(study: NoiseStudy, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
-    """Write all that was found; gives the figures."""
-    from fracid.plots import noise_levels, save
-
-    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.table())})
-    has_estimates = any(s.estimates for cell in study.cells for s in cell.unknowns.values())
-    return tuple(save(noise_levels(study), folder / FIGURES, "noise")) if has_estimates else ()

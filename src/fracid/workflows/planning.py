@@ -12,12 +12,12 @@ from fracid.experiments.choice import design
 from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
 from fracid.models import RIGS, Model, rotary_pendulum
-from fracid.problem.project import Project, load_project
-from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.paths import refuse_mistaken
+from fracid.problem.project import Project
+from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
+from fracid.workflows.study import folder_of, run_or_project
 
 
 @dataclass(frozen=True, repr=False)
@@ -97,10 +97,7 @@ def run_design(
             known, space, experiments=experiments, criterion=criterion, of=of, against=against, orders=orders,
             robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
         )  # fmt: skip
-    path = Path(source)
-    folder = (
-        Path(out) if out is not None else path / "design" if path.is_dir() else Path("runs") / f"{path.stem}-design"
-    )
+    folder = folder_of(out, Path(source), "design")
     return FinishedDesign(plan, folder, plan.write(folder))
 
 
@@ -108,7 +105,4 @@ def _loaded(source: str | Path, friction: bool, trust: bool) -> SavedRun | Proje
     """A run, a project, or a rig."""
     if str(source) in RIGS and not Path(source).exists():
         return rotary_pendulum(str(source)).with_parameters(**(RIGS[str(source)].fitted_friction if friction else {}))
-    path = Path(source)
-    if path.suffix != ".toml":
-        refuse_mistaken(path, "run")
-    return load_run(path, trust=trust) if path.is_dir() else load_project(path, trust=trust)
+    return run_or_project(Path(source), trust)

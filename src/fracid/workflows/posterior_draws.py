@@ -15,7 +15,7 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
-from fracid.errors import InputError, unknown_name, unwritable
+from fracid.errors import InputError, unknown_name, writing
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, open_folder
 from fracid.runs.saved import SavedRun, load_run
@@ -25,7 +25,7 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
-from fracid.workflows.study import Finished, digest_of, journal_of, refuse_fit
+from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit
 
 DRAWN = "draws.npz"
 
@@ -106,7 +106,7 @@ def run_posterior(
                 f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
                 f"fracid fit {saved.project.path}."
             )
-        folder = run / "posterior" if out is None else Path(out)
+        folder = folder_of(out, run, "posterior")
         refuse_fit(folder, "the posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
@@ -143,9 +143,7 @@ def _written(drawn: Posterior, record: Mapping[str, Any], folder: Path) -> tuple
     write_files(folder, {FinishedPosterior.FILE: json_document(record)})
     content = io.BytesIO()
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
-    try:
+    with writing(f"The folder {folder}"):
         write_whole(folder / DRAWN, content.getvalue())
-    except OSError as error:
-        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
     corner = save(posterior_corner(drawn), folder / FIGURES, "posterior")
     return (*corner, *save(posterior_predictive(drawn), folder / FIGURES, "posterior-predictive"))

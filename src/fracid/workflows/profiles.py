@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.arrays import FloatArray
-from fracid.errors import DataError, Failure, unwritable
+from fracid.errors import DataError, Failure, writing
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import Profiles, profile
@@ -19,10 +19,8 @@ from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
 from fracid.problem import Problem
-from fracid.problem.project import load_project
-from fracid.runs.folder import FIGURES, MEMO
-from fracid.runs.saved import load_run
-from fracid.safety.paths import refuse_mistaken
+from fracid.runs.folder import MEMO
+from fracid.runs.saved import SavedRun
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import LikelihoodBlock
 from fracid.tasks.display import unless_given
@@ -30,8 +28,9 @@ from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.tasks.simulation_cache import Memo
+from fracid.workflows.figures import saved
 from fracid.workflows.records import json_document, write_files
-from fracid.workflows.study import Finished
+from fracid.workflows.study import Finished, folder_of, run_or_project
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,9 +94,7 @@ def run_profiles(
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
     source = Path(source)
-    if source.suffix != ".toml":
-        refuse_mistaken(source, "run")
-    folder = (source if source.is_dir() else Path("runs") / f"{source.stem}-profile") if out is None else Path(out)
+    folder = folder_of(source if out is None and source.is_dir() else out, source, "profile")
     watching = unless_given(observer)
     with one_blas_thread():
         fitted, x = _fitted(source, seed, jobs, trust, watching)
@@ -128,7 +125,8 @@ def run_profiles(
             "seed": seed,
         })  # fmt: skip
         watching.stage("figures")
-        figures = _written(likelihood, record, folder)
+        write_files(folder, {FinishedProfiles.FILE: json_document(record)})
+        figures = saved([("profiles", likelihood.plot())], folder)
         if isinstance(memo, Memo):
             memo.remove()
     watching.stage("")
@@ -156,21 +154,18 @@ def _remembered(folder: Path) -> Iterator[Memo | None]:
     if not Memo.possible:
         yield None
         return
-    try:
+    with writing(str(folder)):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(str(folder), error, "Give another: --out DIR.") from None
     with FolderLock(folder), Memo(folder / MEMO) as memo:
         yield memo
 
 
 def _fitted(source: Path, seed: int, jobs: int, trust: bool, observer: Observer) -> tuple[Problem, FloatArray]:
     """A run's problem and its values; a project's, fitted now."""
-    if source.is_dir():
-        observer.stage("run")
-        loaded_run = load_run(source, trust=trust)
-        return loaded_run.problem, loaded_run.x
-    fit = identify(load_project(source, trust=trust), seed=seed, jobs=jobs, observer=observer)
+    found = run_or_project(source, trust, observer)
+    if isinstance(found, SavedRun):
+        return found.problem, found.x
+    fit = identify(found, seed=seed, jobs=jobs, observer=observer)
     if not isfinite(fit.cost):
         raise DataError(f"{source}: {' '.join(fit.warnings[-1:])} There is nothing to profile.")
     return fit.problem, fit.x
@@ -190,11 +185,3 @@ def _intervals(
         if name in profiles.profiles:
             rows[name]["profile"] = profiles.profiles[name].interval95
     return {"methods": {n: sentence for n, sentence in METHODS.items() if n != "walk"}, "unknowns": rows}
-
-
-def _written(likelihood: Profiles, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
-    """Write it; gives the figures."""
-    from fracid.plots import profiles, save
-
-    write_files(folder, {FinishedProfiles.FILE: json_document(record)})
-    return tuple(save(profiles(likelihood), folder / FIGURES, "profiles"))

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import unwritable
+from fracid.errors import writing
 from fracid.safety.door import write_text
 from fracid.safety.text import csv_cell
 
@@ -58,12 +58,10 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
     >>> (folder / "note.txt").read_text()
     'done'
     """
-    try:
+    with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
             write_text(folder / name, text)
-    except OSError as error:
-        raise unwritable(f"The folder {folder}", error, "Give another: --out DIR.") from None
 
 
 def command_of(command: str, place: Path, options: Mapping[str, object]) -> list[str]:

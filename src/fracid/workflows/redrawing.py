@@ -18,7 +18,6 @@ from fracid.problem.project import load_project
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Block, read_as
-from fracid.safety.text import file_stems
 from fracid.schemas.comparison import ComparisonBlock
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.study import StudyBlock
@@ -26,7 +25,17 @@ from fracid.selection.comparison import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.monte_carlo import SavedStudy
-from fracid.workflows.figures import Figures, of_plane, of_recordings, of_rig, of_search, saved
+from fracid.workflows.figures import (
+    Figures,
+    of_comparison,
+    of_plane,
+    of_recordings,
+    of_rig,
+    of_search,
+    of_study,
+    of_tests,
+    saved,
+)
 
 FORMATS = ("pdf", "svg", "png")
 
@@ -109,9 +118,11 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
     """All that can be drawn of what lies there."""
     refuse_links(folder)
     if (folder / "compare.json").exists():
-        return _of_comparison(folder / "compare.json", style)
+        content = _read(folder / "compare.json", ComparisonBlock, "fracid compare PROJECT")
+        return of_comparison(Comparison.of_json(content), style)
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
-        return _of_study(folder / "noise.json", style)
+        content = _read(folder / "noise.json", StudyBlock, "fracid noise RUN")
+        return of_study(SavedStudy.of_json(content), style)
     return _of_run(load_run(folder, trust=trust), style, jobs)
 
 
@@ -123,21 +134,9 @@ def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters), style),
         of_recordings(run.recordings, run.resolutions, style),
-        _of_tests(run, style), plane, of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
+        of_tests(run.recordings, run.resolutions, style=style), plane,
+        of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
     )  # fmt: skip
-
-
-def _of_tests(run: SavedRun, style: str) -> Figures:
-    """What ``fracid resid`` looks at, of each output of each recording."""
-    from fracid.plots import residual_diagnostics
-
-    stems = file_stems(run.recordings)
-    for name, recording in run.recordings.items():
-        for output in recording.measured:
-            yield (
-                f"residuals-{stems[name]}-{output}",
-                residual_diagnostics(recording, output, resolution=run.resolutions[name], style=style),
-            )
 
 
 def _of_profiles(run: SavedRun, style: str) -> Figures:
@@ -147,20 +146,6 @@ def _of_profiles(run: SavedRun, style: str) -> Figures:
         if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
         yield "profiles", Profiles.of_json(content, run.problem).plot(style=style)
-
-
-def _of_comparison(path: Path, style: str) -> Figures:
-    comparison = Comparison.of_json(_read(path, ComparisonBlock, "fracid compare PROJECT"))
-    yield "ladder", comparison.plot(style=style)
-    for name, stem in file_stems(comparison.amplitude).items():
-        if comparison.amplitude[name].drifts:
-            yield f"amplitude-{stem}", comparison.amplitude[name].plot(style=style)
-
-
-def _of_study(path: Path, style: str) -> Figures:
-    study = SavedStudy.of_json(_read(path, StudyBlock, "fracid noise RUN"))
-    if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
-        yield "noise", study.plot(style=style)
 
 
 def _of_linear(run: SavedRun, style: str) -> Figures:

@@ -15,14 +15,14 @@ from fracid.errors import InputError
 from fracid.runs.folder import JOURNAL, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, reproduce
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import Block, lines_of, read_as
-from fracid.schemas.run_record import StudyLine
+from fracid.safety.schema import Block, read_as
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.observer import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
+from fracid.workflows.study import header_of
 
 if TYPE_CHECKING:
     pass
@@ -120,10 +120,9 @@ def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
 
 
 def _header(journal: Path) -> dict[str, Any]:
-    try:
-        return dict(next(lines_of(journal, StudyLine))["study"])
-    except StopIteration:
-        raise InputError(f"{journal.parent} has no journal that can be read: it cannot be done again.") from None
+    if not (header := header_of(journal)):
+        raise InputError(f"{journal.parent} has no journal that can be read: it cannot be done again.")
+    return header
 
 
 def _read(path: Path) -> dict[str, Any]:

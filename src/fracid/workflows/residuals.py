@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from fracid.cards import Card, CardDisplay
+from fracid.cards import Card
 from fracid.errors import unknown_name
-from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import as_json
-from fracid.safety.text import file_stems
 from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
@@ -20,39 +17,29 @@ from fracid.tasks.observer import Observer
 from fracid.validation.residual_analyses import Analyses, first_part
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
+from fracid.workflows.figures import of_tests, saved
 from fracid.workflows.records import json_document, write_files
-
-RESULT = "residuals.json"
+from fracid.workflows.study import Finished
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedResiduals(CardDisplay):
+class FinishedResiduals(Finished):
     """A run with the analyses of its residuals, and where they were written."""
+
+    FILE = "residuals.json"
 
     run: SavedRun
     analyses: Analyses
     """Recording → output → what its residual says."""
-    folder: Path
-    figures: tuple[Path, ...]
 
     def _card(self) -> Card:
         rows = tuple((f"{a.recording}, {a.output}", a.whiteness.sentence) for a in self.all)
         return Card(f"Residuals of {self.run.folder}", rows).of_folder(self.folder)
 
     @property
-    def path(self) -> Path:
-        """Path of residuals.json."""
-        return self.folder / RESULT
-
-    @property
     def all(self) -> tuple[ResidualAnalysis, ...]:
         """One after the other."""
         return tuple(a for outputs in self.analyses.values() for a in outputs.values())
-
-    @property
-    def result(self) -> dict[str, Any]:
-        """The content of residuals.json."""
-        return _record(self.run, self.analyses)
 
 
 def run_residuals(
@@ -115,26 +102,9 @@ def run_residuals(
         }  # fmt: skip
     folder = source if out is None else Path(out)
     watching.stage("figures")
-    figures = _written(loaded_run, analyses, folder)
+    found = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in analyses.items()}
+    record = as_json(ResidualsBlock, {"notes": loaded_run.notes, "recordings": found})
+    write_files(folder, {FinishedResiduals.FILE: json_document(record)})
+    figures = saved(of_tests(tested, loaded_run.resolutions, analyses), folder)
     watching.stage("")
-    return FinishedResiduals(loaded_run, analyses, folder, figures)
-
-
-def _record(run: SavedRun, analyses: Analyses) -> dict[str, Any]:
-    recordings = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in analyses.items()}
-    return as_json(ResidualsBlock, {"notes": run.notes, "recordings": recordings})
-
-
-def _written(run: SavedRun, analyses: Analyses, folder: Path) -> tuple[Path, ...]:
-    """residuals.json, and a figure each; gives the figures."""
-    from fracid.plots import residual_diagnostics, save
-
-    write_files(folder, {RESULT: json_document(_record(run, analyses))})
-    paths: list[Path] = []
-    stems = file_stems(run.recordings)
-    for name, outputs in analyses.items():
-        for output, analysis in outputs.items():
-            figure = residual_diagnostics(first_part(run.recordings[name]), output, analysis=analysis,
-                                          resolution=run.resolutions[name])  # fmt: skip
-            paths += save(figure, folder / FIGURES, f"residuals-{stems[name]}-{output}")
-    return tuple(paths)
+    return FinishedResiduals(folder, figures, record, loaded_run, analyses)

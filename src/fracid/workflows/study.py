@@ -15,11 +15,15 @@ from typing import Any, ClassVar
 
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
-from fracid.problem.project import Project
+from fracid.problem.project import Project, load_project
 from fracid.runs.folder import JOURNAL
+from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import bytes_of
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import lines_of
+from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
-from fracid.tasks.observer import Observer
+from fracid.tasks.observer import SILENT, Observer
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,6 +48,38 @@ class Finished(CardDisplay):
     def path(self) -> Path:
         """Path of the JSON file."""
         return self.folder / self.FILE
+
+
+def run_or_project(source: Path, trust: bool, observer: Observer = SILENT) -> SavedRun | Project:
+    """Load a run from its folder, or a project from its file.
+
+    Raises
+    ------
+    InputError, NotTrusted
+        As :func:`fracid.load_run` and :func:`fracid.load_project` do.
+    """
+    if source.suffix != ".toml":
+        refuse_mistaken(source, "run")
+    observer.stage("run" if source.is_dir() else "recordings")
+    return load_run(source, trust=trust) if source.is_dir() else load_project(source, trust=trust)
+
+
+def folder_of(out: str | Path | None, source: Path, study: str) -> Path:
+    """The folder of a study: the one that is asked for, one in the run, or one that is called after the project.
+
+    Examples
+    --------
+    >>> str(folder_of(None, Path("rig.toml"), "noise"))
+    'runs/rig-noise'
+    """
+    if out is not None:
+        return Path(out)
+    return source / study if source.is_dir() else Path("runs") / f"{source.stem}-{study}"
+
+
+def header_of(journal: Path) -> dict[str, Any]:
+    """All that the results in a journal depend on; empty where it does not say that."""
+    return next((dict(line["study"]) for line in lines_of(journal, StudyLine)), {})
 
 
 def refuse_fit(folder: Path, what: str) -> None:
