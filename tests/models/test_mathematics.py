@@ -106,10 +106,14 @@ def test_a_loop_has_no_equation_and_names_are_text():
 
 # --- an element that is added ----------------------------------------------------------------------------------------
 
-SEAL = ("""symbol=("S", "")),
-)""", """symbol=("S", "")),
-    Parameter("seal_alpha", "N m", 0.0, "lip of a seal", lower=0.0, symbol=("q", "α"), friction=DRAG.at("alpha")),
-)""")  # fmt: skip
+ROWS = 'own_text("models/rotary-pendulum.toml")'
+SEAL = (
+    ROWS,
+    ROWS
+    + """ + '''
+seal_alpha = { start = 0.0, lower = 0.0, unit = "N m", symbol = "q_α", about = "lip of a seal" }
+'''""",
+)
 TORQUE = (
     "        f_alpha -= joint_alpha\n",
     """        f_alpha -= joint_alpha
@@ -118,7 +122,7 @@ TORQUE = (
 )
 
 
-def test_a_friction_element_that_is_added_in_one_file_is_in_the_equations_and_in_every_language(tmp_path):
+def test_a_friction_element_with_its_row_and_its_torque_is_in_the_equations_and_in_every_language(tmp_path):
     text = Path(pendulum.__file__).read_text(encoding="utf-8")
     for before, after in (SEAL, TORQUE):
         assert text.count(before) == 1

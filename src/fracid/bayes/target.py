@@ -79,7 +79,6 @@ class Likelihood(Protocol):
 
     def log_likelihood(self, x: FloatArray) -> float:
         """Relative to its greatest; −inf where the model fails."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -50,32 +50,26 @@ class Fitted(Protocol):
     @property
     def problem(self) -> Problem:
         """What was solved."""
-        ...
 
     @property
     def x(self) -> NDArray[np.float64]:
         """The free parameters, shape (n_unknowns,)."""
-        ...
 
     @property
     def recordings(self) -> Mapping[str, RecordingFit]:
         """By name."""
-        ...
 
     @property
     def orders(self) -> Mapping[str, Estimate]:
         """By name."""
-        ...
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:
         """By name."""
-        ...
 
     @property
     def starts(self) -> tuple[Start, ...]:
         """Of the search, if it had several."""
-        ...
 
 
 class FitPictures:

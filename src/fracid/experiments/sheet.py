@@ -58,15 +58,12 @@ class Sheet(Protocol):
 
     def summary(self) -> str:
         """The plan and the intervals to expect, in lines."""
-        ...
 
     def to_json(self) -> dict[str, Any]:
         """The plan as plain values."""
-        ...
 
     def plot(self) -> Figure:
         """The interval to expect against release and duration."""
-        ...
 
 
 @dataclass(frozen=True)

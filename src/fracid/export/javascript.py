@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 from fracid._version import __version__
@@ -26,41 +27,6 @@ if TYPE_CHECKING:
 
 FAMILIES = ("pi", "gl")
 """Whose weights and start ``recursion.js`` makes."""
-
-TEMPLATE = """\
-// The identified fractional model as a JavaScript module without dependencies, for browsers and Node.
-//
-// Written by fracid {version} from {run}; the start and the constants are those of the recording {case}.
-//
-//     import {{ simulate }} from "./fracid_model.mjs";
-//     const {{ time, states }} = simulate();                               what was identified
-//     simulate({{ orders: {{ mu: 1 }}, parameters: {{ b_alpha: 2e-4 }} }});      other values, the rest as identified
-//     simulate({{ initial: [{initial}], step: {step}, steps: {steps}, inputs: [] }});
-//
-// states   {states}: a row of them for each time
-// inputs   {inputs}: a row of them for each time, one after the other, or one row for all
-// orders   {orders}
-
-{solver}
-{rhs}
-const PROGRAM = {program};
-const RECORDING = {recording};
-
-export const ORDERS = {order_values};
-export const PARAMETERS = RECORDING.parameters;
-
-export function simulate({{ orders = {{}}, parameters = {{}}, ...recording }} = {{}}) {{
-  const inputs = Float64Array.from(recording.inputs || RECORDING.inputs);
-  const values = {{ orders: {{ ...ORDERS, ...orders }}, parameters: {{ ...PARAMETERS, ...parameters }} }};
-  const whole = {{ ...RECORDING, ...recording, inputs }};
-  const run = Fracid.simulate(PROGRAM, whole, values, model), width = PROGRAM.states.length;
-  return {{
-    time: Float64Array.from({{ length: run.samples }}, (_, n) => n * whole.step),
-    states: Array.from({{ length: run.samples }}, (_, n) => run.states.subarray(n * width, (n + 1) * width)),
-    completed: run.completed,
-  }};
-}}
-"""
 
 
 def solver() -> str:
@@ -155,7 +121,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
         "inputs": case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :].ravel().tolist(), "jumps": None,
     }  # fmt: skip
-    return TEMPLATE.format(
+    return Template(own_text("export/fracid_model.mjs.in")).substitute(
         version=__version__, run=_comment(run_name), case=_comment(repr(case.name)), solver=solver(),
         rhs=written(model, "javascript"), initial=", ".join(f"{v:g}" for v in recording["initial"]),
         step=f"{case.step:g}", steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"),

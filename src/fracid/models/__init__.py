@@ -21,24 +21,15 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError, unknown_name
-from fracid.models.base import Model, Parameter
-from fracid.models.pendulum import energy, mass_matrix, rotary_pendulum
-from fracid.models.rigs import RIGS, Rig, lumped_constants
+from fracid.models.base import Model as Model
+from fracid.models.base import Parameter as Parameter
+from fracid.models.pendulum import energy as energy
+from fracid.models.pendulum import mass_matrix as mass_matrix
+from fracid.models.pendulum import rotary_pendulum as rotary_pendulum
+from fracid.models.rigs import RIGS as RIGS
+from fracid.models.rigs import Rig as Rig
+from fracid.models.rigs import lumped_constants as lumped_constants
 from fracid.safety.user_code import run_file
-
-__all__ = [
-    "MODELS",
-    "RIGS",
-    "Model",
-    "Parameter",
-    "Rig",
-    "energy",
-    "lumped_constants",
-    "mass_matrix",
-    "model",
-    "model_from_name",
-    "rotary_pendulum",
-]
 
 
 def _collected() -> dict[str, Callable[..., Model]]:

@@ -52,7 +52,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -117,6 +117,20 @@ class Parameter:
     """Parameters without one of which, not zero, it does nothing."""
     switch: str = ""
     """It acts only in recordings that say of this that it is on; "" for always."""
+
+    @classmethod
+    def of(cls, name: str, row: Mapping[str, Any], friction: Friction | None = None) -> Parameter:
+        """Make one of a row of TOML: ``start``, ``unit``, ``about``, and what else it has.
+
+        Examples
+        --------
+        >>> Parameter.of("C1", {"start": 4.3e-3, "unit": "kg m^2", "symbol": "C_1", "about": "inertia"}).symbol
+        ('C', '1')
+        """
+        more = {n: row[n] for n in ("lower", "upper", "switch") if n in row}
+        symbol = symbol_of(row["symbol"]) if "symbol" in row else None
+        return cls(name, row["unit"], row["start"], row["about"], symbol=symbol, friction=friction,
+                   needs=tuple(row.get("needs", ())), **more)  # fmt: skip
 
     def __post_init__(self) -> None:
         """Refuse what is no number or lies outside the bounds."""
@@ -710,3 +724,9 @@ def _check_shapes(model: Model) -> None:
             )
     if not callable(model.rhs):
         raise InputError(f"model {model.name}: rhs is {model.rhs!r}; expected a function rhs(t, x, u, p, out)")
+
+
+def symbol_of(text: str) -> tuple[str, str]:
+    """Letter and index of ``"ω_φ"``."""
+    letter, _, index = text.partition("_")
+    return letter, index

@@ -68,6 +68,7 @@ References
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -79,151 +80,26 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide
-from fracid.models.friction import (
-    COULOMB,
-    DRAG,
-    ELASTIC,
-    LUGRE,
-    PLAY,
-    PRESLIDING,
-    SPRING,
-    SPRINGPOT,
-    SPRINGPOT_ORDER,
-    STRIBECK_SPEED,
-    TILT,
-    VISCOUS,
-)
+from fracid.models.friction import ELASTIC, SPRING, TILT
 from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import RIGS
+from fracid.safety.door import own_text
 
-POSITIVE = 1e-12
-"""Lower bound of what the equations divide by."""
+FRICTION = {
+    "cable_stiffness": SPRING.at("theta"),
+    "arm_stiffness": replace(ELASTIC, entries=(100.0, 1000.0), jumps=True).at("theta"),
+    "arm_damping": ELASTIC.at("theta"),
+    "hub_inertia": replace(ELASTIC, most=0.95, entries=(0.2,), jumps=True, part_of="J_theta").at("theta"),
+    "tilt_x": TILT.at("theta"),
+    "tilt_y": TILT.at("theta"),
+}
+"""What is friction without a name that says so."""
 
-PARAMETERS = (
-    Parameter("C1", "kg m^2", 1.0, "pendulum inertia about its pivot (2)", lower=POSITIVE, symbol=("C", "1")),
-    Parameter("C3", "kg m^2", 0.0, "coupling of arm and pendulum (4)", symbol=("C", "3")),
-    Parameter("C4", "N m", 0.0, "gravity: m2 g l2c (5)", lower=0.0, symbol=("C", "4")),
-    Parameter("C6", "kg m^2", 0.0, "C2 - I2xx, what the pendulum adds to the arm at 90 degrees (7)", symbol=("C", "6")),
-    Parameter(
-        "J_theta",
-        "kg m^2",
-        1.0,
-        "arm inertia with the pendulum upright, C5 + I2xx (6)",
-        lower=POSITIVE,
-        symbol=("J", "θ"),
-    ),
-    Parameter(
-        "b_theta", "N m s/rad", 0.0, "viscous friction of the arm", symbol=("b", "θ"), friction=VISCOUS.at("theta")
-    ),
-    Parameter(
-        "b_alpha", "N m s/rad", 0.0, "viscous friction of the pendulum", symbol=("b", "α"), friction=VISCOUS.at("alpha")
-    ),
-    Parameter(
-        "coulomb_theta",
-        "N m",
-        0.0,
-        "dry friction of the arm: tau_C = -f tanh(rate / slip_speed)",
-        symbol=("τ", "Cθ"),
-        friction=COULOMB.at("theta"),
-    ),
-    Parameter(
-        "coulomb_alpha",
-        "N m",
-        0.0,
-        "dry friction of the pendulum: as coulomb_theta",
-        symbol=("τ", "Cα"),
-        friction=COULOMB.at("alpha"),
-    ),
-    Parameter(
-        "slip_speed",
-        "rad/s",
-        0.02,
-        "rate above which dry friction is full (76 % at it)",
-        lower=POSITIVE,
-        symbol=("v", "s"),
-    ),
-    Parameter(
-        "drag_theta", "N m s^2/rad^2", 0.0, "quadratic drag of the arm", symbol=("d", "θ"), friction=DRAG.at("theta")
-    ),
-    Parameter(
-        "drag_alpha",
-        "N m s^2/rad^2",
-        0.0,
-        "quadratic drag of the pendulum",
-        symbol=("d", "α"),
-        friction=DRAG.at("alpha"),
-    ),
-    Parameter(
-        "cable_stiffness",
-        "N m/rad",
-        0.0,
-        "spring of the cable on the arm",
-        symbol=("k", ""),
-        friction=SPRING.at("theta"),
-    ),
-    Parameter("theta_rest", "rad", 0.0, "arm angle at which the cable pulls nothing", symbol=("θ", "0")),
-    Parameter(
-        "alpha_rest", "rad", 0.0, "offset of the pendulum encoder: true angle = alpha - alpha_rest", symbol=("α", "0")
-    ),
-    Parameter("torque_per_volt", "N m/V", 0.0, "motor torque on the arm at standstill", symbol=("k", "u")),
-    Parameter(
-        "time_scale",
-        "s",
-        1.0,
-        "tau_0 in tau_0^(order-1) D^order; used by the solver, not by the right-hand side; 1 s is the paper's",
-        lower=POSITIVE,
-        symbol=("τ", "0"),
-    ),
-    *(row for joint, letter, body in (("theta", "θ", "arm"), ("alpha", "α", "pendulum")) for row in (
-        Parameter(
-            f"stiction_{joint}", "N m", 0.0, f"breakaway torque of the {body} above its sliding torque, Stribeck's s",
-            lower=0.0, symbol=("s", letter), friction=LUGRE.at(joint),
-        ),
-        Parameter(
-            f"stribeck_speed_{joint}", "rad/s", 0.1, f"rate of the {body} at which that goes", lower=1e-4,
-            symbol=("v", f"st{letter}"),
-            friction=STRIBECK_SPEED.at(joint),
-        ),
-        Parameter(
-            f"presliding_{joint}", "rad", 0.0, f"what the {body} gives before it slides; 0: tanh(rate / slip_speed)",
-            lower=0.0, symbol=("δ", letter), friction=PRESLIDING.at(joint),
-        ),
-        Parameter(
-            f"presliding_damping_{joint}", "N m s/rad", 0.0, f"damping of the presliding of the {body}", lower=0.0,
-            symbol=("σ", f"1{letter}"), needs=(f"presliding_{joint}",), friction=LUGRE.at(joint),
-        ),
-        Parameter(
-            f"springpot_{joint}", "N m s^nu/rad", 0.0, f"springpot c D^nu of the {body}'s angle", lower=0.0,
-            symbol=("c", letter), friction=SPRINGPOT.at(joint),
-        ),
-        Parameter(
-            f"springpot_order_{joint}", "-", 0.5, "its order nu, between a spring and a dashpot", lower=0.01,
-            upper=0.99, symbol=("ν", letter),
-            friction=SPRINGPOT_ORDER.at(joint),
-        ),
-    )),
-    Parameter("play_theta", "rad", 0.0, "half the gap between hub and arm", lower=0.0, symbol=("γ", "θ"),
-              friction=PLAY.at("theta")),
-    Parameter("arm_stiffness", "N m/rad", 0.0, "spring between hub and arm; 0: rigid, or at play a contact of 60 Hz",
-              lower=0.0, symbol=("k", "a"), friction=replace(ELASTIC, entries=(100.0, 1000.0), jumps=True).at("theta")),
-    Parameter("arm_damping", "N m s/rad", 0.0, "dashpot beside that spring", lower=0.0, symbol=("b", "a"),
-              needs=("arm_stiffness", "play_theta"), friction=ELASTIC.at("theta")),
-    Parameter("hub_inertia", "kg m^2", 0.0, "of J_theta what turns with hub and encoder; 0: a fifth", lower=0.0,
-              symbol=("J", "h"), needs=("arm_stiffness", "play_theta"),
-              friction=replace(ELASTIC, off=0.0, most=0.95, entries=(0.2,), jumps=True, part_of="J_theta").at("theta")),
-    Parameter("back_emf", "N m s/rad", 0.0, "braking of the motor where the amplifier is on", lower=0.0,
-              symbol=("b", "e"), switch="amplifier"),
-    Parameter("dead_zone", "V", 0.0, "voltage below which the motor does nothing", lower=0.0, symbol=("u", "0")),
-    Parameter("saturation", "V", 0.0, "largest voltage of the amplifier; 0: no limit", lower=0.0, symbol=("u", "max")),
-    Parameter("tilt_x", "rad", 0.0, "how far the axis leans to where the arm points at theta = 0", symbol=("ε", "x"),
-              friction=TILT.at("theta")),
-    Parameter("tilt_y", "rad", 0.0, "and to where it points at theta = 90 degrees", symbol=("ε", "y"),
-              friction=TILT.at("theta")),
-    Parameter("arm_moment", "kg m", 0.0, "mass times distance from the axis, of arm and pendulum: m2 l1 + m1 l1c",
-              lower=0.0, symbol=("S", "")),
-)  # fmt: skip
-
+PARAMETERS = tuple(
+    Parameter.of(name, row, FRICTION.get(name))
+    for name, row in tomllib.loads(own_text("models/rotary-pendulum.toml")).items()
+)
 
 SYMBOLS = {
     "arm": ("θ", "a"), "D^lambda arm": ("ω", "a"), "voltage": ("u", ""), "torque": ("u", ""), "driven": ("u", "m"),

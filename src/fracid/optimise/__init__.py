@@ -11,48 +11,25 @@ import pkgutil
 from importlib import import_module
 
 from fracid.errors import InputError
-from fracid.optimise.base import (
-    Ask,
-    Entry,
-    Evaluation,
-    EvaluationLog,
-    Optimiser,
-    Outcome,
-    Result,
-    Space,
-    as_generator,
-    minimise,
-)
-from fracid.optimise.cma import cma
-from fracid.optimise.differential_evolution import differential_evolution
-from fracid.optimise.genetic import genetic
-from fracid.optimise.least_squares import least_squares
-from fracid.optimise.lockstep import MOST_STARTS, Path, lockstep, sobol_points
-from fracid.optimise.nelder_mead import nelder_mead
-
-__all__ = [
-    "MOST_STARTS",
-    "OPTIMISERS",
-    "Ask",
-    "Entry",
-    "Evaluation",
-    "EvaluationLog",
-    "Optimiser",
-    "Outcome",
-    "Path",
-    "Result",
-    "Space",
-    "as_generator",
-    "cma",
-    "differential_evolution",
-    "genetic",
-    "least_squares",
-    "lockstep",
-    "minimise",
-    "nelder_mead",
-    "optimiser_from_name",
-    "sobol_points",
-]
+from fracid.optimise.base import Ask as Ask
+from fracid.optimise.base import Entry as Entry
+from fracid.optimise.base import Evaluation as Evaluation
+from fracid.optimise.base import EvaluationLog as EvaluationLog
+from fracid.optimise.base import Optimiser as Optimiser
+from fracid.optimise.base import Outcome as Outcome
+from fracid.optimise.base import Result as Result
+from fracid.optimise.base import Space as Space
+from fracid.optimise.base import as_generator as as_generator
+from fracid.optimise.base import minimise as minimise
+from fracid.optimise.cma import cma as cma
+from fracid.optimise.differential_evolution import differential_evolution as differential_evolution
+from fracid.optimise.genetic import genetic as genetic
+from fracid.optimise.least_squares import least_squares as least_squares
+from fracid.optimise.lockstep import MOST_STARTS as MOST_STARTS
+from fracid.optimise.lockstep import Path as Path
+from fracid.optimise.lockstep import lockstep as lockstep
+from fracid.optimise.lockstep import sobol_points as sobol_points
+from fracid.optimise.nelder_mead import nelder_mead as nelder_mead
 
 
 def _collected() -> dict[str, Entry]:

@@ -32,26 +32,21 @@ class Linearised(Protocol):
     @property
     def model(self) -> Any:
         """The fractional model."""
-        ...
 
     @property
     def units(self) -> Mapping[str, str]:
         """Output → its unit."""
-        ...
 
     @property
     def operators(self) -> Sequence[Any]:
         """What stands for each fractional derivative, with the `band` in which it does."""
-        ...
 
     @property
     def linear(self) -> Mapping[str, Any]:
         """Posture → the linear model about it."""
-        ...
 
     def step_response(self, linear: Any, end: float) -> tuple[Any, ...]:
         """Time, and the outputs after a unit step, of integer order and fractional."""
-        ...
 
 
 GROWN, DIED = 3.0, 6.0

@@ -22,27 +22,16 @@ report then says how, and names each gap it bridged.  All that was guessed on re
 ``report.reading``.
 """
 
-from fracid.recording.channel import UNITS, Channel
-from fracid.recording.loading import inspect_recording, load_recording
-from fracid.recording.measures import Clock, SignalReport
-from fracid.recording.readers.table import Table, read_table
-from fracid.recording.recording import Recording
-from fracid.recording.report import Report, measure
-from fracid.signals.resolution import resolution
-from fracid.signals.swing import release_time
-
-__all__ = [
-    "UNITS",
-    "Channel",
-    "Clock",
-    "Recording",
-    "Report",
-    "SignalReport",
-    "Table",
-    "inspect_recording",
-    "load_recording",
-    "measure",
-    "read_table",
-    "release_time",
-    "resolution",
-]
+from fracid.recording.channel import UNITS as UNITS
+from fracid.recording.channel import Channel as Channel
+from fracid.recording.loading import inspect_recording as inspect_recording
+from fracid.recording.loading import load_recording as load_recording
+from fracid.recording.measures import Clock as Clock
+from fracid.recording.measures import SignalReport as SignalReport
+from fracid.recording.readers.table import Table as Table
+from fracid.recording.readers.table import read_table as read_table
+from fracid.recording.recording import Recording as Recording
+from fracid.recording.report import Report as Report
+from fracid.recording.report import measure as measure
+from fracid.signals.resolution import resolution as resolution
+from fracid.signals.swing import release_time as release_time

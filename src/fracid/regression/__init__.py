@@ -76,9 +76,12 @@ References
    J. American Statistical Association 89 (1994): SIMEX.
 """
 
-from fracid.regression.linear import Constant, Regression, regress, start_of, start_values
-from fracid.regression.orders import OrderSearch
-from fracid.regression.rows import LUMPED, TERMS, regressor
-
-__all__ = ["LUMPED", "TERMS", "Constant", "OrderSearch", "Regression", "regress", "regressor", "start_of",
-           "start_values"]  # fmt: skip
+from fracid.regression.linear import Constant as Constant
+from fracid.regression.linear import Regression as Regression
+from fracid.regression.linear import regress as regress
+from fracid.regression.linear import start_of as start_of
+from fracid.regression.linear import start_values as start_values
+from fracid.regression.orders import OrderSearch as OrderSearch
+from fracid.regression.rows import LUMPED as LUMPED
+from fracid.regression.rows import TERMS as TERMS
+from fracid.regression.rows import regressor as regressor

@@ -20,7 +20,8 @@ script that got in by some way would not run, and nothing can be fetched.
 ``uPlot.iife.min.js`` and ``uPlot.min.css`` are uPlot 1.6.32 by Leon Sorokin (MIT, ``uPlot-LICENSE.txt``), as published.
 """
 
-from fracid.report.index import INDEX, write_index
-from fracid.report.page import REPORT, report_page, write_report
-
-__all__ = ["INDEX", "REPORT", "report_page", "write_index", "write_report"]
+from fracid.report.index import INDEX as INDEX
+from fracid.report.index import write_index as write_index
+from fracid.report.page import REPORT as REPORT
+from fracid.report.page import report_page as report_page
+from fracid.report.page import write_report as write_report

@@ -32,7 +32,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models.base import ZEROS, Angle, Model, Parameter
-from fracid.models.written.equations import Equation, model_of, symbol_of
+from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 
@@ -80,7 +80,7 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     zero = (zero or "hanging") if angle else ""
     model = model_of(
         name, _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
-        [_parameter(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
+        [Parameter.of(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
         {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
     )  # fmt: skip
     angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
@@ -107,12 +107,6 @@ def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
 
 def _equations(table: Mapping[str, Any]) -> dict[str, Equation]:
     return {n: Equation(e) if isinstance(e, str) else Equation(**e) for n, e in table.items()}
-
-
-def _parameter(name: str, row: Mapping[str, Any]) -> Parameter:
-    bounds = {n: row[n] for n in ("lower", "upper") if n in row}
-    return Parameter(name, row["unit"], row["start"], row["about"], **bounds, needs=tuple(row.get("needs", ())),
-                     symbol=symbol_of(row["symbol"]) if "symbol" in row else None)  # fmt: skip
 
 
 MODEL = {

@@ -12,7 +12,7 @@ from itertools import chain, count
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.models.base import Angle, Model, Parameter
+from fracid.models.base import Angle, Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
@@ -163,12 +163,6 @@ def _made(
         grown=_Grown(equations, (outputs, inputs, definitions, numbers)) if any(e.only for e in equations.values())
         else None,
     )  # fmt: skip
-
-
-def symbol_of(text: str) -> tuple[str, str]:
-    """Letter and index of ``"ω_φ"``."""
-    letter, _, index = text.partition("_")
-    return letter, index
 
 
 def _rest(output: str, parameters: Sequence[Parameter]) -> str:
