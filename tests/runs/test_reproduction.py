@@ -224,6 +224,10 @@ def test_what_was_found_is_told_first_and_the_largest_of_it():
     assert [d.where for d in compared(RESULT, other).differences] == ["cost.value", "orders.mu.value", "p"]
 
 
-def test_a_run_that_is_none_is_told(tmp_path):
+def test_a_run_that_is_none_is_told(capsys, tmp_path):
     with pytest.raises(InputError, match="is no run folder"):
         fracid.reproduce(tmp_path)
+    (tmp_path / "regression.json").write_text("{}")
+    code, out, err = run(capsys, "reproduce", tmp_path)
+    assert (code, out) == (2, "")
+    assert "cannot be done again: expected what fracid fit, compare, noise or posterior wrote" in err

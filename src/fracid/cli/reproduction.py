@@ -35,7 +35,7 @@ SHOWN = 12
     "fracid reproduce runs/rig --json | jq .differences",
 )
 def reproduce(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit, compare or noise.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="What fracid fit, compare, noise or posterior wrote.")],
     trust: Trust = False,
     out: Out = None,
     jobs: Jobs = CORES,

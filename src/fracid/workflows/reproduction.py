@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from fracid.errors import InputError
 from fracid.runs.folder import JOURNAL, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, reproduce
-from fracid.safety.paths import refuse_mistaken
+from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.safety.schema import Block, read_as
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
@@ -71,6 +71,9 @@ def reproduce_run(
     """
     if not run.is_dir():
         refuse_mistaken(run, "run")
+    if kind_of(run) is None:
+        raise InputError(f"{run} cannot be done again: expected what fracid fit, compare, noise or posterior wrote. "
+                         "Any other command does it again where you type it again.")  # fmt: skip
     refuse_links(run)
     if out is not None:
         refuse_used(out)  # before the time is spent
