@@ -75,7 +75,7 @@ def test_of_a_run_it_draws_everything_for_a_journal_as_pdf(capsys, made, monkeyp
         assert width == pytest.approx(88) or width == pytest.approx(180), stem
 
 
-def test_a_new_run_takes_the_figures_of_the_old_one_away(made, tmp_path):
+def test_a_new_run_takes_the_figures_of_the_old_one_away(tmp_path):
     folder = tmp_path / "run"
     (folder / "figures" / "journal").mkdir(parents=True)
     (folder / "run.json").write_text('{"kind": "fit"}')

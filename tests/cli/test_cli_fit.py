@@ -230,6 +230,7 @@ def test_help_has_an_example(capsys, command):
 # --- what cannot be: exit code 2 or 3, a sentence, no traceback -----------------------------------------
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [
@@ -338,6 +339,7 @@ def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
     assert "holds files that are not a run's; give an empty or a new folder: --out DIR" in err
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -40,6 +40,7 @@ CASES = {
 # --- operators -------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("band", [(0.3, 3000.0), (6.0, 600.0), (0.01, 1e5)])
 @pytest.mark.parametrize("order", [0.1, 0.5, 0.86, 0.95, 0.999, 1.05, 1.5, 1.9])
 def test_an_operator_is_right_where_the_data_can_tell(order, band):

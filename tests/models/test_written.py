@@ -170,6 +170,7 @@ def in_python(function, x, u, p, size):
     return np.array(out, dtype=float) if np.all(np.abs(out) < 1e12) else None
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(GCC is None or NODE is None, reason="gcc or Node is not installed")
 @settings(
     max_examples=2, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=[*HealthCheck]

@@ -85,6 +85,7 @@ def test_a_recording_in_which_nothing_moves_is_refused():
         columns(alpha=np.zeros(len(TIME)))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("signals", "free", "outputs"),
     [
@@ -285,6 +286,7 @@ def test_an_odd_recording_is_drafted_without_a_warning_of_numpys(tmp_path, alpha
 # --- constants and clock ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("omega", "as_the_rig"), [(6.9, True), (8.5, True), (13.0, False), (3.0, False)])
 def test_a_pendulum_that_swings_otherwise_than_the_rigs_has_its_inertias_scaled(tmp_path, omega, as_the_rig):
     swing = np.where(TIME < 1, 0.3, 0.3 * np.exp(-0.3 * (TIME - 1)) * np.cos(omega * (TIME - 1)))

@@ -168,6 +168,7 @@ def test_when_a_run_began_is_written_into_its_folder_and_an_old_folder_does_with
     assert EnvironmentBlock(**environment | {"started": ""}).started == ""
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 @pytest.mark.parametrize("width", [400, 1440])
 def test_the_index_opens_without_a_complaint_and_fits_the_screen(runs, width):
@@ -181,6 +182,7 @@ def test_the_index_opens_without_a_complaint_and_fits_the_screen(runs, width):
         assert found == []
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 def test_a_theme_chosen_in_the_index_holds_on_the_pages_it_leads_to_and_the_swings_follow_it(runs):
     page = write_report(runs / "first")
@@ -221,6 +223,7 @@ def test_a_claim_has_the_colour_of_the_page_in_the_index_too(runs, changes, look
     assert ("but the model lacks something" in text) == ("findings" in changes)
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 def test_the_menu_of_a_page_with_neighbours_is_seen_whole_or_has_a_row_and_marks_what_is_read(runs):
     for name in NAMES:

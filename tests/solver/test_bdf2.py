@@ -44,7 +44,7 @@ def test_weights_are_those_of_an_independent_60_digit_computation(q):
     np.testing.assert_allclose(start[1:], exact[:-1] / 2, rtol=2e-14)
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("q", [q for q in ORDERS if q != 1.0])
 @pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-8, 1e-10])

@@ -22,7 +22,7 @@ def lags_up_to(steps):
     return np.unique(np.concatenate([np.arange(1, 60), np.geomspace(60, steps, 200).astype(int)]))
 
 
-@pytest.mark.few(40)
+@pytest.mark.few(16)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])

@@ -409,6 +409,7 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
     assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("options", [{}, {"weights": "noise"}, {"cost_function": COSTS["huber"]}],
                          ids=["a valley", "levels", "huber"])  # fmt: skip
 def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum(options):
