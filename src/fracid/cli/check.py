@@ -237,12 +237,7 @@ def start_from_text(text: str | None) -> float | str | None:
 
 
 def _print_json(recording: Recording, figure: Path | None) -> None:
-    head = {
-        "name": recording.name,
-        "file": str(recording.path),
-        "sha256": recording.sha256,
-        "step": recording.step,
-    }
+    head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     content = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
     echo_json(content)
 

@@ -139,11 +139,4 @@ def _row(s: Statistics) -> tuple[str, ...]:
     if s.coverage95 is not None and s.coverage is not None:
         low, high = s.coverage95
         coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
-    return (
-        s.name,
-        cell(s.truth, ".4g"),
-        cell(s.bias, "+.1e"),
-        cell(s.spread, ".1e"),
-        cell(s.claimed, ".1e"),
-        coverage,
-    )
+    return (s.name, cell(s.truth, ".4g"), cell(s.bias, "+.1e"), cell(s.spread, ".1e"), cell(s.claimed, ".1e"), coverage)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import partial
-from math import degrees, pi
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,18 +39,6 @@ if TYPE_CHECKING:
 
     from fracid.twins.twin import Twin
     from fracid.workflows.simulation import SimulatedRecording
-
-
-UNITS = {
-    "rad": {"rad": 1.0, "deg": pi / 180, "°": pi / 180, "turn": 2 * pi, "turns": 2 * pi},
-    "rad/s": {"rad/s": 1.0, "deg/s": pi / 180, "°/s": pi / 180},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "V": {"V": 1.0, "mV": 1e-3},
-    "A": {"A": 1.0, "mA": 1e-3},
-    "m": {"m": 1.0, "mm": 1e-3},
-    "N": {"N": 1.0},
-}
-"""SI unit → what may stand behind a number instead, and its size."""
 
 
 @command(
@@ -168,8 +156,12 @@ def quantity(text: str, option: str, *, of: str = "", bare: bool = True) -> floa
     >>> round(quantity("10deg", "--initial alpha=10deg", of="rad"), 6), quantity("2ms", ""), quantity("1e-3", "--step")
     (0.174533, 0.002, 0.001)
     """
+    from fracid.recording.channel import SPELLINGS, UNITS
+    from fracid.recording.clock import SECONDS
+
     match = re.fullmatch(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*", text)
-    sizes = {name: size for base, group in UNITS.items() if of in ("", base) for name, size in group.items()}
+    sizes = {n: size for n, (size, si) in UNITS.items() if of in ("", si) and n not in ("counts", "1")}
+    sizes |= {other: sizes[n] for other, n in SPELLINGS.items() if n in sizes} | (SECONDS if of in ("", "s") else {})
     if not match or match[2] not in ("", *sizes):
         raise InputError(f"{text!r} is not possible; expected a number with its unit, e.g. {option}.")
     if not bare and not match[2]:

@@ -60,6 +60,7 @@ from fracid.estimation.covariance import METHODS
 from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Style, draw
 from fracid.problem import Problem
+from fracid.problem.checks import require_free
 from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
@@ -362,8 +363,7 @@ def _walks(
 
 
 def _indices(problem: Problem, names: Sequence[str] | None) -> list[int]:
-    if not problem.names:
-        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    require_free(problem.names)
     if names is None:
         shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
         return list(problem.order_indices) or shared or list(range(len(problem.names)))

@@ -270,31 +270,24 @@ def uncertainty(
         return Failure(
             FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
         )
-    everything = np.arange(len(x))
     if problem.blocks is not None:
-        errors, J = problem.errors(x), by_blocks(problem, x, everything, jobs=jobs)
-        if isinstance(errors, Failure):
-            return errors
-        if isinstance(J, Failure):
-            return J
-        estimator = _block_sandwich(problem, errors, J, everything)
+        found = sandwich(problem, x, np.arange(len(x)), jobs=jobs)
+        if isinstance(found, Failure):
+            return found
         touching = (x <= problem.space.lower) | (x >= problem.space.upper)
-        ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(estimator.covariance)), (-1.0, 1.0))
-        known = _spread_out(problem, x, estimator, touching, ends)
-    else:
-        here = tangent(problem, x, jobs=jobs) if near is None else near
-        if isinstance(here, Failure):
-            return here
-        touching = here.touching
-        free = np.flatnonzero(~(problem.absent(x) & touching))  # an element that is not there has nothing to tell
-        if not len(free):
-            return Failure(FailureReason.AT_BOUND, "all free parameters are of elements that are not there")
-        estimator = _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
-        ends, rise = _ends(here, estimator)
-        whole = np.full((len(x), 2), np.nan)
-        whole[free] = rise
-        known = replace(_spread_out(problem, x, estimator, touching, ends), rise=whole)
-    return known
+        ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(found.covariance)), (-1.0, 1.0))
+        return _spread_out(problem, x, found, touching, ends)
+    here = tangent(problem, x, jobs=jobs) if near is None else near
+    if isinstance(here, Failure):
+        return here
+    free = np.flatnonzero(~(problem.absent(x) & here.touching))  # an element that is not there has nothing to tell
+    if not len(free):
+        return Failure(FailureReason.AT_BOUND, "all free parameters are of elements that are not there")
+    estimator = _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
+    ends, rise = _ends(here, estimator)
+    whole = np.full((len(x), 2), np.nan)
+    whole[free] = rise
+    return replace(_spread_out(problem, x, estimator, here.touching, ends), rise=whole)
 
 
 def _spread_out(
@@ -488,10 +481,10 @@ def _white_squares(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[float, list[list[FloatArray]]]:
     """The variance of a residual, and by what each output of each recording counts."""
-    loss, weights, balance = (
+    loss, balance, weights = (
         loss_of(problem),
-        problem.criterion.sample_weights(errors),
         problem.criterion.balance(errors),
+        problem.criterion.sample_weights(errors),
     )
     power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
     return power, [

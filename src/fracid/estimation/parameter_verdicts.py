@@ -392,11 +392,7 @@ def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
         own, other, both = C[i, i] / x[i] ** 2, C[k, k] / x[k] ** 2, C[i, k] / (x[i] * x[k])
         variance = max(own + other - 2 * abs(both), 1e-6 * own)  # rounding, where both are all but the same
         if variance < TIGHT**2 * own and (best is None or variance < best[0]):
-            best = (
-                variance,
-                view.names[k],
-                _combination(view.names[i], view.names[k], math.copysign(1.0, both)),
-            )
+            best = (variance, view.names[k], _combination(view.names[i], view.names[k], math.copysign(1.0, both)))
     if best is None or NORMAL_95 * math.sqrt(best[0]) > KNOWN:
         return None
     return best[1], best[2], 100 * NORMAL_95 * math.sqrt(best[0])

@@ -51,12 +51,7 @@ class End(Enum):
 
 
 def refit(
-    problem: Problem,
-    x: FloatArray,
-    fixed: Sequence[int] = (),
-    *,
-    tolerance: float = TOLERANCE,
-    budget: int = BUDGET,
+    problem: Problem, x: FloatArray, fixed: Sequence[int] = (), *, tolerance: float = TOLERANCE, budget: int = BUDGET
 ) -> Evaluation:
     """Minimise over all unknowns but those held at their values in x, from x, on this thread.
 

@@ -189,11 +189,7 @@ class RecordingFit:
         return draw("fitted_over_time", self, resolution=self.resolutions, style=style)
 
     def plot_residuals(
-        self,
-        output: str | None = None,
-        *,
-        tests: bool = False,
-        style: str | Style = "screen",
+        self, output: str | None = None, *, tests: bool = False, style: str | Style = "screen"
     ) -> Figure:
         """What the fit leaves over; see :func:`fracid.plots.residual_plots`.
 

@@ -51,6 +51,7 @@ from fracid.optimise import (
     sobol_points,
 )
 from fracid.problem import Problem
+from fracid.problem.checks import require_free
 from fracid.problem.portable import Portable
 from fracid.problem.project import Project
 from fracid.safety.schema import as_json
@@ -106,8 +107,7 @@ def search(
     >>> result.best.point.round(4), [s.origin for s in made][0], len(made)
     (array([0.9 , 0.95]), 'given', 3)
     """
-    if not problem.names:
-        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    require_free(problem.names)
     watch, options = watch or Watch(), options or {}
     if optimiser.function is not None:
         result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)

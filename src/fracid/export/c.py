@@ -176,12 +176,7 @@ def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     ]
     if not gl:
         arrays += [
-            (
-                "int",
-                "forgets[FRACID_STATES]",
-                tables.forgets,
-                "where in f the rate of a state that relaxes is; else 0",
-            ),
+            ("int", "forgets[FRACID_STATES]", tables.forgets, "where in f the rate of a state that relaxes is; else 0"),
             ("double", "newest[FRACID_STATES]", gain * tables.newest, "gain w_0"),
             ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
             ("double", f"start_shift[{R}]", [k.start_shift for k in kernels], "where the first panel's centre is"),

@@ -101,15 +101,7 @@ def sliding(v: float, f: float, s: float, v_st: float, v_s: float) -> float:
 
 
 def presliding(
-    x: FloatArray,
-    out: FloatArray,
-    i: int,
-    v: float,
-    f: float,
-    s: float,
-    v_st: float,
-    delta: float,
-    sigma1: float,
+    x: FloatArray, out: FloatArray, i: int, v: float, f: float, s: float, v_st: float, delta: float, sigma1: float
 ) -> float:
     """Friction that gives by δ before it slides: σ₀ z + σ₁ ż [N m], with z the state i.
 

@@ -24,10 +24,10 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -171,7 +171,7 @@ class Result:
         return self.outcome is Outcome.INTERRUPTED
 
 
-class EvaluationLog:
+class EvaluationLog(AbstractContextManager["EvaluationLog"]):
     """An append-only file of evaluations, one JSON line each, written after every batch.
 
     A line has ``n`` (from 1, going on where an older log ends), ``point`` by name, ``cost`` (null where the run
@@ -217,11 +217,7 @@ class EvaluationLog:
         self._count = 0 if again else before
         self._began = time.perf_counter() - (_seconds(last) if again else 0.0)
 
-    def __enter__(self) -> EvaluationLog:
-        """Give itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file."""
         self._file.close()
 

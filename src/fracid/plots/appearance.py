@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -28,6 +28,7 @@ from fracid.units import GREEK, shown_unit, with_unit
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from fracid.estimation.records import RecordingFit
@@ -52,15 +53,7 @@ CLOUD = 1500
 """Points from which on a scatter is rasterised."""
 
 MARKS: dict[str, dict[str, Any]] = {
-    "best": {
-        "marker": "*",
-        "ms": 15,
-        "mfc": VERMILLION,
-        "mec": "black",
-        "mew": 0.8,
-        "zorder": 5,
-        "clip_on": False,
-    },
+    "best": {"marker": "*", "ms": 15, "mfc": VERMILLION, "mec": "black", "mew": 0.8, "zorder": 5, "clip_on": False},
     "true": {"marker": "+", "ms": 20, "mec": "black", "mew": 1.5, "zorder": 6, "clip_on": False},
     "tried": {"marker": "o", "ms": 2.5, "mfc": "white", "mec": "black", "mew": 0.4, "zorder": 3},
 }
@@ -327,6 +320,15 @@ def note(axes: Axes, text: str, height: float = 0.5) -> None:
     """Write across a panel."""
     axes.text(0.5, height, text, transform=axes.transAxes, ha="center", va="center", fontsize=MEDIUM,
               bbox={"fc": "white", "ec": "0.7", "boxstyle": "round"})  # fmt: skip
+
+
+def plain_log(axis: Axis, subs: Sequence[float]) -> None:
+    """Tick a logarithmic axis at some multiples of each power of ten, in plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def corner(axes: Axes, text: str) -> None:

@@ -98,9 +98,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
                           color=style["color"], fontsize=appearance.SMALL)  # fmt: skip
         for row, x, y in zip(rows, at, mean, strict=True):
             if row.paper:
-                axes.plot(
-                    x, y, ls="", marker="o", ms=13, mfc="none", mec="black", mew=1.0, label="the paper's structure"
-                )
+                axes.plot(x, y, **PAPER, label="the paper's structure")
     _log(axes)
     short = [f"+ {f.rpartition(' + ')[2]}" if " + " in f else f for f in frictions]
     axes.set_xticks(range(len(frictions)), [appearance.plain(name) for name in short])
@@ -127,15 +125,11 @@ def _shown(score: Score | None, output: str, comparison: Comparison) -> float:
 
 def _log(axes: Axes) -> None:
     """A logarithmic axis with plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.set_ylim(low / 1.15, 1.35 * high)  # room for a run that fails
     subs = (1, 1.5, 2, 3, 5, 7) if high < 8 * low else (1, 2, 5) if high < 100 * low else (1,)
-    axes.yaxis.set_major_locator(LogLocator(subs=subs))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    appearance.plain_log(axes.yaxis, subs)
 
 
 def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
@@ -176,8 +170,6 @@ def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
 
 
 def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     colours = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE, appearance.INK)
     unit, factor = shown_unit(drifts[0].unit)
     for k, d in enumerate(drifts):
@@ -187,9 +179,7 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
                       color="black" if whole else colours[k % len(colours)], zorder=3,
                       label="whole recordings" if whole else appearance.plain(d.over, 28), **style)  # fmt: skip
     axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    appearance.plain_log(axes.xaxis, (1, 2, 5))
     axes.ticklabel_format(axis="y", useOffset=False)
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip

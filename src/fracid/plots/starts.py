@@ -74,9 +74,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
             if mine:
                 axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,
                           mfc="white" if duplicate else colour, label=label, zorder=3)  # fmt: skip
-    axes.step(
-        [i + 1 for i in range(len(ranking))], [cost for cost, _ in ranking], where="mid", color="0.7", lw=1, zorder=1
-    )
+    costs_in_order = [cost for cost, _ in ranking]
+    axes.step(range(1, len(ranking) + 1), costs_in_order, where="mid", color="0.7", lw=1, zorder=1)
     if ranking and ranking[0][0] > 0:
         axes.set_yscale("log")
         _few_decades(axes)
@@ -94,12 +93,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
 
 def _few_decades(axes: Axes) -> None:
     """Plain numbers at a logarithmic axis that spans less than two decades: no lone power of ten."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     low, high = axes.get_ylim()
     if high < 100 * low:
         low, high = min(low, high / 1.3), max(high, 1.3 * low)
         axes.set_ylim(low, high)
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        appearance.plain_log(axes.yaxis, (1, 1.5, 2, 3, 5, 7))

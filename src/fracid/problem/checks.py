@@ -82,6 +82,17 @@ def refuse_twins(experiments: Sequence[Experiment]) -> None:
         raise InputError(f"Two recordings are named {name!r}; give each its own name.")
 
 
+def require_free(names: Collection[str]) -> None:
+    """Refuse to search where no unknown is left.
+
+    Raises
+    ------
+    InputError
+    """
+    if not names:
+        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+
+
 def _twice(names: Iterable[str]) -> str:
     """The first name that comes twice; "" for none."""
     return next((name for name, count in Counter(names).items() if count > 1), "")
@@ -184,10 +195,7 @@ def _check_experiments(p: Parametrisation) -> None:
 
 def _check_sensors(p: Parametrisation, e: Experiment) -> None:
     """Sensors of outputs that are scored, no delay beyond the record, samples that count."""
-    for what, sensors, channels in (
-        ("output", e.sensors, p.outputs),
-        ("input", e.actuators, p.model.inputs),
-    ):
+    for what, sensors, channels in (("output", e.sensors, p.outputs), ("input", e.actuators, p.model.inputs)):
         for name, sensor in sensors.items():
             check_choice(f"{what} of {e.name} with a delay, gain, bias or lowpass", name, channels)
             for delay in sensor.range("delay"):

@@ -1,19 +1,11 @@
-"""What a preset of a project puts into its ``[fit]``: a new one is a row."""
+"""What a preset of a project puts into its ``[fit]``: a new one is a table of ``presets.toml``."""
 
 from __future__ import annotations
 
+import tomllib
 from typing import Any
 
-PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {
-        "method": "gl-paper",
-        "cost": "itae",
-        "weights": "equal",
-        "outputs": ["alpha"],
-        "per_recording": [],
-        "initial_state": "held",
-        "substeps": 1,
-        "optimiser": "genetic",
-    }
-}
-"""By name; ``paper`` also fixes every parameter, at the rig's value where one is named, and frees the orders."""
+from fracid.safety.door import own_text
+
+PRESETS: dict[str, dict[str, Any]] = tomllib.loads(own_text("problem/presets.toml"))
+"""By name."""

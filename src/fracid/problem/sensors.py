@@ -124,10 +124,7 @@ class Sensor:
 
 
 def with_sensors(
-    model: Model,
-    parameters: Mapping[str, Value],
-    sensors: Iterable[Mapping[str, Sensor]],
-    units: Mapping[str, str],
+    model: Model, parameters: Mapping[str, Value], sensors: Iterable[Mapping[str, Sensor]], units: Mapping[str, str]
 ) -> tuple[Model, Mapping[str, Value]]:
     """Give a model the parameters of its free sensors, behind its own, and each its range where it has none yet.
 

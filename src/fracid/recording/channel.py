@@ -11,6 +11,7 @@ as they are.  ``zero = "rest"`` is the mean of the recording's tail, which must 
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
@@ -21,51 +22,21 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, refuse_beyond
+from fracid.safety.door import own_text
 from fracid.signals.swing import tail
 
-UNITS: dict[str, tuple[float, str]] = {
-    "rad": (1.0, "rad"),
-    "deg": (math.pi / 180, "rad"),
-    "turns": (2 * math.pi, "rad"),
-    "counts": (2 * math.pi, "rad"),  # divided by counts_per_turn
-    "rad/s": (1.0, "rad/s"),
-    "deg/s": (math.pi / 180, "rad/s"),
-    "m": (1.0, "m"),
-    "mm": (1e-3, "m"),
-    "V": (1.0, "V"),
-    "mV": (1e-3, "V"),
-    "A": (1.0, "A"),
-    "mA": (1e-3, "A"),
-    "N": (1.0, "N"),
-    "N m": (1.0, "N m"),
-    "1": (1.0, "1"),
-}
+TABLES = tomllib.loads(own_text("recording/units.toml"))
+
+UNITS: dict[str, tuple[float, str]] = {n: (row["factor"], row["of"]) for n, row in TABLES["signal"].items()}
 """Each unit of a file: the factor to the unit of the signal, and that unit."""
 
-SPELLINGS = {
-    **dict.fromkeys(("°", "degree", "degrees"), "deg"),
-    **dict.fromkeys(("radian", "radians"), "rad"),
-    **dict.fromkeys(("rev", "turn"), "turns"),
-    **dict.fromkeys(("volt", "volts"), "V"),
-    **dict.fromkeys(("Nm", "N·m", "N*m"), "N m"),
-    "°/s": "deg/s",
-}
+SPELLINGS = {other: n for n, row in TABLES["signal"].items() for other in row.get("also", ())}
 """Other spellings of units in headers."""
 
 COUNTING = frozenset({"counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "inc"})
 """Units of headers that are counts of an encoder."""
 
-ELSEWHERE: dict[str, tuple[str, str]] = {
-    "mrad": ("rad", "0.001"),
-    "urad": ("rad", "1e-6"),
-    "mdeg": ("deg", "0.001"),
-    "arcmin": ("deg", "0.0166667"),
-    "arcsec": ("deg", "0.000277778"),
-    **dict.fromkeys(("gon", "grad"), ("deg", "0.9")),
-    "rpm": ("rad/s", "0.10472"),
-    **dict.fromkeys(("uv", "µv", "\u03bcv"), ("V", "1e-6")),
-    "kv": ("V", "1000"),
-}
+ELSEWHERE: dict[str, tuple[str, str]] = {n: (row["unit"], row["scale"]) for n, row in TABLES["elsewhere"].items()}
 """Units of headers that are none of ``UNITS``: the unit and the scale to type for them."""
 
 
@@ -123,10 +94,7 @@ class Channel:
             "a whole number > 0",
         )
         _require(
-            self.unit != "counts" or counts is not None,
-            "counts_per_turn",
-            counts,
-            "e.g. 4096, with unit 'counts'",
+            self.unit != "counts" or counts is not None, "counts_per_turn", counts, "e.g. 4096, with unit 'counts'"
         )
         _require(_is_column(self.column), "column", self.column, "a position from 0 or a name")
 

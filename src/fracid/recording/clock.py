@@ -28,22 +28,13 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
-from fracid.recording.channel import measurable
+from fracid.recording.channel import TABLES, measurable
 from fracid.recording.readers.table import Table
 from fracid.safety.text import LONGEST_NAME, printable
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+SECONDS: dict[str, float] = {n: row["factor"] for n, row in TABLES["time"].items()}
 
-TIME_SPELLINGS = {
-    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
-    **dict.fromkeys(
-        ("usec", "micros", "microsecond", "microseconds", "\u03bcs"), "us"
-    ),  # the Greek letter, not the sign
-    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
-    **dict.fromkeys(("hr", "hour", "hours"), "h"),
-}
+TIME_SPELLINGS = {other: n for n, row in TABLES["time"].items() for other in row.get("also", ())}
 """Other spellings of units of time in headers."""
 
 TIME_NAME = re.compile(r"(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)")

@@ -52,10 +52,7 @@ def choose_channels(
     if beyond > 0:
         sentences.append(f"Left out as beyond {MOST_SIGNALS} signals: {beyond} columns; name those that are meant.")
     sentences += _left_out(table)
-    for group, why in [
-        (blank, "blank where time is stamped"),
-        ([j for j in still if j not in indices], "constant"),
-    ]:
+    for group, why in [(blank, "blank where time is stamped"), ([j for j in still if j not in indices], "constant")]:
         if group:
             sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in group)}.")
     twice = {name for name, count in Counter(table.names).items() if count > 1}

@@ -244,22 +244,29 @@ def _grid(x: Axis, y: Axis) -> Iterator[str]:
     yield f'<path class="grid" d="{across}{upward}"/>'
 
 
-def _text(x: float, y: float, words: str, how: str = "", anchor: str = "middle") -> str:
+def text_at(x: float, y: float, words: str, how: str = "", anchor: str = "middle") -> str:
+    """Some words at a place of an SVG.
+
+    Examples
+    --------
+    >>> text_at(1.0, 2.0, "t < 1 s")
+    '<text x="1.0" y="2.0" text-anchor="middle">t &lt; 1 s</text>'
+    """
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
 
 
 def _labels(chart: Chart, x: Axis, y: Axis, width: int) -> Iterator[str]:
     for v in x.ticks(70.0):
-        yield _text(float(x.at(v)), y.start + 15, _tick(v, x.log))
+        yield text_at(float(x.at(v)), y.start + 15, _tick(v, x.log))
     for v in y.ticks(30.0):
-        yield _text(x.start - 5, float(y.at(v)) + 4, _tick(v, y.log), anchor="end")
+        yield text_at(x.start - 5, float(y.at(v)) + 4, _tick(v, y.log), anchor="end")
     if chart.xlabel:
-        yield _text((x.start + x.end) / 2, chart.height - 5, chart.xlabel)
+        yield text_at((x.start + x.end) / 2, chart.height - 5, chart.xlabel)
     middle = (y.start + y.end) / 2
-    yield _text(13, middle, chart.ylabel, f' transform="rotate(-90 13 {middle:g})"')
+    yield text_at(13, middle, chart.ylabel, f' transform="rotate(-90 13 {middle:g})"')
     if chart.rightlabel:
         at = width - 6
-        yield _text(at, middle, chart.rightlabel, f' transform="rotate(-90 {at} {middle:g})"')
+        yield text_at(at, middle, chart.rightlabel, f' transform="rotate(-90 {at} {middle:g})"')
 
 
 def _tick(value: float, log: bool) -> str:
@@ -276,7 +283,7 @@ def _right(chart: Chart, y: Axis, end: float) -> Iterator[str]:
         yield f'<path class="steps" d="{d}"/>'
     for at, text in shown:
         if text:
-            yield _text(end + 6, float(y.at(at)) + 4, text, anchor="start")
+            yield text_at(end + 6, float(y.at(at)) + 4, text, anchor="start")
 
 
 def _band(band: Band, x: Axis, y: Axis) -> str:
@@ -323,7 +330,7 @@ def _mark(mark: Mark, x: Axis, y: Axis) -> str:
         d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * row)
     else:
         d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.start + 0.6 * (x.end - x.start), at - 4)
-    word = _text(*place, mark.text, ' class="word"', "end" if late and axis is x else "start") if mark.text else ""
+    word = text_at(*place, mark.text, ' class="word"', "end" if late and axis is x else "start") if mark.text else ""
     return f'<path class="mark {mark.kind}" d="{d}"/>{word}'
 
 
@@ -331,7 +338,7 @@ def _key(chart: Chart, end: float) -> Iterator[str]:
     """What each of several lines is."""
     at = end - 8
     for s in reversed(chart.series if len(chart.series) > 1 else ()):
-        yield _text(at, TOP + 9, s.label, ' class="key"', anchor="end")
+        yield text_at(at, TOP + 9, s.label, ' class="key"', anchor="end")
         at -= 7.4 * len(s.label) + 24
         yield f'<path class="{s.kind}" d="M{at:.0f} {TOP + 5:g}h20"/>'
         at -= 14

@@ -554,11 +554,7 @@ def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[
     columns = [(kind, label, recording) for kind, label in kinds for recording in first[kind]]
     best = set(compared["best"].values())
     rows = [
-        {
-            **s,
-            "best": s["name"] in best,
-            "errors": [s[kind].get(recording) for kind, _, recording in columns],
-        }
+        {**s, "best": s["name"] in best, "errors": [s[kind].get(recording) for kind, _, recording in columns]}
         for s in compared["structures"]
     ]
     hashes = compared.get("data_sha256", {})

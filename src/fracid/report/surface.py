@@ -16,7 +16,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
-from fracid.report.charts import Axis
+from fracid.report.charts import Axis, text_at
 from fracid.report.sentences import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
@@ -197,22 +197,18 @@ def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[l
             px, py = place
             late = px + LETTER * len(label) > x.end
             left, base = (min(px, x.end) - 4 if late else px + 2), min(py + 12, y.start - 5)
-            words.append(_text(left, base, label, "end" if late else "start", ' class="level"'))
+            words.append(text_at(left, base, label, ' class="level"', "end" if late else "start"))
     return drawn, words
-
-
-def _text(x: float, y: float, words: str, anchor: str = "middle", how: str = "") -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
 
 
 def _axes(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
     for v in x.ticks(60.0):
-        yield _text(float(x.at(v)), y.start + 16, number(v, ".6g"))
+        yield text_at(float(x.at(v)), y.start + 16, number(v, ".6g"))
     for v in y.ticks(60.0):
-        yield _text(x.start - 6, float(y.at(v)) + 4, number(v, ".6g"), "end")
+        yield text_at(x.start - 6, float(y.at(v)) + 4, number(v, ".6g"), anchor="end")
     middle = (y.start + y.end) / 2
-    yield _text((x.start + x.end) / 2, HEIGHT - 8, surface.names[0])
-    yield _text(14, middle, surface.names[1], how=f' transform="rotate(-90 14 {middle})"')
+    yield text_at((x.start + x.end) / 2, HEIGHT - 8, surface.names[0])
+    yield text_at(14, middle, surface.names[1], how=f' transform="rotate(-90 14 {middle})"')
 
 
 def _bar(scale: Scale, left: float) -> Iterator[str]:
@@ -226,10 +222,10 @@ def _bar(scale: Scale, left: float) -> Iterator[str]:
     for at, label in scale.levels:
         y = base - tall * log(at / scale.low) / log(scale.high / scale.low)
         if last - y >= 16:
-            yield f'<path class="axis" d="M{left + 12} {y:.1f}h3"/>{_text(left + 17, y + 4, label, "start")}'
+            yield f'<path class="axis" d="M{left + 12} {y:.1f}h3"/>{text_at(left + 17, y + 4, label, anchor="start")}'
             last = y
     middle = base - tall / 2
-    yield _text(WIDTH - 8, middle, scale.title, how=f' transform="rotate(-90 {WIDTH - 8} {middle})"')
+    yield text_at(WIDTH - 8, middle, scale.title, how=f' transform="rotate(-90 {WIDTH - 8} {middle})"')
 
 
 def _dots(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:

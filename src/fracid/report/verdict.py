@@ -226,11 +226,7 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
 def _prediction(material: Material) -> Line:
     validation = material.used("validate")
     if not validation:
-        return Line(
-            "Prediction",
-            'Not tested: no recording was held out. Mark one with use = "validate".',
-            False,
-        )
+        return Line("Prediction", 'Not tested: no recording was held out. Mark one with use = "validate".', False)
     failures = [n for n, r in validation.items() if any(v is None for v in r["rmse"].values())]
     if failures:
         return Line("Prediction", f"No run reached the end of {joined(failures)}, which was held out.", False)

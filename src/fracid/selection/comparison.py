@@ -466,10 +466,7 @@ class _OfFile:
 
 
 def _origin(
-    problem: Problem | Project,
-    validation: Sequence[Experiment],
-    only: _Only,
-    executor: str,
+    problem: Problem | Project, validation: Sequence[Experiment], only: _Only, executor: str
 ) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
         digest = hashlib.sha256(problem.text.encode()).hexdigest()

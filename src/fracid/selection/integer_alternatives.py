@@ -244,8 +244,7 @@ def integer_alternatives(
     if here is None:
         return None
     n, gain = gain_over(here, problem, best)
-    name = "friction" if here.own else "the same model"
-    trials = [Trial(name, here.evaluation.cost, gain, _as_well(gain, here.evaluation.cost, best.cost))]
+    trials = [here.trial(gain, _as_well(gain, here.evaluation.cost, best.cost))]
     others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs)]
     trials += [trial for _, trial in others]
     settled, base = any(t.as_well for t in trials), here
@@ -271,13 +270,9 @@ def integer_alternatives(
         if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
             here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
     as_well = any(t.as_well for t in trials)
-    return Alternative(
-        here.structure, (*here.off, *(name for name, to in problem.ties.items() if to in here.off)),
-        here.evaluation.cost, here.parameters, gain, n,
-        warning_of(here, best.cost, gain) if as_well else "", tuple(trials),
-        here.nested_in(problem), here.settles,
-        () if as_well or not slow else finite_memories(problem, best, [*here.off], jobs=jobs),
-    )  # fmt: skip
+    memories = () if as_well or not slow else finite_memories(problem, best, [*here.off], jobs=jobs)
+    warning = warning_of(here, best.cost, gain) if as_well else ""
+    return here.beside(problem, gain, n, warning, trials, memories)
 
 
 def _of_the_project(

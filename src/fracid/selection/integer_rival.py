@@ -23,7 +23,7 @@ is so of all there is no rival.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -189,6 +189,21 @@ class Rival:
         """Its unknowns by name [SI]."""
         return dict(zip(self.problem.names, self.evaluation.point.tolist(), strict=True))
 
+    def trial(self, gain: float, as_well: bool) -> Trial:
+        """Of the model without what was added to it."""
+        return Trial("friction" if self.own else "the same model", self.evaluation.cost, gain, as_well)
+
+    def beside(
+        self, problem: Problem, gain: float, samples: float, warning: str, trials: Sequence[Trial],
+        memories: tuple[FiniteMemory, ...] = (),
+    ) -> Alternative:  # fmt: skip
+        """What it says of the fractional problem."""
+        return Alternative(
+            self.structure, (*self.off, *(n for n, to in problem.ties.items() if to in self.off)),
+            self.evaluation.cost, self.parameters, gain, samples, warning, tuple(trials), self.nested_in(problem),
+            self.settles, memories,
+        )  # fmt: skip
+
     def nested_in(self, problem: Problem) -> dict[str, float]:
         """Where a problem is this model: its unknowns, the orders at their integers, springpots off; else nothing."""
         if not self.nested:
@@ -243,12 +258,7 @@ def integer_alternative(
     if rival is None:
         return None
     n, gain = gain_over(rival, problem, best)
-    return Alternative(
-        rival.structure, (*rival.off, *(n for n, to in problem.ties.items() if to in rival.off)),
-        rival.evaluation.cost, rival.parameters, gain, n, warning_of(rival, best.cost, gain),
-        (Trial("friction" if rival.own else "the same model", rival.evaluation.cost, gain, gain <= STRONG),),
-        rival.nested_in(problem), rival.settles,
-    )  # fmt: skip
+    return rival.beside(problem, gain, n, warning_of(rival, best.cost, gain), [rival.trial(gain, gain <= STRONG)])
 
 
 def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1) -> Rival | None:

@@ -255,10 +255,7 @@ def time_scale(model: Model, values: FloatArray) -> float:
 
 
 def _solve(
-    rhs: RightHandSide,
-    arguments: Arguments,
-    time_scale: float = 1.0,
-    size: tuple[int, int] | None = None,
+    rhs: RightHandSide, arguments: Arguments, time_scale: float = 1.0, size: tuple[int, int] | None = None
 ) -> Trajectory:
     """Check everything, then run; `size` is the number of states and of inputs, where it is known."""
     states, n_inputs = size or (None, None)

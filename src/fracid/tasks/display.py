@@ -30,7 +30,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Protocol, TextIO
+from typing import Any, TextIO
 
 from fracid.safety.text import printable
 from fracid.tasks.job import Progress
@@ -109,26 +109,10 @@ def duration(seconds: float, *, fine: bool = False) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-class _Surface(Protocol):
-    """Where stages are shown."""
-
-    def begin(self, stage: _Stage) -> None:
-        """A stage has begun."""
-
-    def update(self, stage: _Stage) -> None:
-        """It has come further."""
-
-    def end(self, stage: _Stage, mark: str) -> None:
-        """It has ended: with a tick, a cross, or no mark where no line is to stay."""
-
-    def notice(self, sentence: str) -> None:
-        """Something that should be read now."""
-
-
 class _Display:
     """Turns what an :class:`Observer` hears into stages on a surface."""
 
-    def __init__(self, surface: _Surface, result: Callable[[Any], None] | None = None) -> None:
+    def __init__(self, surface: _Terminal | _Notebook | _Events, result: Callable[[Any], None] | None = None) -> None:
         self._surface, self._stage, self._result = surface, _Stage("", 0.0), result
         self._mark = "✓"
         self._compilation = _Compiling(self)
@@ -335,11 +319,7 @@ def _ended(stage: _Stage, mark: str) -> str:
 
 @contextmanager
 def shown(
-    stage: str = "",
-    *,
-    events: bool = False,
-    stream: TextIO | None = None,
-    result: Callable[[Any], None] | None = None,
+    stage: str = "", *, events: bool = False, stream: TextIO | None = None, result: Callable[[Any], None] | None = None
 ) -> Iterator[Observer]:
     """Show stages and progress while the block runs, where somebody looks on.
 

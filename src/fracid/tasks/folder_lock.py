@@ -16,15 +16,14 @@ import socket
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from io import RawIOBase
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import InputError, writing
 from fracid.safety.door import appended
 from fracid.safety.json_files import json_of
 from fracid.safety.text import shortened
@@ -48,7 +47,7 @@ def line_content(text: bytes) -> dict[str, Json] | None:
 LOCK = ".lock"
 
 
-class FolderLock:
+class FolderLock(AbstractContextManager["FolderLock"]):
     """A folder for one thread alone, until :meth:`release` or the process's end, however it ends.
 
     The same thread may take it again; it is free once each has been released.
@@ -89,11 +88,7 @@ class FolderLock:
                 self._hold.file.truncate(0)
                 self._hold.file.close()
 
-    def __enter__(self) -> FolderLock:
-        """Give itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go of it."""
         self.release()
 
@@ -181,12 +176,8 @@ if hasattr(os, "register_at_fork"):
 
 
 def _locked(path: Path) -> RawIOBase:
-    try:
+    with writing(f"The folder {path.parent}"):
         file = appended(path)
-    except OSError as error:
-        raise InputError(
-            f"The folder {path.parent} cannot be written: {error.strerror}. Give another: --out DIR."
-        ) from None
     if not _lock(file):
         file.seek(0)
         who = (line_content(file.read()) or {}) if sys.platform != "win32" else {}

@@ -25,10 +25,9 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from io import RawIOBase
 from pathlib import Path
-from types import TracebackType
 
 from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
@@ -44,7 +43,7 @@ SYNC = 1.0
 """At most this often is a line forced to the disk [s]."""
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """The log of one study: what is done, and the file that it is appended to.
 
     Parameters
@@ -92,11 +91,7 @@ class Journal:
                 self._write(json.dumps({"journal": FORMAT, "study": study}, ensure_ascii=False, allow_nan=False))
             self._opened = opened.pop_all()
 
-    def __enter__(self) -> Journal:
-        """Give itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file and let go of the folder."""
         self.close()
 

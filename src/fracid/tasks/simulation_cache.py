@@ -26,9 +26,9 @@ import struct
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from zlib import crc32
 
 import numpy as np
@@ -48,7 +48,7 @@ MOST = 256 << 20
 """Bytes of a file at most."""
 
 
-class Memo:
+class Memo(AbstractContextManager["Memo"]):
     """Simulated outputs by key, in a file that only grows, up to a size.
 
     Parameters
@@ -94,11 +94,7 @@ class Memo:
         if self._end == 0:
             self._append(_stamp())
 
-    def __enter__(self) -> Memo:
-        """Give itself."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file."""
         self.close()
 

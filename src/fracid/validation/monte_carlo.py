@@ -57,6 +57,7 @@ from fracid.figures import Style, draw
 from fracid.findings import Finding
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
+from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable
 from fracid.safety.schema import Block, as_json
@@ -715,8 +716,7 @@ def _cells(levels: Sequence[float], resolutions: Sequence[float]) -> tuple[tuple
 
 
 def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
-    if not problem.names:
-        raise InputError("Nothing is free: give at least one order or parameter a start, a lower and an upper bound.")
+    require_free(problem.names)
     truth = vector("x", x)
     if truth.shape != (len(problem.names),) or not np.all(np.isfinite(truth)):
         raise InputError(

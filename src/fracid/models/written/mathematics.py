@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -41,6 +42,7 @@ from fracid.models.written.tree import (
     Operation,
     parts,
 )
+from fracid.safety.door import own_text
 from fracid.units import GREEK
 
 GUARD = 1e-9
@@ -582,21 +584,15 @@ def _plain(e: Expression) -> bool:
     return isinstance(e, Entry | Name | Number)
 
 
+MARKS = tomllib.loads(own_text("models/written/marks.toml"))
+"""Language → what is written for each part of an equation."""
+
+
 class MathML(Mathematics):
     """What browsers draw by themselves."""
 
     template: ClassVar[type[str]] = Markup
-    marks: ClassVar[Mapping[str, str]] = {
-        "row": "<mrow>{}</mrow>",
-        "bracket": "<mrow><mo>(</mo>{}<mo>)</mo></mrow>",
-        "i": "<mi>{}</mi>", "n": "<mn>{}</mn>", "o": "<mo>{}</mo>", "f": "<mi>{}</mi>",
-        "text": "<mtext>{}</mtext>", "sub": "<msub>{}{}</msub>", "power": "<msup>{}{}</msup>",
-        "frac": "<mfrac>{}{}</mfrac>", "sqrt": "<msqrt>{}</msqrt>", "dot": '<mover accent="true">{}<mo>˙</mo></mover>',
-        "space": '<mspace width="0.17em"></mspace>', "eq": '<mtr><mtd class="eq">{}</mtd></mtr>', "between": "",
-        "rhs": '<mtr><mtd class="rhs">{}</mtd></mtr>', "block": '<math display="block"><mtable>{}</mtable></math>',
-        "case": '<mtr><mtd>{}</mtd><mtd class="rhs"><mrow>{}{}</mrow></mtd></mtr>', "between cases": "",
-        "cases": "<mrow><mo>{{</mo><mtable>{}</mtable></mrow>",
-    }  # fmt: skip
+    marks: ClassVar[Mapping[str, str]] = MARKS["MathML"]
 
 
 class LaTeX(Mathematics):
@@ -607,14 +603,7 @@ class LaTeX(Mathematics):
         **{letter: f"\\{name} " for name, letter in GREEK.items()},
     }  # fmt: skip
 
-    marks: ClassVar[Mapping[str, str]] = {
-        "row": "{}", "bracket": "({})",
-        "i": "{}", "n": "{}", "o": "{}", "f": r"\operatorname{{{}}}", "text": r"\text{{{}}}", "sub": "{}_{{{}}}",
-        "power": "{}^{{{}}}", "frac": r"\frac{{{}}}{{{}}}", "sqrt": r"\sqrt{{{}}}", "dot": r"\dot{{{}}}",
-        "space": r"\,", "eq": "& {}", "rhs": r"& \quad {}", "between": "\\\\\n", "between cases": r" \\ ",
-        "block": "\\begin{{aligned}}\n{}\n\\end{{aligned}}", "case": r"{} & {}{}",
-        "cases": r"\begin{{cases}} {} \end{{cases}}",
-    }  # fmt: skip
+    marks: ClassVar[Mapping[str, str]] = MARKS["LaTeX"]
 
     def mark(self, name: str, *parts: str) -> str:
         """Letters by their names, words upright, functions as LaTeX knows them."""

@@ -93,15 +93,7 @@ class Dialect:
 
 DIALECTS = tuple(
     Dialect(delimiter, decimal)
-    for delimiter, decimal in [
-        (",", "."),
-        (";", ","),
-        (";", "."),
-        ("\t", "."),
-        ("\t", ","),
-        (None, "."),
-        (None, ","),
-    ]
+    for delimiter, decimal in [(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (None, "."), (None, ",")]
 )
 
 
