@@ -7,6 +7,7 @@ nothing is an error.
 """
 
 import importlib
+import inspect
 import pkgutil
 
 from docutils import nodes
@@ -35,7 +36,7 @@ def figures():
     """Return the names of all functions that draw or write figures."""
     import fracid.plots
 
-    return sorted(name for name in fracid.plots.__all__ if callable(getattr(fracid.plots, name)))
+    return [name for name, _ in inspect.getmembers(fracid.plots, inspect.isfunction)]
 
 
 def _figure(name):

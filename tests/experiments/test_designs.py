@@ -144,7 +144,7 @@ def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative()
             for pair in combinations_with_replacement(rigs.allowed, 2)}  # fmt: skip
     assert told[chosen] == pytest.approx(max(told.values()), rel=1e-9)
     done = [SPACE.candidates[i] for i in chosen]
-    table = alternatives_of(subject, SPACE, done, rivals_of(subject, SPACE, done))
+    table = alternatives_of(subject, SPACE, done, range(len(done)), rivals_of(subject, SPACE, done))
     assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
     every = table.distances([0, 1])
     assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does

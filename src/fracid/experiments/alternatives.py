@@ -178,11 +178,11 @@ def orders_alone(
     rigs = _one_order_off(subject, of)
     rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}, jobs) for n, rig in rigs.items()}
     every = range(len(candidates))
-    first = OrdersAlone({n: _linearised(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
+    first = OrdersAlone({n: alternatives_of(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
     chosen = first.chosen(count)
     short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
     rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n], jobs) for n, rig in rigs.items()}
-    return OrdersAlone({n: _linearised(rig, space, candidates, short, rivals[n], jobs) for n, rig in rigs.items()})
+    return OrdersAlone({n: alternatives_of(rig, space, candidates, short, rivals[n], jobs) for n, rig in rigs.items()})
 
 
 def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
@@ -203,14 +203,6 @@ def rivals_of(
 ) -> dict[str, _Rival]:
     """Arm → the integer-order model that fits its experiments best, of a set with repetitions."""
     return _rivals(subject, space, _by_arm([*dict.fromkeys(experiments)], list), {}, jobs)
-
-
-def alternatives_of(
-    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival], *,
-    jobs: int = 1,
-) -> Alternatives:  # fmt: skip
-    """The integer-order alternatives of a chosen set, about the models that fit it best, the orders as they are."""
-    return _linearised(subject, space, experiments, range(len(experiments)), rivals, jobs)
 
 
 def with_states(
@@ -286,11 +278,11 @@ def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
     return [*dict.fromkeys((same[0], same[-1]))]
 
 
-def _linearised(
+def alternatives_of(
     subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], which: Sequence[int],
-    rivals: Mapping[str, _Rival], jobs: int,
+    rivals: Mapping[str, _Rival], jobs: int = 1,
 ) -> Alternatives:  # fmt: skip
-    """The alternatives about the integer-order model that fits some experiments best."""
+    """The integer-order alternatives of some candidates, about the models that fit them best."""
     common = _Common.of([*rivals.values()])
 
     def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:

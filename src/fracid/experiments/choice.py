@@ -151,7 +151,7 @@ def design(
         done = [candidates[i] for i in chosen]
         watching.stage("integer-order models of the chosen experiments")
         rivals = rivals_of(subject, space, done, jobs=jobs)
-        together = alternatives_of(subject, space, done, rivals, jobs=jobs)
+        together = alternatives_of(subject, space, done, range(len(done)), rivals, jobs)
         distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
     else:
         objective = objective_named(name, subject.scale, places)

@@ -28,25 +28,6 @@ from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.solver.schemes import OPEN, SLACK
 
-STATE_PI = """\
-    double f[FRACID_STATES], before[FRACID_STATES], earlier[FRACID_STATES]; /* the last three f, to predict */
-    double base[FRACID_STATES], ramp[FRACID_STATES], gone[FRACID_STATES], scale[FRACID_STATES];
-    double rate[FRACID_STATES];                          /* with which those that relax forget */
-    double factors[FRACID_STATES * FRACID_STATES];       /* Newton's */
-    int pivot[FRACID_STATES], keep;
-"""
-
-STATE_START = """\
-    int corrected, piece;                                /* the start: steps that are solved together */
-    double begun[FRACID_TOGETHER + 1][FRACID_STATES], f_begun[FRACID_TOGETHER + 1][FRACID_DERIVATIVES];
-    double u[FRACID_TOGETHER + 1][FRACID_INPUTS];
-    double c[FRACID_CORRECTIONS][FRACID_STATES], parabola[FRACID_STATES][3];
-"""
-
-STATE_GL = """\
-    double origin[FRACID_STATES], gone[FRACID_STATES], u[FRACID_INPUTS];
-"""
-
 UPDATES = {
     False: """\
     right_hand_side(s->x, s->u, f);
@@ -108,7 +89,8 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
     scheme, exported, model = tables.scheme, tables.exported, tables.model
     third, gl = scheme.family == "pi3", scheme.family == "gl"
     source = "model_gl.c.in" if gl else "model_pi.c.in"
-    state = STATE_GL if gl else STATE_PI + STATE_START * (tables.together > 0)
+    state = own_text("export/state_gl.h.in" if gl else "export/state_pi.h.in")
+    state += own_text("export/state_start.h.in") * (tables.together > 0 and not gl)
     sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
     words = {
         "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,

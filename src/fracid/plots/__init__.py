@@ -38,38 +38,21 @@ No function touches pyplot, so they need no display and may run on threads.
 A family of figures is one file; what they share is in :mod:`fracid.plots.appearance`.
 """
 
-from fracid.plots.comparison import amplitudes, ladder
-from fracid.plots.cost_profiles import profiles
-from fracid.plots.fitted import fitted_over_time
-from fracid.plots.linear import linear_response
-from fracid.plots.noise import noise_levels
-from fracid.plots.overview import recording_overview
-from fracid.plots.plane import cost_plane
-from fracid.plots.planned import design_landscape, expected_curves
-from fracid.plots.posterior_draws import posterior_corner, posterior_predictive
-from fracid.plots.residuals import residual_diagnostics, residual_plots
-from fracid.plots.rig import rig_drawing
-from fracid.plots.starts import waterfall
-from fracid.plots.unknown_past import cut_shifts
-from fracid.plots.writing import save
-
-__all__ = [
-    "amplitudes",
-    "cost_plane",
-    "cut_shifts",
-    "design_landscape",
-    "expected_curves",
-    "fitted_over_time",
-    "ladder",
-    "linear_response",
-    "noise_levels",
-    "posterior_corner",
-    "posterior_predictive",
-    "profiles",
-    "recording_overview",
-    "residual_diagnostics",
-    "residual_plots",
-    "rig_drawing",
-    "save",
-    "waterfall",
-]
+from fracid.plots.comparison import amplitudes as amplitudes
+from fracid.plots.comparison import ladder as ladder
+from fracid.plots.cost_profiles import profiles as profiles
+from fracid.plots.fitted import fitted_over_time as fitted_over_time
+from fracid.plots.linear import linear_response as linear_response
+from fracid.plots.noise import noise_levels as noise_levels
+from fracid.plots.overview import recording_overview as recording_overview
+from fracid.plots.plane import cost_plane as cost_plane
+from fracid.plots.planned import design_landscape as design_landscape
+from fracid.plots.planned import expected_curves as expected_curves
+from fracid.plots.posterior_draws import posterior_corner as posterior_corner
+from fracid.plots.posterior_draws import posterior_predictive as posterior_predictive
+from fracid.plots.residuals import residual_diagnostics as residual_diagnostics
+from fracid.plots.residuals import residual_plots as residual_plots
+from fracid.plots.rig import rig_drawing as rig_drawing
+from fracid.plots.starts import waterfall as waterfall
+from fracid.plots.unknown_past import cut_shifts as cut_shifts
+from fracid.plots.writing import save as save
