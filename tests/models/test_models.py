@@ -16,7 +16,6 @@ from fracid.models import (
     RIGS,
     Model,
     Parameter,
-    energy,
     lumped_constants,
     mass_matrix,
     model_from_name,
@@ -24,6 +23,7 @@ from fracid.models import (
 )
 from fracid.models.pendulum import PARAMETERS, STATES
 from fracid.solver.right_hand_side import _largest_indices, compile_rhs
+from helpers.energy import energy
 from oracles import furuta
 
 ZEROS = ("hanging", "upright")

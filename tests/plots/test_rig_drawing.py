@@ -11,9 +11,10 @@ from matplotlib.text import Text
 
 import fracid
 from fracid.errors import InputError
-from fracid.models import RIGS, Model, Parameter, energy, mass_matrix
+from fracid.models import RIGS, Model, Parameter, mass_matrix
 from fracid.plots import rig_drawing
 from fracid.plots.rig import ALPHA, THETA, _Drawing
+from helpers.energy import energy
 
 POSES = [(0.0, 0.0), (0.4, 0.3), (-1.2, 1.9), (2.5, -0.7), (0.3, math.pi)]
 MODELS = {

@@ -23,7 +23,6 @@ from typing import Any
 from fracid.errors import InputError, unknown_name
 from fracid.models.base import Model as Model
 from fracid.models.base import Parameter as Parameter
-from fracid.models.pendulum import energy as energy
 from fracid.models.pendulum import mass_matrix as mass_matrix
 from fracid.models.pendulum import rotary_pendulum as rotary_pendulum
 from fracid.models.rigs import RIGS as RIGS

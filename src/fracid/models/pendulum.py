@@ -214,45 +214,6 @@ def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: floa
     return np.stack([np.stack([M11, M12], -1), np.stack([M12, np.full_like(M12, C1)], -1)], -2)
 
 
-def energy(model: Model, states: ArrayLike, overrides: Mapping[str, float] | None = None) -> FloatArray:
-    """Return kinetic and potential energy of a rotary pendulum, zero at rest and hanging.
-
-    Mechanical energy only at order 1: at other orders the states are not the rates.
-
-    Parameters
-    ----------
-    model
-        From :func:`rotary_pendulum`.
-    states
-        θ, its rate, α, its rate [rad, rad/s], shape (..., 4).
-    overrides
-        Parameters that replace the model's own [SI].
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Energy [J], of masses, gravity and the cable's spring.
-
-    Examples
-    --------
-    >>> model = rotary_pendulum("srv02-rotpen", zero="upright")
-    >>> energy(model, [0.0, 0.0, 0.0, 0.0]).round(4)           # upright: 2 C4 above hanging
-    np.float64(0.3887)
-    """
-    p = dict(zip(model.parameter_names, model.parameter_vector(overrides), strict=True))
-    theta, theta_rate, alpha, alpha_rate = np.moveaxis(np.asarray(states, dtype=np.float64), -1, 0)
-    alpha = alpha - p["alpha_rest"]
-    M = mass_matrix(alpha, p["C1"], p["C3"], p["C6"], p["J_theta"])
-    rates = np.stack([theta_rate, alpha_rate], -1)
-    kinetic = 0.5 * np.einsum("...i,...ij,...j", rates, M, rates)
-    height = p["C4"] * (1.0 + GRAVITY[model.zero] * np.cos(alpha))
-    ahead, aside = np.cos(theta), np.sin(theta)
-    height -= STANDARD_GRAVITY * p["arm_moment"] * (p["tilt_x"] * ahead + p["tilt_y"] * aside)
-    height -= math.copysign(p["C4"], p["C3"]) * np.sin(alpha) * (p["tilt_y"] * ahead - p["tilt_x"] * aside)
-    total: FloatArray = kinetic + height + 0.5 * p["cable_stiffness"] * (theta - p["theta_rest"]) ** 2
-    return total
-
-
 STATES = {
     "z_theta": ("presliding_theta",),
     "z_alpha": ("presliding_alpha",),
