@@ -555,7 +555,7 @@ def _claim(analysis: _Findings, jobs: int) -> None:
         nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
     analysis.alternative = nearest
     analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
-    if nearest is not None and (analysis.fits or analysis.claim.claim == "integer"):
+    if nearest is not None and analysis.claim.claim == "integer":
         analysis.warnings.append(nearest.warning)
     if nearest is not None and part is not problem:
         end = max(float(e.time[-1]) for e in part.experiments)
@@ -603,8 +603,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         alternative = alternative and in_proportion(
             alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
         )
-    does_as_well = analysis.fits or analysis.claim.claim == "integer"
-    if analysis.alternative is not None and analysis.alternative.warning and does_as_well:
+    if analysis.alternative is not None and analysis.alternative.warning and analysis.claim.claim == "integer":
         for n in analysis.alternative.orders:
             verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")

@@ -68,3 +68,21 @@ def test_a_springpot_that_explains_the_residual_leaves_the_claim_undecided_and_s
     assert claim.claim == "undecided"
     assert any("springpot_alpha = 0.002 of order 0.34" in reason for reason in claim.reasons)
     assert "springpot_order_alpha = { start = 0.34" in claim.reasons[-1]
+
+
+@pytest.mark.broad
+def test_a_rival_that_explains_two_springpots_no_better_is_no_evidence_against_fractional_orders():
+    truth = {"springpot_theta": 1e-2, "springpot_alpha": 2e-3, "coulomb_theta": 1e-2, "coulomb_alpha": 3e-4}
+    run = fracid.simulate(RIG, parameters=truth, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 1.3}, step=4e-3,
+                          end=8.0)  # fmt: skip
+    y = run.states[:, [0, 2]] + 5e-4 * np.random.default_rng(1).standard_normal((len(run.time), 2))
+    inertias = {n: Free(5e-3, 1e-3, 0.03) for n in ("C1", "C3", "C6", "J_theta")}
+    viscous = {"b_theta": Free(0.1, 0.0, 1.0), "b_alpha": Free(3e-4, 0.0, 0.1)}
+    dry = {"coulomb_theta": Free(0.01, 0.0, 0.1), "coulomb_alpha": Free(1e-4, 0.0, 0.01)}
+    orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
+    swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
+    fit = fracid.identify(Problem(RIG, (swing,), orders, viscous | inertias | dry, initial_state="estimate"))
+    assert fit.claim == "undecided"
+    assert any(trial.as_well for trial in fit.alternative.trials)
+    assert not any("no evidence of fractional dynamics" in said for said in fit.warnings)
+    assert not any("stand in for friction" in found.identifiable for found in fit.orders.values())
