@@ -524,8 +524,10 @@ class _Page:
 
     def _inertia(self, gravity: float) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
+        from scipy.fft import next_fast_len
+
         step, swing = self.recording.report.clock.step, self._swing()
-        samples = 8 * len(self.recording.time)
+        samples = next_fast_len(8 * len(self.recording.time), real=True)  # else it may take several times the memory
         spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), samples))
         omega = 2 * math.pi * float(np.argmax(spectrum)) / (samples * step)
         return gravity / omega**2 if omega > 0 else self.model.parameter("C1").value
