@@ -94,8 +94,8 @@ def test_a_new_run_takes_the_figures_of_the_old_one_away(tmp_path):
         ("project", (), {"rig.pdf"}),
     ],
 )
-def test_a_rig_is_drawn_by_its_name_or_with_the_constants_of_a_project(capsys, made, tmp_path, what, words, written):
-    source = {"rig": "qube-servo2", "project": made[0] / "rig.toml"}[what]
+def test_a_rig_is_drawn_by_its_name_or_with_the_constants_of_a_project(capsys, request, tmp_path, what, words, written):
+    source = "qube-servo2" if what == "rig" else request.getfixturevalue("made")[0] / "rig.toml"
     code, _, err = run(capsys, "draw", source, *words, "--out", tmp_path)
     assert (code, err) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == written
@@ -142,6 +142,7 @@ def test_mistakes_are_said_with_what_to_give(capsys, tmp_path, monkeypatch, word
 # --- the same from the folder as from the session ------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
     "draw",
@@ -165,11 +166,13 @@ def test_a_run_read_from_its_folder_draws_what_the_fit_draws(made, draw):
     assert content(draw(fracid.load_run(folder / "run"))) == one
 
 
+@pytest.mark.broad
 def test_a_fit_draws_the_constants_that_it_was_given(made):
     said = "\n".join(text.get_text() for text in made[1].plot_rig().axes[0].texts)
     assert f"{1.5 * 9.81 * 5e-3 / (0.127 * 9.81 * 0.156) * 1e3:.3g} mm" in said
 
 
+@pytest.mark.broad
 def test_a_recording_that_is_not_there_is_refused_with_those_that_are(made):
     with pytest.raises(InputError, match="no recording 'b'; the fit has release 20°"):
         made[1].plot("b")
@@ -177,6 +180,7 @@ def test_a_recording_that_is_not_there_is_refused_with_those_that_are(made):
         made[1].plot_residuals(output="beta")
 
 
+@pytest.mark.broad
 def test_profiles_come_back_from_their_file_as_they_were(made):
     _, fit, profiles = made
     again = Profiles.of_json(json.loads(json.dumps(profiles.to_json())), fit.problem)

@@ -304,6 +304,18 @@ def test_a_pendulum_that_swings_otherwise_than_the_rigs_has_its_inertias_scaled(
         assert np.sqrt(C4 / C1) * 0.97 < omega < np.sqrt(C4 / (C1 - C3**2 / J)) * 1.03
 
 
+def test_a_long_rest_that_is_recorded_after_the_swings_does_not_hide_their_period(tmp_path):
+    time = 0.005 * np.arange(120_000)
+    noise = 2e-3 * np.random.default_rng(1).standard_normal((2, time.size))
+    swing = 0.3 * np.exp(-time) * np.cos(8.5 * time)
+    np.savez(tmp_path / "swing.npz", time=time, theta=0.2 * swing + noise[0], alpha=swing + noise[1])
+    draft = draft_project(tmp_path / "swing.npz", rig="srv02-rotpen", folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "rig.toml").problem
+    start = dict(zip(problem.names, problem.start, strict=True))
+    assert start["C1"] == pytest.approx(fracid.rotary_pendulum("srv02-rotpen").parameter("C1").value, rel=1e-3)
+
+
 def test_a_header_with_the_sampling_rate_is_the_clock_of_a_single_column(tmp_path):
     path = tmp_path / "swing.txt"
     numbers = "\n".join(f"{np.degrees(a):.2f}" for a in 10 * decay(0.0))

@@ -292,6 +292,7 @@ def nested(found, hierarchy):
     return [(found[n], found[s.name]) for s in hierarchy.structures for n in s.below]
 
 
+@pytest.mark.broad
 def test_the_project_s_own_structure_is_a_row_that_costs_what_its_fit_finds_and_no_row_costs_more_than_one_in_it():
     p = problem(swing(dry=5e-5), parameters=INERTIA | {"b_alpha": 2e-5, "coulomb_alpha": Free(1e-5, 0.0, 1e-3)})
     found, hierarchy = compare(p), ladder(p)
