@@ -11,12 +11,15 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 import folders
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+# Constants of what has been imported by then would not be the same from session to session, and take seconds to read.
+providers._get_local_constants = lambda: providers._local_constants
 
 UNHURRIED = ("broad", "slow")
 """Markers of what `make test` leaves out."""
@@ -25,7 +28,8 @@ PROGRAMS = {"browser", "in_octave"}
 LONG_DOCTESTS = (
     "identification.identify", "noise.noise_levels", "sensor_faults.misread", "comparison.compare",
     "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test", "reduction.multi_term",
-    "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states",
+    "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states", "c.c_model", "Twin.of_library",
+    "finite_memory.finite_memories", "long_records.to_compare", "outputs.output_along",
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0

@@ -422,6 +422,7 @@ def test_a_search_that_stops_short_is_told_how_far():
     assert any("stopped before it converged: least squares from its best point" in w for w in fit.warnings)
 
 
+@pytest.mark.broad
 def test_a_bound_that_is_reached_is_told():
     fit = identify(problem(orders={"lambda": Free(1.0, 0.95, 1.2), "mu": WIDE["mu"]}))
     assert fit.orders["lambda"].at_bound
@@ -456,6 +457,7 @@ def test_recordings_that_do_not_agree_are_told():
     assert alone.spread is None
 
 
+@pytest.mark.broad
 def test_what_is_tied_is_checked_with_what_it_follows():
     fit = identify(problem(orders={"lambda": Tied("mu"), "mu": Free(1.0, 0.5, 1.2)}))
     assert fit.discretisation.shift["lambda"] == fit.discretisation.shift["mu"]

@@ -147,6 +147,7 @@ def test_the_help_and_the_completion_list_them(added, capsys):
     assert "euler" in run(capsys, "simulate", "--help")[1]
 
 
+@pytest.mark.broad
 def test_a_fit_by_their_names_runs_and_is_examined(problem, added):
     fit_in(added, PROJECT)
     found = json.loads((added / "run" / "result.json").read_text())

@@ -89,6 +89,7 @@ def test_a_prior_of_the_project_counts_against_the_effective_samples(swing):
     assert drawn.to_json()["unknowns"]["mu"]["prior"]["kind"] == "normal"
 
 
+@pytest.mark.broad
 def test_a_parameter_at_its_bound_is_drawn_from_there_inwards(swing):
     dry = replace(swing, parameters={"coulomb_alpha": Free(2e-3, 1e-3, 1e-2)})  # there is none
     drawn = fracid.posterior(dry, draws=1500)

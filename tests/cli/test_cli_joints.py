@@ -83,6 +83,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_takes_its_run(folder, capsys, command):

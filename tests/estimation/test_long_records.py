@@ -105,6 +105,7 @@ def test_a_posterior_of_a_long_record_is_that_of_every_sample(problem, coarse, m
         np.testing.assert_allclose(fast.interval(n), (low, high), atol=0.15 * (high - low))
 
 
+@pytest.mark.broad
 def test_coarse_steps_alone_move_the_minimum_by_more_than_its_interval_and_are_corrected(coarse):
     wrong = refined(coarse, coarse.start, 1, Watch()).best
     exact, best = corrected(coarse, wrong.point, own_substeps(coarse), 1)

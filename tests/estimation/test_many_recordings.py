@@ -83,6 +83,7 @@ def test_a_step_by_blocks_is_the_step_of_all_rows(thirty, monkeypatch, weights):
     np.testing.assert_allclose(R.gradient, dense.T @ rows, rtol=1e-9, atol=1e-12 * np.abs(R.gradient).max())
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_intervals_by_blocks_are_those_of_all_rows(thirty, monkeypatch, weights):

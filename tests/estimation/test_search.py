@@ -196,6 +196,7 @@ def motor_with_a_dead_band(standstill):
     return Problem(model, (e,), {}, parameters, initial_state="rest")
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize("standstill", [0.1, 1.0])
 def test_starts_are_told_apart_though_nothing_moves_at_first(standstill):

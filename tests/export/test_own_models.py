@@ -62,6 +62,7 @@ def tables_and_case(p):
     return Recursion.of(p, p.start), Case.of(p, p.start, p.experiments[0])
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 def test_in_c_they_step_as_fracid_does(problems, tmp_path):
     for name, (p, ours) in problems.items():

@@ -341,6 +341,7 @@ def test_presliding_is_proposed_where_small_swings_are_quicker(tmp_path, delta):
     assert ("# presliding_alpha" in text) == (delta == 0)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("step", "proposed"), [(1e-3, ["# resample = 0.02"]), (1e-2, [])])
 def test_a_recording_with_many_more_samples_than_its_swings_need_is_proposed_a_rate(tmp_path, step, proposed):
     t = step * np.arange(round(130 / step))

@@ -242,6 +242,7 @@ def of_driven(alpha, between, actuator=None, **more):
     return Problem(PENDULUM, (e,), {"mu": Free(0.98, 0.8, 1.2)}, free, initial_state="held", substeps=8, **more)
 
 
+@pytest.mark.broad
 def test_held_values_give_the_order_of_a_perfect_model_where_lines_do_not():
     alpha = driven(U)
     held, lines = (fracid.identify(of_driven(alpha, between)) for between in ("hold", "line"))

@@ -126,6 +126,7 @@ def test_releases_from_different_heights_are_compared_as_wholes():
     assert {d.over for d in test.drifts} == {"high", "low", "releases"}
 
 
+@pytest.mark.broad
 def test_fixed_orders_are_freed_and_those_of_an_honest_integer_model_stay_at_1():
     problem = model(swing(dry=2e-5), dry=2e-5, orders={"lambda": 1.0, "mu": 1.0})
     test = amplitude_test(problem, problem.start)

@@ -100,6 +100,7 @@ def test_evidence_of_a_cost_of_ones_own_is_refused_before_anything_is_fitted():
 # --- the ladder -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_each_rung_frees_more_friction_and_holds_the_ones_below_exactly():
     found = ladder(problem(swing(dry=5e-5)), rungs=RUNGS)
     rungs = ["viscous", "Coulomb", "drag", "presliding", "LuGre", "springpot"]
@@ -322,6 +323,7 @@ def test_a_project_that_is_a_rung_is_no_row_of_its_own_and_rungs_that_are_picked
     assert f"{OWN}, orders 1" in found["viscous + Coulomb, orders 1"].below
 
 
+@pytest.mark.broad
 def test_a_bound_that_stops_the_fit_of_the_project_is_opened_for_every_structure_and_said():
     narrow = {"b_alpha": Free(1e-6, 0.0, 2e-6), "coulomb_alpha": Free(1e-5, 0.0, 1e-3)}
     p = problem(swing(dry=5e-5), parameters=INERTIA | narrow)
@@ -346,6 +348,7 @@ def test_every_structure_counts_what_it_frees_wherever_its_values_end():
             assert row.parameters == found[row.name.replace("free", "1")].parameters + 1
 
 
+@pytest.mark.broad
 def test_a_model_without_friction_is_compared_as_it_is_with_its_orders_integer_and_free():
     def spring(t, x, u, p, out):
         out[0] = x[1]
@@ -381,6 +384,7 @@ def test_initial_state_and_rest_are_found_again_on_what_is_not_fitted():
     assert fixed["viscous + Coulomb, orders 1"].error > 5e-3
 
 
+@pytest.mark.broad
 def test_a_structure_that_diverges_where_it_was_not_fitted_is_told_and_is_valid_json():
     fast = replace(swing(0.3, dry=5e-5), name="fast", step=5.0)  # steps far too long
     found = judged(problem(swing(dry=5e-5)), validation=[fast])

@@ -74,6 +74,7 @@ def test_a_body_with_a_weak_second_lump_is_not_called_fractional():
     assert "worth no more than one relaxation" in fit.claim_reasons[0]
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("ρ", "size"), [(0.0, 0.01), (0.9, 0.004)])
 def test_an_order_is_worth_more_than_two_relaxations_in_white_and_in_coloured_noise(ρ, size):

@@ -39,6 +39,7 @@ def late(twin, samples):
     return replace(twin, measured=np.column_stack([theta[samples:], alpha[:-samples]]))
 
 
+@pytest.mark.broad
 @pytest.mark.few(1)
 def test_a_signal_that_comes_late_is_found_in_place_of_the_orders():
     problem, best = fitted(late(swing(), 2), initial_state="estimate")

@@ -65,6 +65,7 @@ def test_fractional_data_with_dry_friction_in_the_model_are_called_fractional():
     assert fit.warnings == ()
 
 
+@pytest.mark.broad
 def test_a_cost_on_alpha_alone_is_compared_by_itself():
     twin = swing(parameters={"coulomb_alpha": 3e-4}, outputs=("alpha",), alpha=0.1745)
     fit = identify(nominal(twin, outputs=("alpha",), cost_function=COSTS["itae"]))
@@ -124,6 +125,7 @@ def test_an_order_that_the_recordings_do_not_see_is_not_called_off_1():
     assert fit.alternative is None
 
 
+@pytest.mark.broad
 def test_orders_that_are_tied_have_their_rival_too():
     problem = nominal(swing(parameters=DRY, counts=False), orders={"lambda": BOTH["lambda"], "mu": Tied("lambda")})
     fit = identify(problem)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fracid
+from fracid.signals import swing as its_module
 from fracid.signals.swing import (
     FEWEST,
     common_period,
@@ -149,3 +150,12 @@ def test_noise_makes_no_release_of_a_swing_that_nobody_held(noise, rate):
         for degrees in (swing, swing * np.exp(-t / 4), swing + 200 * t, size * np.sin(phase + t * (2 + t)), 0 * t):
             x = np.radians(degrees + noise * rng.standard_normal(t.size))
             assert release_time(t, x)[0] is None
+
+
+def test_the_noise_of_a_long_rest_is_no_swing(monkeypatch):
+    found, crossing = [], its_module._crossing
+    monkeypatch.setattr(its_module, "_crossing", lambda *where: found.append(where) or crossing(*where))
+    t = 0.01 * np.arange(20_000)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(t.size)
+    quickening(0.3 * np.exp(-0.2 * t) * np.cos(6 * t) + noise, 0.0)
+    assert len(found) < 200

@@ -577,6 +577,7 @@ def test_an_after_thought_of_a_perfect_twin_has_nothing():
 # --- how it is carried ------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_an_interval_includes_the_noise_of_a_start_that_is_taken_from_a_sample():
     """Over seeds the order scatters as its interval says, not as the residuals alone would have it."""
     rig = fracid.rotary_pendulum("srv02-rotpen")
@@ -614,6 +615,7 @@ def test_every_code_has_its_row_in_the_page():
     assert known <= rows
 
 
+@pytest.mark.broad
 def test_a_pendulum_that_hangs_elsewhere_once_its_arm_has_turned_hangs_on_an_axis_that_leans():
     leaning = fracid.rotary_pendulum("srv02-rotpen", tilt_x=0.02, b_alpha=3e-3, b_theta=0.05, coulomb_theta=0.02)
     pulse = np.zeros((4001, 1))

@@ -101,6 +101,7 @@ def test_what_is_asked_for_first_goes_before_what_waits():
     assert [what for _, what in pool.given] == [(0,)]
 
 
+@pytest.mark.broad
 def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a_lower_one_is_found(tmp_path):
     time = np.arange(0, 1, 0.01)
     swing = np.cos(6 * time)

@@ -149,6 +149,8 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     """
     from scipy.special import ellipk
 
+    noise = min(CLEAR * white_noise(alpha), BEYOND * float(np.max(np.abs(alpha)))) if alpha.size > 3 else 0.0
+    floor = max(floor, noise)  # else each sample of a long rest may be a swing
     _, extremes = _half_periods(alpha, floor)
     if len(extremes) < 3:
         return 0.0
