@@ -100,12 +100,8 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
         table.add_row(*map(escape, cells))
     console.print(table)
     spread = analysis.result["spread"]
-    few = (
-        ()
-        if isinstance(analysis.bootstrap, Failure) or not analysis.bootstrap.warning
-        else (analysis.bootstrap.warning,)
-    )
-    for note in (*analysis.profiles.notes, *few, *(spread["sentences"] if spread else ())):
+    few = "" if isinstance(analysis.bootstrap, Failure) else analysis.bootstrap.warning
+    for note in filter(None, (*analysis.profiles.notes, few, *(spread["sentences"] if spread else ()))):
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     for name, verdict in analysis.verdicts.items():
         if verdict.sentence != "identifiable" and verdict.kind != "forgotten":

@@ -8,7 +8,6 @@ factor by which they are too narrow where it is larger.  A model that is wrong i
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,6 +24,7 @@ from fracid.estimation.tangent import Tangent
 from fracid.problem import Experiment, Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.result import SpreadBlock
+from fracid.tasks.job import in_threads
 
 # --- each recording alone ------------------------------------------------------------------------------
 
@@ -133,8 +133,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
         where = [one.names.index(problem.names[i]) for i in shared]
         return best[where], precision.standard_error[where]
 
-    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
-        estimates = list(pool.map(alone, problem.experiments))
+    estimates = in_threads(at_least("jobs", jobs, 1), alone, problem.experiments)
     values, errors = (np.array(rows) for rows in zip(*estimates, strict=True))
     names = tuple(problem.names[i] for i in shared)
     return Spread(names, tuple(e.name for e in problem.experiments), values, errors)

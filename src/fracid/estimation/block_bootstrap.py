@@ -183,12 +183,8 @@ def bootstrap(
     if len(good) < 2:
         raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
     blocks = sum(len(e) // length for e in errors)
-    warning = (
-        f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: "
-        "the bootstrap's intervals are too narrow."
-        if blocks < FEW_BLOCKS
-        else ""
-    )
+    warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "
+               "intervals are too narrow.") if blocks < FEW_BLOCKS else ""  # fmt: skip
     return Bootstrap(problem.names, variant, x, np.array(good), length, draws - len(good), warning)
 
 

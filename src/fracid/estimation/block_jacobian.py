@@ -6,7 +6,6 @@ A matrix of all samples and all unknowns would have as many zeros as there are r
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, zeros_together
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import Failure, FailureReason
+from fracid.tasks.job import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +103,5 @@ def block_jacobian(
                 parts[k][..., column] = (high[k] - low[k]) / ((2 - len(fails)) * h[free[i]])
         return None
 
-    with ThreadPoolExecutor(jobs) as pool:
-        reasons = [why for why in pool.map(differentiate, some.groups) if why]
+    reasons = [why for why in in_threads(jobs, differentiate, some.groups) if why]
     return reasons[0] if reasons else BlockJacobian(some, parts)

@@ -10,7 +10,6 @@ closer together near the minimum.  :meth:`CostPlane.refined` draws a smooth surf
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
+from fracid.tasks.job import in_threads
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -206,8 +206,7 @@ def cost_plane(
         y[at] = pair
         return near.cost(y)
 
-    with ThreadPoolExecutor(jobs) as pool:
-        costs = np.array(list(pool.map(cost, grid))).reshape(len(axes[0]), len(axes[1]))
+    costs = np.array(in_threads(jobs, cost, grid)).reshape(len(axes[0]), len(axes[1]))
     if near is not problem:
         costs = on_all_samples(problem, costs, near.cost(x), problem.cost(x))
     first, second = (problem.unknowns[i].target for i in at)

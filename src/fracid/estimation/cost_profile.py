@@ -46,10 +46,9 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,7 +64,7 @@ from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 from fracid.solver.trajectory import vector
-from fracid.tasks.job import Progress
+from fracid.tasks.job import Progress, in_threads
 from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
@@ -73,10 +72,6 @@ if TYPE_CHECKING:
 
     from fracid.estimation.fit_figures import Fitted
     from fracid.problem.project import Project
-
-_In = TypeVar("_In")
-
-_Out = TypeVar("_Out")
 
 
 @dataclass(frozen=True, repr=False)
@@ -355,7 +350,7 @@ def _walks(
         count.expect(len(branch.path) - usual)
         return branch
 
-    walks = _in_threads(jobs, walked_one, tasks)
+    walks = in_threads(jobs, walked_one, tasks)
     candidates = [
         (e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path
     ]
@@ -385,16 +380,6 @@ def _pair(problem: Problem, names: Sequence[str]) -> tuple[int, int]:
     if len(names) != 2 or names[0] == names[1]:
         raise InputError(f"joint = {', '.join(names)!r}; expected two different names, such as mu and b_alpha.")
     return _index(problem, names[0]), _index(problem, names[1])
-
-
-def _in_threads(jobs: int, work: Callable[[_In], _Out], tasks: Iterable[_In]) -> list[_Out]:
-    """All results in order; Ctrl-C waits for what runs and leaves out the rest."""
-    with ThreadPoolExecutor(jobs) as pool:
-        try:
-            return list(pool.map(work, tasks))
-        except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
-            raise
 
 
 def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
@@ -455,7 +440,7 @@ def _joint(
         return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
 
     grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]
-    rises = np.array(_in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
+    rises = np.array(in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
     c = shape.covariance[np.ix_(at, at)]
     correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
     first, second = (surface.problem.unknowns[i] for i in pair)
@@ -475,8 +460,6 @@ def _axis(surface: Surface, i: int, curve: Profile | None, points: int) -> Float
     low, high = max(low, best - below), min(high, best + above)
     count = min(points - 1, max(0, round((points - 1) * (best - low) / (high - low))))
     lower_values = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
-    return (
-        np.concatenate([lower_values, np.linspace(best, high, points - len(lower_values))])
-        if high > best
-        else np.append(lower_values, best)
-    )
+    if not high > best:
+        return np.append(lower_values, best)
+    return np.concatenate([lower_values, np.linspace(best, high, points - len(lower_values))])

@@ -8,7 +8,6 @@ many recordings with unknowns of their own, without its zeros.  With weights w a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
+from fracid.tasks.job import in_threads
 
 DIFFERENCE = 1e-5
 """Of the size of an unknown, by which it is differentiated."""
@@ -54,8 +54,7 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
             j[..., column] = (p - m) / (above[i] - below[i])
         return None
 
-    with ThreadPoolExecutor(jobs) as pool:
-        reasons = [why for why in pool.map(differentiate, range(len(free))) if why]
+    reasons = [why for why in in_threads(jobs, differentiate, range(len(free))) if why]
     return reasons[0] if reasons else J
 
 

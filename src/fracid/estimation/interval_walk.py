@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.minimum import onward
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
+from fracid.tasks.job import in_threads
 
 BENT = 2.0
 """By which factor the end of an interval that all recordings share is off where the others are walked, too."""
@@ -93,8 +93,7 @@ def _walked(here: Tangent, known: Uncertainty, which: Sequence[int], jobs: int) 
         (i, side) for i in which for side in (0, 1) if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side])
     ]
     start = linearised(here)
-    with ThreadPoolExecutor(jobs) as pool:
-        found = list(pool.map(lambda where: _end(start, known, *where), sides))
+    found = in_threads(jobs, lambda where: _end(start, known, *where), sides)
     lower = [point for point in found if isinstance(point, Evaluation)]
     if lower:
         return min(lower, key=lambda e: e.cost)

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,6 +32,7 @@ from fracid.estimation.derivatives import DIFFERENCE, difference_steps, jacobian
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.qr import triangle
+from fracid.tasks.job import in_threads
 
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
@@ -185,8 +185,7 @@ class Tangent:
 
     def _corrected(self, steps: Sequence[FloatArray], jobs: int) -> Tangent | None:
         """With derivatives that agree with these steps, which are orthogonal; None where they do."""
-        with ThreadPoolExecutor(jobs) as pool:
-            corrections = [c for c in pool.map(self._correction, steps) if c is not None]
+        corrections = [c for c in in_threads(jobs, self._correction, steps) if c is not None]
         if not corrections:
             return None
         return replace(self, derivatives=[

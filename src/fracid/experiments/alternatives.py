@@ -31,7 +31,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,6 +49,7 @@ from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
+from fracid.tasks.job import in_threads
 
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
@@ -295,9 +295,8 @@ def alternatives_of(
         return _sums(subject, rival, common, problem, [candidates[i].samples for i in at])
 
     groups = by_motion([candidates[i] for i in which])
-    with ThreadPoolExecutor(jobs) as pool:
-        rows = {which[i]: row for group, found in zip(groups, pool.map(sums, groups), strict=True)
-                for i, row in zip(group, found, strict=False)}  # fmt: skip
+    rows = {which[i]: row for group, found in zip(groups, in_threads(jobs, sums, groups), strict=True)
+            for i, row in zip(group, found, strict=False)}  # fmt: skip
     if not rows:
         raise InputError("No run of the integer-order model reaches the end of a candidate.")
     allowed = tuple(sorted(rows))

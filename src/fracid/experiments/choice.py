@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from time import perf_counter
@@ -28,7 +27,7 @@ from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
-from fracid.tasks.job import Progress
+from fracid.tasks.job import Progress, in_threads
 from fracid.tasks.observer import Observer
 
 Source = Fit | SavedRun | Project | Problem | Model
@@ -231,9 +230,7 @@ def informations(
         if progress is not None:
             progress(Progress(done, len(candidates), 0, perf_counter() - begun))
 
-    with ThreadPoolExecutor(jobs) as pool:
-        for _ in pool.map(of_group, groups):
-            pass
+    in_threads(jobs, of_group, groups)
     return tables
 
 

@@ -151,11 +151,8 @@ class Plan(CardDisplay):
         """The card, and the intervals to expect of all free values, in lines."""
         lines = [repr(self), "", "Intervals to expect, 95 %"]
         for n, v in self.expected.items():
-            ends = (
-                "(not shown by this plan)"
-                if v.interval95 is None
-                else f"± {(v.interval95[1] - v.interval95[0]) / 2:.2g}"
-            )
+            low, high = v.interval95 or (0.0, 0.0)
+            ends = f"± {(high - low) / 2:.2g}" if v.interval95 else "(not shown by this plan)"
             lines.append(f"  {n:<20} {v.value:.5g} {ends} {v.unit}".rstrip())
         return "\n".join(lines)
 

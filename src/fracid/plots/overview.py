@@ -52,12 +52,10 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
         unit = SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
         _signal(whole, recording, name, np.full(inside.shape, True))
         _signal(close, recording, name, inside)
-        raw = " as recorded" if not zero and recording.units[name] == "rad" else ""
-        whole.set_ylabel(
-            f"{appearance.symbol(name)}{raw} [{appearance.plain(unit)}]"
-            if raw
-            else appearance.angle_label(name, unit, zero if name == PENDULUM else "")
-        )
+        label = appearance.angle_label(name, unit, zero if name == PENDULUM else "")
+        if not zero and recording.units[name] == "rad":
+            label = f"{appearance.symbol(name)} as recorded [{appearance.plain(unit)}]"
+        whole.set_ylabel(label)
     release = recording.report.release
     appearance.title(grid[0][0], "whole recording")
     appearance.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")

@@ -625,11 +625,9 @@ class _Page:
 
     def _fit(self) -> list[str]:
         outputs = ["theta", "alpha"] if self.arm else ["alpha"]
-        start = (
-            toml_line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
-            if self._held()
-            else toml_line("initial_state", "estimate", "# angles and speeds at the start are found too")
-        )
+        start = toml_line("initial_state", "estimate", "# angles and speeds at the start are found too")
+        if self._held():
+            start = toml_line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
         lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
         own = [
             n

@@ -40,6 +40,7 @@ from fracid.findings import Finding
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
+from fracid.safety.json_files import plain
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time, swing_count
 
@@ -100,16 +101,12 @@ class Report:
     def unusable(self) -> tuple[str, ...]:
         """Why no model can be identified from it, though it may be read and drawn."""
         c, moving = self.clock, any(s.range > 0 or s.missing for s in self.signals)
-        few = f"{c.samples} samples are too few to identify a model from: record {FEW} or more."
-        return (
-            *([few] if 1 < c.samples < TOO_FEW else []),
-            *(
-                []
-                if moving or c.samples < TOO_FEW
-                else ["no signal moves: is this the right file, and are its sensors connected?"]
-            ),
-            *(str(f) for f in self.findings if f.code == "still"),
-        )
+        still = tuple(str(f) for f in self.findings if f.code == "still")
+        if 1 < c.samples < TOO_FEW:
+            return (f"{c.samples} samples are too few to identify a model from: record {FEW} or more.", *still)
+        if not moving and c.samples >= TOO_FEW:
+            return ("no signal moves: is this the right file, and are its sensors connected?", *still)
+        return still
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -217,8 +214,8 @@ class Report:
             s.name: asdict(s) | {"range": s.range, "missing_count": len(whole.missing)}
             for s, whole in zip(short.signals, self.signals, strict=True)
         }
-        plain: dict[str, Any] = _plain(derived | asdict(short) | {"clock": clock, "signals": signals})
-        return plain
+        content: dict[str, Any] = plain(derived | asdict(short) | {"clock": clock, "signals": signals})
+        return content
 
 
 def measure(
@@ -440,11 +437,3 @@ def _number(value: float) -> str:
 def _pi(value: float) -> str:
     turns = round(value / math.pi)
     return {0: "0", 1: "π", -1: "−π"}.get(turns, f"{turns}π")
-
-
-def _plain(item: Any) -> Any:
-    if isinstance(item, Mapping):
-        return {k: _plain(v) for k, v in item.items()}
-    if isinstance(item, (list, tuple)):
-        return [_plain(v) for v in item]
-    return None if isinstance(item, float) and not math.isfinite(item) else item

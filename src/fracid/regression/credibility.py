@@ -53,12 +53,10 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
     expectation = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
     loud = noise / ENCODER
     worse = f" Here the noise of alpha is {loud:.2g} times theirs: expect more." if loud > LOUD else ""
-    lacks = (
+    lacks = "" if noise_ratio <= LACKS else (
         f" Here the residual is {noise_ratio:.2g} times what noise explains: the model lacks something (friction that "
         "sticks, say), every value is less accurate than that, and no interval shows it."
-        if noise_ratio > LACKS
-        else ""
-    )
+    )  # fmt: skip
     return (
         f"α swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size {expectation}.{worse}{lacks}"
     )

@@ -127,12 +127,8 @@ class Regression(CardDisplay):
     warnings: tuple[str, ...]
 
     def _card(self) -> Card:
-        constants = (
-            estimate_text(name, c.value, c.interval95, c.unit)
-            if c.interval95 is not None
-            else f"{name} = {c.value:.4g}"
-            for name, c in self.parameters.items()
-        )
+        constants = (estimate_text(n, c.value, c.interval95, c.unit) if c.interval95 else f"{n} = {c.value:.4g}"
+                     for n, c in self.parameters.items())  # fmt: skip
         return Card(f"Regression by {self.estimator}", (
             ("constants", listed(constants)),
             ("orders", brief(self.orders)),

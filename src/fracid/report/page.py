@@ -29,7 +29,7 @@ from fracid.report.traces import fit_charts, recorded_charts, residual_charts, t
 from fracid.report.verdict import Line, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.safety.door import write_text
-from fracid.safety.json_files import json_number
+from fracid.safety.json_files import plain
 from fracid.selection.doubts import in_motion, unsaid
 
 if TYPE_CHECKING:
@@ -183,19 +183,8 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
         "profiles": _profiles(material),
         "explore": explore(material),
     }
-    text = json.dumps(_plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
-
-
-def _plain(value: Any) -> Any:
-    """The same for JSON: no NaN, no NumPy."""
-    if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_plain(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return json_number(float(value))
-    return value
 
 
 def _rig(material: Material) -> dict[str, Any] | None:
@@ -467,12 +456,10 @@ def _begins(material: Material, name: str) -> str:
         return ""
     release, start = material.as_recorded[name].report.release, result["recordings"][name]["from"]
     after = f", {number(start - release, '.2g')} s after its release" if release is not None and start > release else ""
-    more = (
-        "Where the record begins, under Checks, shows how far the orders move with that."
-        if result.get("cut") is not None
-        else f"fracid fit {material.project.path.name} --cut shows how far the orders move with that."
-    )
-    return f"It begins in motion{after}: the motion before the record, part of its memory, is unknown. {more}"
+    checked = result.get("cut") is not None
+    what = "Where the record begins, under Checks," if checked else f"fracid fit {material.project.path.name} --cut"
+    return (f"It begins in motion{after}: the motion before the record, part of its memory, is unknown. {what} shows "
+            "how far the orders move with that.")  # fmt: skip
 
 
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 _Value = TypeVar("_Value")
@@ -36,6 +36,22 @@ TEXT = 100_000
 
 LONGEST_NAME = 500
 """Characters of a name: a start value's has that of its recording."""
+
+
+def plain(value: Any) -> Any:
+    """The same as JSON has it: no array, no tuple, and null for what is not finite.
+
+    Examples
+    --------
+    >>> plain({"ends": (0.5, float("nan"))})
+    {'ends': [0.5, None]}
+    """
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, Mapping):
+        return {name: plain(v) for name, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    return json_number(value) if isinstance(value, float) else value
 
 
 def json_number(value: float | None) -> float | None:

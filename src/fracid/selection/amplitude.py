@@ -271,12 +271,7 @@ def amplitude_test(
     problem = replace(problem, experiments=tuple(map(as_samples, problem.experiments)))
     others = [*map(as_samples, others)]
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
-    precision = uncertainty(problem, x, jobs=jobs)
-    errors = (
-        {}
-        if isinstance(precision, Failure)
-        else dict(zip(problem.names, precision.standard_error.tolist(), strict=True))
-    )
+    errors = _standard_errors(problem, x, jobs)
     window_fits: list[Window] = []
     notes: list[str] = []
     for fitted, at, e in fits:
@@ -296,6 +291,11 @@ def amplitude_test(
 
 
 # --- windows -----------------------------------------------------------------------------------------------
+
+
+def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, float]:
+    found = uncertainty(problem, x, jobs=jobs)
+    return {} if isinstance(found, Failure) else dict(zip(problem.names, found.standard_error.tolist(), strict=True))
 
 
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
@@ -393,10 +393,7 @@ def _window(
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
-    precision = uncertainty(piece, best.point, jobs=jobs)
-    errors = (
-        {} if isinstance(precision, Failure) else dict(zip(piece.names, precision.standard_error.tolist(), strict=True))
-    )
+    errors = _standard_errors(piece, best.point, jobs)
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
     sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
     units = {n: e.units.get(_told_by(piece, n)[0], "rad") for n in orders}

@@ -279,11 +279,9 @@ class Comparison(CardDisplay):
 
 def _row_text(row: Row, units: Mapping[str, str]) -> str:
     error = f"held out {_errors(row, units)}" if row.held_out else f"cost {row.cost:.4g}"
-    return (
-        f"{row.name}: {error}, ΔBIC {row.bic:.4g}".replace("-", "−")
-        if math.isfinite(row.bic)
-        else f"{row.name}: {error}"
-    )
+    if not math.isfinite(row.bic):
+        return f"{row.name}: {error}"
+    return f"{row.name}: {error}, ΔBIC {row.bic:.4g}".replace("-", "−")
 
 
 def compare(

@@ -18,12 +18,13 @@ import json
 import pickle
 import time
 import traceback
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from fracid.errors import InputError
 from fracid.safety.door import text_of
@@ -31,6 +32,9 @@ from fracid.tasks.folder_lock import Json
 
 FEW = 3
 """Repetitions whose time says how long the others take; the first ones wait for processes and compilation."""
+
+_In = TypeVar("_In")
+_Out = TypeVar("_Out")
 
 Work = Callable[..., Json]
 """Does one task: a function of a module, given the task's arguments."""
@@ -164,6 +168,22 @@ def unpacked(packed: bytes) -> Job:
 @cache
 def _settle() -> Any:
     return one_blas_thread()
+
+
+def in_threads(jobs: int, work: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
+    """All results in their order; Ctrl-C waits for what runs and leaves out the rest.
+
+    Examples
+    --------
+    >>> in_threads(2, abs, [-1, 2])
+    [1, 2]
+    """
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            return list(pool.map(work, items))
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def one_blas_thread() -> Any:

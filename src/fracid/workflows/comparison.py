@@ -164,11 +164,8 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
         there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there
-        return (
-            ""
-            if set(result["in_sample"]) == fitted and set(result["held_out"]) == validation
-            else "of other recordings"
-        )
+        same = set(result["in_sample"]) == fitted and set(result["held_out"]) == validation
+        return "" if same else "of other recordings"
 
     return fault
 

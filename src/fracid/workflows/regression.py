@@ -47,12 +47,9 @@ class FinishedRegression(CardDisplay):
     regressions: Mapping[str, Regression]
 
     def _card(self) -> Card:
-        one = next(iter(self.regressions.values()))
-        rows = (
-            one._card().rows
-            if len(self.regressions) == 1
-            else tuple((n, brief(r)) for n, r in self.regressions.items())
-        )
+        rows = tuple((n, brief(r)) for n, r in self.regressions.items())
+        if len(rows) == 1:
+            rows = next(iter(self.regressions.values()))._card().rows
         return Card(f"Regression of {', '.join(self.regressions)}", rows)
 
     @property

@@ -239,11 +239,8 @@ class _Parser:
         self.need(")", f"The bracket of {token.text} is not closed here.")
         several = token.text in ("min", "max")
         wanted = ARGUMENTS.get(token.text, 1)
-        if (
-            (len(arguments) < 2)
-            if several
-            else (len(arguments) != wanted and (token.text, len(arguments)) != ("log", 2))
-        ):
+        alone = len(arguments) != wanted and (token.text, len(arguments)) != ("log", 2)
+        if len(arguments) < 2 if several else alone:
             raise self.wrong(
                 token.column,
                 f"`{token.text}` takes {'two values or more' if several else wanted}, not {len(arguments)}.",

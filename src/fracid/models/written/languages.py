@@ -254,11 +254,8 @@ class Writer:
 
     def declared(self, names: Sequence[str]) -> list[str]:
         """Variables that are assigned further in."""
-        return (
-            [f"{self.declares(False)}{', '.join(f'{self.name(n)} = {self.number(0.0)}' for n in names)};"]
-            if names
-            else []
-        )
+        zeros = ", ".join(f"{self.name(n)} = {self.number(0.0)}" for n in names)
+        return [f"{self.declares(False)}{zeros};"] if names else []
 
     def opens(self, word: str, test: str) -> str:
         """The line above a block."""
