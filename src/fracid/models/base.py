@@ -70,6 +70,8 @@ from fracid.units import GREEK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from fracid.models.scene import Scene
+
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 """``h(t, x, u, p)``: returns an output that is no state."""
 
@@ -251,7 +253,9 @@ class Model(CardDisplay):
     paper: str = ""
     """Whose equations the numbers in descriptions of parameters are: "(8)"."""
     drawing: Drawing | None = None
-    """None for one that cannot be drawn."""
+    """To scale, in space; None for one that is not drawn so."""
+    scene: Scene | None = None
+    """In a plane; None for one whose curves are all that is drawn."""
     postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
     smooth: Callable[[Model, Mapping[str, float]], Mapping[str, float]] | None = None
@@ -604,7 +608,7 @@ class Model(CardDisplay):
         return self.drawing.shape(self)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
-        """Draw the rig to scale, with the zeros and positive senses of both angles: :func:`fracid.plots.rig_drawing`.
+        """Draw a rotary pendulum to scale, with zeros and senses of its angles: :func:`fracid.plots.rig_drawing`.
 
         Parameters
         ----------

@@ -162,10 +162,11 @@ class _Model(_Table):
     zero: str | None = None
     actuation: Literal["voltage", "torque"] | None = None
     inputs: dict[str, str] = {}
-    """Each one's unit; like the next three of a model of equations."""
+    """Each one's unit; like the next four of a model of equations."""
     definitions: dict[str, str] = {}
     equations: dict[str, str | _Equation] = {}
     outputs: dict[str, str | _Equation] = {}
+    scene: dict[str, dict[str, str | float | list[str | float]]] = {}
     parameters: _Values = {}
     orders: _Values = {}
 
@@ -503,7 +504,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
     if spec.equations:
         return _of_equations(spec, parameters), parameters
-    for key in ("inputs", "definitions", "outputs"):
+    for key in ("inputs", "definitions", "outputs", "scene"):
         if getattr(spec, key):
             raise InputError(
                 f"[model.{key}] belongs to a model of equations; give its [model.equations], or leave it out."
@@ -533,8 +534,9 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, _Range | _Constant)}
     constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
     return model_of(
-        spec.name, _equations(spec.equations), _equations(spec.outputs), spec.inputs, constants, spec.definitions
-    )
+        spec.name, _equations(spec.equations), _equations(spec.outputs), spec.inputs, constants, spec.definitions,
+        scene=spec.scene,
+    )  # fmt: skip
 
 
 def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:

@@ -34,8 +34,8 @@ class Explore {
     element("explore-play").addEventListener("click", () => this.play(!this.playing));
     element("explore-integer").hidden = this.sliders.every(s => s.integer === null);
     element("explore-ghost").hidden = !DATA.rig;
-    this.rig = DATA.rig && new Rig(element("explore-rig"), DATA.rig, new Camera());
-    if (this.rig) player.turnable.call({ show: () => this.draw() }, this.rig);
+    this.rig = drawing(element("explore-rig"));
+    if (this.rig && this.rig.camera) player.turnable.call({ show: () => this.draw() }, this.rig);
     this.plane = Plane.all.find(p => p.canvas.id === "plane");
     if (this.plane) this.plane.spec.pick = (a, b) => this.pick(a, b);
     this.open(0);
@@ -236,8 +236,10 @@ class Explore {
       };
       return new Chart(host.appendChild(Object.assign(document.createElement("div"), { className: "chart" })), spec);
     });
-    const alpha = this.outputs.findIndex(o => o.name === "alpha");
-    if (this.rig && alpha >= 0) this.rig.frame(Array.from(r.measured[alpha], v => (Number.isFinite(v) ? 1.3 * v : 0)));
+    if (this.rig) {
+      this.rig.of(r.name);
+      this.rig.frame(Array.from({ length: r.samples }, (_, n) => this.pose(r.measured, n).map(v => 1.3 * v)));
+    }
     this.look(this.firstSwings());
   }
 
@@ -479,15 +481,18 @@ class Explore {
     requestAnimationFrame(next => this.frame(next));
   }
 
+  pose(lines, n) {
+    return posture(this.recording.name, name => {
+      const at = this.outputs.findIndex(o => o.name === name), v = at < 0 ? 0 : lines[at][n];
+      return Number.isFinite(v) ? v : 0;
+    });
+  }
+
   // The rig at one moment: simulated, and as a ghost where it was measured.
   draw() {
     if (!this.rig) return;
     const { recording: r } = this, n = Math.min(r.samples - 1, Math.round(this.now / (r.step * r.every)));
-    const pose = lines => ["theta", "alpha"].map((name, k) => {
-      const at = this.outputs.findIndex(o => o.name === name), v = at < 0 ? 0 : lines[at][n];
-      return (Number.isFinite(v) ? v : 0) - (k ? DATA.rig.alphaRest[r.name] || 0 : 0);
-    });
-    this.rig.draw(pose(this.curves), pose(r.measured), []);
+    this.rig.draw(this.pose(this.curves, n), this.pose(r.measured, n), []);
     element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
   }
 }

@@ -64,8 +64,8 @@ class Player {
     this.playing = false;
     this.charts = [];
     this.busy = false;
-    this.rig = DATA.rig && new Rig(element("rig"), DATA.rig, new Camera());
-    if (this.rig) this.turnable(this.rig);
+    this.rig = drawing(element("rig"));
+    if (this.rig && this.rig.camera) this.turnable(this.rig);
     this.wire();
     this.open(0);
   }
@@ -82,8 +82,11 @@ class Player {
 
   open(k) {
     this.trace = traceOf(k);
-    const poses = which => Array.from(this.trace.t, t => this.trace.angle("alpha", which, t) - this.rest());
-    if (this.rig) this.rig.frame([...poses("measured"), ...poses("fitted")]);
+    const poses = which => Array.from(this.trace.t, t => this.pose(which, t));
+    if (this.rig) {
+      this.rig.of(this.trace.said.name);
+      this.rig.frame([...poses("measured"), ...poses("fitted")]);
+    }
     this.window = [0, this.trace.end];
     this.loop = [0, this.firstSwings()];
     const old = new Set(this.charts);
@@ -97,8 +100,7 @@ class Player {
     this.seek(0);
   }
 
-  // The offset of the pendulum's encoder [°].
-  rest() { return DATA.rig ? DATA.rig.alphaRest[this.trace.said.name] || 0 : 0; }
+  pose(which, time) { return posture(this.trace.said.name, name => this.trace.angle(name, which, time)); }
 
   chart(spec) {
     const host = element("traces").appendChild(document.createElement("div"));
@@ -155,11 +157,9 @@ class Player {
     this.show();
   }
 
-  // Simulated and measured angles [°]; the measured ones ten times as far away, where the reader asks for it.
+  // As simulated and as measured; the latter ten times as far away, where the reader asks for it.
   poses(time) {
-    const { trace } = this, rest = this.rest(), factor = element("tenfold").checked ? 10 : 1;
-    const angles = which => [trace.angle("theta", which, time), trace.angle("alpha", which, time) - rest];
-    const simulated = angles("fitted"), measured = angles("measured");
+    const factor = element("tenfold").checked ? 10 : 1, simulated = this.pose("fitted", time), measured = this.pose("measured", time);
     return { simulated, measured, ghost: simulated.map((v, k) => v + factor * (measured[k] - v)) };
   }
 
@@ -172,7 +172,7 @@ class Player {
     const moments = this.playing ? 24 : 0;
     const trail = Array.from({ length: moments }, (_, k) => this.poses(Math.max(0, now - 0.35 * (1 - k / (moments - 1 || 1)))).simulated);
     rig.draw(simulated, ghost, trail);
-    const k = nearest(trace.t, now), shown = trace.outputs.filter(o => ["theta", "alpha"].includes(o.name)); // the numbers beside the curves
+    const k = nearest(trace.t, now), shown = trace.outputs.filter(o => DATA.rig.outputs.some(d => d.name === o.name)); // the numbers beside the curves
     element("rig-said").textContent = shown.map(o => `${o.letter}\u00a0${inUnit(o.fitted[k], o.read)} (measured\u00a0${inUnit(o.measured[k], o.read)})`).join(", ");
   }
 

@@ -23,6 +23,7 @@ from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, r
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
+from fracid.report.scene import scene_data, scene_script, scene_still
 from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
@@ -57,7 +58,7 @@ WIDE = 0.5
 STILL_RECORDINGS = 6
 """Of more, each line gets fewer points: a page of two hundred stays light."""
 
-SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "rig.js", "page.js")
+SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "scene.js", "rig.js", "page.js")
 """In this order, into one element each."""
 
 
@@ -158,7 +159,7 @@ def report_page(material: Material) -> str:
     """
     charts = _charts(material)
     own, dark = styles()
-    scripts = [Markup(own_file(name)) for name in SCRIPTS]
+    scripts = [*scene_script(material.project.problem.model), *(Markup(own_file(name)) for name in SCRIPTS)]
     scripts += [Markup(f"\n{text.strip()}\n") for text in explore_scripts(material)]  # fracid's own
     return (
         environment_of_pages()
@@ -188,15 +189,18 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
 
 
 def _rig(material: Material) -> dict[str, Any] | None:
-    lengths = rig_lengths(material.project.problem.model, material.result["parameters"])
     model = material.project.problem.model
+    if model.scene is not None:
+        return scene_data(material)
+    lengths = rig_lengths(model, material.result["parameters"])
     if lengths is None or model.pendulum not in material.project.problem.outputs:
         return None
     rest, own = {}, model.angles[model.pendulum].rest
     shared = material.result["parameters"].get(own, {}).get("value") or 0.0
     for name, r in material.result["recordings"].items():
         rest[name] = degrees(r["parameters"].get(own, {}).get("value") or shared)
-    return lengths | {"alphaRest": rest}
+    outputs = [{"name": "theta", "factor": 1, "rest": {}}, {"name": model.pendulum, "factor": 1, "rest": rest}]
+    return lengths | {"outputs": outputs}
 
 
 def _plane_data(material: Material) -> dict[str, Any] | None:
@@ -323,14 +327,15 @@ def _joint_surface(joint: Mapping[str, Any]) -> Surface:
 
 
 def _rig_still(material: Material) -> Markup:
-    lengths = _rig(material)
+    lengths, r = _rig(material), next(iter(material.recordings.values()))
     if lengths is None:
         return Markup("")
-    r = next(iter(material.recordings.values()))
+    if "bodies" in lengths:
+        return scene_still(material.project.problem.model, lengths, r)
     pendulum = material.project.problem.model.pendulum
     count = max(2, np.searchsorted(r.time, r.time[0] + 0.1 * (r.time[-1] - r.time[0])))
     every = max(1, int(count) // 300)
-    α = np.nan_to_num(r.fitted[pendulum][:count:every]) - np.radians(lengths["alphaRest"].get(r.name, 0.0))
+    α = np.nan_to_num(r.fitted[pendulum][:count:every]) - np.radians(lengths["outputs"][1]["rest"].get(r.name, 0.0))
     θ = np.nan_to_num(r.fitted["theta"][:count:every]) if "theta" in r.fitted else np.zeros_like(α)
     return rig_still(lengths, θ, α)
 

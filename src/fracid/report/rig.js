@@ -26,13 +26,15 @@ class Rig {
   constructor(canvas, lengths, camera) {
     Object.assign(this, { canvas, lengths, camera });
     this.column = 1.08 * lengths.pendulum;
-    this.frame([0]);
+    this.frame([[0, 0]]);
   }
 
+  of() {}
+
   // Put into the picture all that is reached: from the foot up to the highest tip.
-  frame(alphas) {
+  frame(poses) {
     const { arm, pendulum } = this.lengths;
-    const top = alphas.reduce((high, a) => Math.max(high, this.pose(0, a).tip[2]), 0.12 * pendulum);
+    const top = poses.reduce((high, [, a]) => Math.max(high, this.pose(0, a).tip[2]), 0.12 * pendulum);
     this.middle = (top - this.column) / 2;
     this.radius = 1.06 * Math.hypot(arm, (top + this.column) / 2);
   }
@@ -158,3 +160,9 @@ class Rig {
     ctx.globalAlpha = 1;
   }
 }
+
+// Either drawing of the page's model, or null where its curves are all.
+const drawing = canvas => DATA.rig && (DATA.rig.bodies ? new Scene(canvas, DATA.rig) : new Rig(canvas, DATA.rig, new Camera()));
+
+// What a drawing is drawn from: of each of its outputs the value, as the drawing counts it.
+const posture = (recording, value) => DATA.rig.outputs.map(o => value(o.name) / o.factor - (o.rest[recording] || 0));

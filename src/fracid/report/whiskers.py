@@ -91,7 +91,8 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], axis: OrderAxis | None
 def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
     if half_width(e) is not None:
-        return f"{digits(e)} {interval(e)}"
+        beside = interval(e)
+        return f"{digits(e)}{' ' if beside.startswith('±') else ', '}{beside}"
     return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
 
 

@@ -153,7 +153,7 @@ class Twin(CardDisplay):
         >>> {n: unit for n, unit in recording.units.items()}
         {'position': 'm', 'angle': 'rad', 'force': 'N'}
         """
-        given = {"initial": {}, **table_of(name)["twin"]}
+        given = {"initial": {}, "substeps": 8, **table_of(name)["twin"]}  # finer than a fit, which would find itself
         time = given["step"] * np.arange(round(given["end"] / given["step"]) + 1)
         inputs = {n: (time, u) for n, u in inputs_of(name, time).items()}
         own = {} if zero is None else {"zero": zero}

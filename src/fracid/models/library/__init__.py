@@ -81,7 +81,7 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     model = model_of(
         name, _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
         [Parameter.of(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
-        {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
+        {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {}, spec.get("scene"),
     )  # fmt: skip
     angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
     model = replace(

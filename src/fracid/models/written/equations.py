@@ -14,6 +14,7 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.models.base import Angle, Model, Parameter, symbol_of
 from fracid.models.joints import Complement
+from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import Untranslatable, operation
@@ -62,8 +63,8 @@ class _Grown:
     """Makes the model again with the states that its elements need."""
 
     equations: Mapping[str, Equation]
-    rest: tuple[Mapping[str, Equation], Mapping[str, str], Mapping[str, str], Mapping[str, float]]
-    """Outputs, inputs, definitions and numbers."""
+    rest: tuple[Mapping[str, Equation], Mapping[str, str], Mapping[str, str], Mapping[str, float], Mapping[str, Any]]
+    """Outputs, inputs, definitions, numbers and the scene."""
 
     def __call__(self, model: Model, on: frozenset[str]) -> Model:
         if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
@@ -81,6 +82,7 @@ def model_of(
     parameters: Sequence[Parameter],
     definitions: Mapping[str, str] | None = None,
     numbers: Mapping[str, float] | None = None,
+    scene: Mapping[str, Any] | None = None,
 ) -> Model:
     """Make a model.
 
@@ -98,6 +100,8 @@ def model_of(
         Name → an expression that later ones may use.
     numbers : mapping
         Name → a number that it stands for in the equations, and that is no parameter.
+    scene : mapping
+        Body → how it is drawn: :mod:`fracid.models.scene`.
 
     Raises
     ------
@@ -113,12 +117,14 @@ def model_of(
     ((1.0, 'mu'), {}, frozenset({'m'}))
     """
     on = frozenset(p.name for p in parameters if p.value != 0.0)
-    return _made(name, equations, outputs, inputs, definitions or {}, numbers or {}, tuple(parameters), on)
+    rest = outputs, inputs, definitions or {}, numbers or {}, scene or {}
+    return _made(name, equations, *rest, tuple(parameters), on)
 
 
 def _made(
     name: str, equations: Mapping[str, Equation], outputs: Mapping[str, Equation], inputs: Mapping[str, str],
-    definitions: Mapping[str, str], numbers: Mapping[str, float], parameters: tuple[Parameter, ...], on: frozenset[str],
+    definitions: Mapping[str, str], numbers: Mapping[str, float], scene: Mapping[str, Any],
+    parameters: tuple[Parameter, ...], on: frozenset[str],
 ) -> Model:  # fmt: skip
     """The model with the states that the parameters `on` need; any other is 0 wherever it stands."""
     _check_names({"[model.equations]": equations, "[model.inputs]": inputs, "[model.definitions]": definitions,
@@ -160,8 +166,9 @@ def _made(
         symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
         follows={n: e.follows for n, e in there.items() if e.follows},
         relaxing={n: there[n].size or there[n].only for n in relaxing},
-        grown=_Grown(equations, (outputs, inputs, definitions, numbers)) if any(e.only for e in equations.values())
-        else None,
+        scene=scene_of(scene, outputs or there, [p.name for p in parameters], numbers),
+        grown=_Grown(equations, (outputs, inputs, definitions, numbers, scene))
+        if any(e.only for e in equations.values()) else None,
     )  # fmt: skip
 
 
