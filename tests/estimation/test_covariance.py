@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 import fracid
 from fracid.errors import Failure, FailureReason
+from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.covariance import METHODS, at_bound, uncertainty, widening
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
@@ -338,3 +339,19 @@ def test_what_two_recordings_tell_is_widened_less_than_what_one_tells():
 def test_samples_that_do_not_count_widen_nothing():
     rows, inverse = np.concatenate([np.ones((40, 1, 1)), np.zeros((400, 1, 1))]), np.array([[1 / 40]])
     assert widening([rows], inverse, 3.0) == pytest.approx(widening([rows[:40]], inverse, 3.0))
+
+
+def test_an_interval_has_an_end_beside_columns_that_are_nearly_one_too():
+    rng = np.random.default_rng(870)
+    n = rng.integers(2, 6)
+    R = rng.standard_normal((n + 1, n)) * 10.0 ** rng.uniform(-3, 3, n)
+    R[:, 1] = R[:, 0] * (1 + 1e-9 * rng.standard_normal()) + 10.0 ** rng.uniform(-14, -8) * rng.standard_normal(n + 1)
+    y = 10.0 ** rng.uniform(0, 6) * rng.standard_normal(n + 1)
+    low = np.where(rng.uniform(size=n) < 0.5, -(10.0 ** rng.uniform(-6, 1, n)), -np.inf)
+    high = np.where(rng.uniform(size=n) < 0.5, 10.0 ** rng.uniform(-6, 1, n), np.inf)
+    least = lowest(R, y, low, high)
+    y, low, high = y + R @ least, low - least, high - least
+    for i in range(n):  # rounding alone exceeds so small a rise
+        for side in (-1, 1):
+            far, _ = reach(R, y, low, high, i, side, 1e-6 * float(y @ y))
+            assert 0 <= far <= (high[i] if side > 0 else -low[i])

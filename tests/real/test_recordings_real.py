@@ -154,5 +154,5 @@ def test_the_papers_recipe_ends_with_an_answer_and_an_honest_picture_of_it(proje
     said = " ".join(fit.warnings)
     assert "gl-paper sums raw x" in said
     assert "Only α is scored" in said
-    assert "artefact of the step of gl-paper" in said
+    assert "There are no intervals: the model does not fit" in said
     assert "better than a constant for alpha" in said

@@ -86,7 +86,8 @@ def reach(
         delta = lowest(R[:, others], ahead, low[others], high[others])
         stopped = bool(np.any((delta <= low[others]) | (delta >= high[others])))
         rest = ahead + R[:, others] @ delta
-        return 0.5 * float(rest @ rest) - base - rise
+        rounded = 0.5 * float(rest @ rest) - base
+        return (rounded if distance > 0 else 0.0) - rise  # beside columns that are nearly one, rounding may exceed it
 
     alone = np.linalg.lstsq(R[:, others], R[:, i], rcond=None)[0]
     steep = float(np.linalg.norm(R[:, i] - R[:, others] @ alone))  # 1/√(A⁻¹)_ii
