@@ -27,6 +27,7 @@ TABLES = {
     "models": ("models", "MODELS"),
     "methods": ("solver.methods", "METHODS"),
     "optimisers": ("optimise", "OPTIMISERS"),
+    "platforms": ("export.fmu", "PLATFORMS"),
     "presets": ("problem.presets", "PRESETS"),
     "rigs": ("models.rigs", "RIGS"),
 }

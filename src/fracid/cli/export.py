@@ -36,6 +36,15 @@ def export(
     precision: Annotated[
         Literal["double", "single"], typer.Option(help="Numbers of the C function: doubles, or floats.")
     ] = "double",
+    fmi: Annotated[Literal["2", "3"], typer.Option(help="Version of the FMU: nearly every tool imports 2.")] = "2",
+    platforms: Annotated[
+        list[str] | None,
+        option(
+            "NAME",
+            "The FMU holds a library for {platforms}; may be repeated \\[default: this one].",
+            complete=key_of("platforms"),
+        ),
+    ] = None,
     trust: Trust = False,
     out: Out = None,
     json_: Json = False,
@@ -46,6 +55,8 @@ def export(
 
     c: fracid_model.c and .h, one function a step in C99, without allocation, for real-time targets; with --precision
     single in floats.
+
+    fmu: MODEL.fmu, a unit of co-simulation for Simulink, Modelica and others, by the interface FMI 2.0 or 3.0.
 
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
@@ -63,8 +74,9 @@ def export(
 
     with shown("files"):
         bundle = export_run(
-            load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision
-        )
+            load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision,
+            fmi=fmi, platforms=platforms or (),
+        )  # fmt: skip
     record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
     answer(json_, record, partial(_show, bundle))
 

@@ -1,10 +1,11 @@
-"""A run taken elsewhere: MATLAB and Octave, C, JavaScript, spreadsheets, control design.
+"""A run taken elsewhere: MATLAB and Octave, C, FMUs, JavaScript, spreadsheets, control design.
 
 ===============  =============================================  =============================
 format           files                                          module
 ===============  =============================================  =============================
 ``matlab``       ``results.mat``, ``model.m``                   :mod:`fracid.export.matlab`
 ``c``            ``fracid_model.c``, ``fracid_model.h``         :mod:`fracid.export.c`
+``fmu``          ``MODEL.fmu``: a unit of co-simulation         :mod:`fracid.export.fmu`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
@@ -19,20 +20,37 @@ Nothing is written outside of the folder that is given.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from fracid.errors import InputError, unknown_name, writing
-from fracid.safety.door import write_text
+from fracid.safety.door import write_text, write_whole
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
 
 HOURS = 10_000_000
 """Steps that the memory of the C function holds where nothing is said: 2.8 h of 1 ms."""
+
+
+PROGRAMS = ("matlab", "c", "fmu", "javascript")
+"""Formats that simulate the model."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run is written."""
+
+    steps: int | None = None
+    """Longest run that the memory of programs holds."""
+    precision: Literal["double", "single"] = "double"
+    """Of the C function."""
+    fmi: Literal["2", "3"] = "2"
+    """Version of the FMU."""
+    platforms: tuple[str, ...] = ()
+    """For which it holds libraries; this one if empty."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +69,8 @@ def export_run(
     *,
     steps: int | None = None,
     precision: Literal["double", "single"] = "double",
+    fmi: Literal["2", "3"] = "2",
+    platforms: Sequence[str] = (),
 ) -> Export:
     """Write a run for other programs.
 
@@ -68,6 +88,11 @@ def export_run(
     precision : str
         Of the C function: ``double``, or ``single`` for processors without a double unit.
 
+    fmi : str
+        Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``.
+    platforms : sequence of str
+        For which the FMU holds a library, of :data:`fracid.export.fmu.PLATFORMS`; this one if empty.
+
     Returns
     -------
     Export
@@ -80,22 +105,22 @@ def export_run(
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'javascript', 'toml', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'fmu', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
             raise unknown_name("format", name, FORMATS)
-    if precision not in ("double", "single"):
-        raise unknown_name("precision", precision, ("double", "single"))
-    folder = Path(folder)
+    for what, value, known in (("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))):
+        if value not in known:
+            raise unknown_name(what, value, known)
+    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms))
     files: list[Path] = []
-    notes = [*run.notes, *_left_out(run)]
+    notes = [*run.notes, *_left_out(run, formats or FORMATS)]
     with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
         for name in formats or FORMATS:
             before = len(files)
-            write = partial(_c, single=precision == "single") if name == "c" else FORMATS[name]
-            for thing in write(run, folder, steps):
+            for thing in FORMATS[name](run, folder, options):
                 if isinstance(thing, Path):
                     files.append(thing)
                 else:
@@ -105,20 +130,22 @@ def export_run(
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
 
 
-def _left_out(run: SavedRun) -> Iterator[str]:
-    """What no exported model has: outputs that are functions, what channels do."""
-    model = run.problem.model
-    if functions := [n for n in model.outputs if n not in model.output_states]:
+def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
+    """What exported models do not have: outputs that are functions, what channels do."""
+    model, tables = run.problem.model, {"matlab", "javascript"}.intersection(formats)
+    if not set(PROGRAMS).intersection(formats):
+        return
+    if tables and (functions := [n for n in model.outputs if n not in model.output_states]):
         names = ", ".join(functions)
-        yield f"The exported model gives its states; {names} is a function of them, which it does not have."
+        yield f"In MATLAB and JavaScript the model gives its states; {names} is a function of them, which it lacks."
     channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
     if channels:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
-    if any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
-        yield "The exported model takes inputs as straight lines; where one jumps, give it the mean of both values."
+    if tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
+        yield "In MATLAB and JavaScript inputs are straight lines; where one jumps, give it the mean of both values."
 
 
-def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | str]:
+def _matlab(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
     from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
     from fracid.export.recursion import Recursion
     from fracid.export.state_space import integer_model
@@ -129,13 +156,13 @@ def _matlab(run: SavedRun, folder: Path, steps: int | None) -> Iterator[Path | s
         yield f"{reason} There is no model.m; results.mat has values and curves."
         return
     case = of_recording(run, run.problem.experiments[0].name)
-    write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, steps), case, run.folder.name))
+    write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, options.steps), case, run.folder.name))
     yield folder / "model.m"
     if run.problem.per_recording:
         yield f"model.m has the constants of the recording {case.name!r}; each other's are in results.mat."
 
 
-def _c(run: SavedRun, folder: Path, steps: int | None, *, single: bool = False) -> Iterator[Path | str]:
+def _c(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
     from fracid.export.c import c_model
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
@@ -145,17 +172,40 @@ def _c(run: SavedRun, folder: Path, steps: int | None, *, single: bool = False) 
         return
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
-    tables = Recursion.of(run.problem, run.x, steps or HOURS)
-    for name, text in c_model(tables, case, run.folder.name, single=single).items():
+    tables = Recursion.of(run.problem, run.x, options.steps or HOURS)
+    for name, text in c_model(tables, case, run.folder.name, single=options.precision == "single").items():
         write_text(folder / name, text)
         yield folder / name
+    yield from _of_first(run, "fracid_model.c")
+
+
+def _of_first(run: SavedRun, file: str) -> Iterator[str]:
+    """What a program has of the first recording alone."""
+    first = run.problem.experiments[0]
     if run.problem.per_recording or len({e.step for e in run.problem.experiments}) > 1:
-        yield f"fracid_model.c has the step and the constants of the recording {first.name!r}."
+        yield f"{file} has the step and the constants of the recording {first.name!r}."
     if first.past is not None:
-        yield f"fracid_model.c starts without a past; {first.name!r} was fitted with the one that was measured."
+        yield f"{file} starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
-def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+def _fmu(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+    from fracid.export.fmu import fmu
+    from fracid.export.identified import Identified
+    from fracid.export.matlab import no_program
+
+    if reason := no_program(run, "c"):
+        yield f"{reason} There is no FMU."
+        return
+    model = Identified.of_run(run, options.steps or HOURS)
+    archive, notes = fmu(model, options.fmi, options.platforms)
+    path = folder / f"{model.identifier}.fmu"
+    write_whole(path, archive)
+    yield path
+    yield from notes
+    yield from _of_first(run, path.name)
+
+
+def _javascript(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
 
     if reason := no_javascript(run.problem):
@@ -171,10 +221,9 @@ def _javascript(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pat
         yield f"fracid_model.mjs starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
-def _toml(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+def _toml(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.equations import toml_model
     from fracid.export.matlab import of_recording
-    from fracid.safety.door import write_text
 
     first, model = run.problem.experiments[0], run.problem.model
     values = dict(zip(model.parameter_names, of_recording(run, first.name).parameters.tolist(), strict=True))
@@ -188,7 +237,7 @@ def _toml(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | st
     yield folder / "model.toml"
 
 
-def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+def _csv(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.table import csv_tables
 
     for name, text in csv_tables(run).items():
@@ -196,14 +245,14 @@ def _csv(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str
         yield folder / name
 
 
-def _json(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+def _json(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.table import json_text
 
     write_text(folder / "export.json", json_text(run))
     yield folder / "export.json"
 
 
-def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Path | str]:
+def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     import json
 
     from fracid.export.state_space import integer_model, sentences
@@ -220,8 +269,8 @@ def _state_space(run: SavedRun, folder: Path, _steps: int | None) -> Iterator[Pa
     yield from sentences(run, system)
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, int | None], Iterator[Path | str]]] = {
-    "matlab": _matlab, "c": _c, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
+FORMATS: dict[str, Callable[[SavedRun, Path, Options], Iterator[Path | str]]] = {
+    "matlab": _matlab, "c": _c, "fmu": _fmu, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
     "state-space": _state_space,
 }  # fmt: skip
-"""(run, folder, longest run) → the files that it wrote, and sentences."""
+"""(run, folder, options) → the files that it wrote, and sentences."""

@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 
 from fracid._version import __version__
 from fracid.export.recursion import Case, Recursion
-from fracid.export.whole import words_of, written
+from fracid.export.whole import words_of, written, written_outputs
+from fracid.models import Model, Parameter
 from fracid.models.written.languages import C
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
@@ -95,9 +96,10 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
     words = {
         "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
         "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
-        "x0": _literal(case.past[-1]), "states": len(model.states), "inputs": max(1, len(model.inputs)),
+        "x0": initialiser(case.past[-1]), "states": len(model.states), "inputs": max(1, len(model.inputs)),
         "derivatives": len(model.states) + len(model.relaxing),
         "state_names": _comment(", ".join(model.states)), "input_names": _comment(", ".join(model.inputs)),
+        "outputs": len(model.outputs), "output_names": _comment(", ".join(model.outputs)),
         "order_values": tables.order_values,
         "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
         "inputs_when": "u at the end of the step" + ", for the next" * gl,
@@ -107,12 +109,26 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
         "predictor": "in a parabola" if third else "in a straight line",
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
         "sweeps": 0 if exported.newton else 1, "always": int(third), "slack": repr(SLACK), "open": repr(OPEN),
+        "start": "s->n == 0" + f" || (s->corrected && s->n < {tables.together})" * (tables.together > 1),
         "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
     }  # fmt: skip
 
-    rhs, write = written(model, "c-single" if single else "c", words_of(source)), _single if single else _double
+    language, write = ("c-single", _single) if single else ("c", _double)
+    rhs = "\n".join(f(model, language, words_of(source)) for f in (written, written_outputs))
     return {name: write(own_text(f"export/{file}"), words).replace(HERE, rhs)
             for name, file in (("fracid_model.h", "fracid_model.h.in"), ("fracid_model.c", source))}  # fmt: skip
+
+
+def used_constants(model: Model, case: Case) -> list[tuple[Parameter, float]]:
+    """The parameters that the function has, in their order, with a recording's values.
+
+    Examples
+    --------
+    >>> used_constants.__name__
+    'used_constants'
+    """
+    known = model.program.constants | model.outputs_program.constants
+    return [(p, v) for p, v in zip(model.parameters, case.parameters.tolist(), strict=True) if p.name in known]
 
 
 def _double(template: str, words: Mapping[str, object]) -> str:
@@ -133,9 +149,7 @@ def _single(template: str, words: Mapping[str, object]) -> str:
 
 def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     """The constants of the model, then those of memory and start."""
-    name, known = C(tables.model.program).name, tables.model.program.constants
-    used = [(p, value) for p, value in zip(tables.model.parameters, case.parameters.tolist(), strict=True)
-            if p.name in known]  # fmt: skip
+    name, used = C(tables.model.program).name, used_constants(tables.model, case)
     lines = [f"    .{name(p.name)} = {value!r},  /* {_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
     if used:
         lines = [f"static const struct {{ double {', '.join(name(p.name) for p, _ in used)}; }} p = {{", *lines, "};"]
@@ -162,6 +176,7 @@ def _tables(tables: Recursion, case: Case, gl: bool) -> str:
             ("double", "newest[FRACID_STATES]", gain * tables.newest, "gain w_0"),
             ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
             ("double", f"start_shift[{R}]", [k.start_shift for k in kernels], "where the first panel's centre is"),
+            ("double", "share[FRACID_STATES]", tables.share, "what a jump of f weighs beside its third, in w_0"),
         ]
     if tables.together:
         E, s, K = len(tables.fit), tables.together, len(tables.knots)
@@ -172,7 +187,7 @@ def _tables(tables: Recursion, case: Case, gl: bool) -> str:
             ("unsigned long", "knots[KNOTS]", tables.knots, "where the corrections are known"),
             ("double", f"errors[{R}][{E}][KNOTS]", tables.errors, "what the rule lacks of each power"),
         ]
-    lines += [f"/* {why} */\nstatic const {kind} {name} = {_literal(values)};" for kind, name, values, why in arrays]
+    lines += [f"/* {why} */\nstatic const {kind} {name} = {initialiser(values)};" for kind, name, values, why in arrays]
     return "\n".join(lines) + "\n"
 
 
@@ -185,11 +200,17 @@ def _sizes(tables: Recursion, size: int) -> str:
     return f"Tables: about {size * numbers / 1000:.1f} kB of constants; state: sizeof(fracid_state){together}."
 
 
-def _literal(values: ArrayLike) -> str:
-    """An initialiser, to the last bit, five numbers a line."""
+def initialiser(values: ArrayLike) -> str:
+    """Numbers as C takes them, to the last bit, five a line.
+
+    Examples
+    --------
+    >>> initialiser([0.1, 2.0])
+    '{0.1, 2.0}'
+    """
     array = np.asarray(values)
     if array.ndim > 1:
-        return "{" + ",\n    ".join(_literal(part) for part in array) + "}"
+        return "{" + ",\n    ".join(initialiser(part) for part in array) + "}"
     words = [repr(v) for v in array.tolist()]
     return "{" + ",\n    ".join(", ".join(words[i : i + 5]) for i in range(0, len(words), 5)) + "}"
 

@@ -136,6 +136,11 @@ class Recursion:
         return weights
 
     @property
+    def share(self) -> FloatArray:
+        """What a jump of the inputs weighs in the step after it: :mod:`fracid.solver.schemes`, shape (n_states,)."""
+        return np.asarray(self.orders - (2 ** (self.orders + 1) - 2) / 3)
+
+    @property
     def forgets(self) -> tuple[int, ...]:
         """Of each state that relaxes, where behind the derivatives its rate stands; 0 of the others."""
         n, relaxing = len(self.row), self.model.relaxing_states

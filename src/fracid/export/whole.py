@@ -8,7 +8,7 @@ be missing, would make a program that simulates another model.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -65,6 +65,35 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
     return LANGUAGES[language](model.program, taken, title).text()
 
 
+def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> str:
+    """The outputs of a model as the function ``fracid_output`` in ``c`` or ``c-single``, for a text with its equations.
+
+    Raises
+    ------
+    InputError
+        If one cannot be written, or would not be the output that is fitted.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> "f[0] = x[0] + p.R * u[0];" in written_outputs(fracid.model("capacitor"), "c")
+    True
+    """
+    tree, read = model.outputs_program, Python(model.outputs_program).made()
+    for x, u, p in _places(model):
+        out = np.zeros(len(model.outputs))
+        with np.errstate(all="ignore"):
+            read(0.0, x, u, p, out)
+            solved = [x[h] if isinstance(h, int) else h(0.0, x, u, p) for h in model.outputs.values()]
+        if not np.array_equal(out, solved, equal_nan=True):
+            raise InputError(
+                f"The source of the outputs of {model.name!r} reads otherwise than it runs: it was changed after it "
+                "was loaded. Load the model again."
+            )
+    writer, taken = LANGUAGES[language], (*taken, "fracid_output")
+    return writer(tree, taken, "", "void fracid_output").text(writer(model.program, taken))
+
+
 def not_written(model: Model, language: str) -> str:
     """Why there is no program of a model; empty if there is one.
 
@@ -88,11 +117,9 @@ def words_of(template: str) -> tuple[str, ...]:
 
 def _lacking(model: Model) -> list[str] | None:
     """None where tree and right-hand side compute the same; else the constants that the tree lacks."""
-    n, p, random = len(model.states), model.parameter_vector(), np.random.default_rng(1)
+    n, p = len(model.states), model.parameter_vector()
     kept, read = [*range(n), *(n + i for i in model.relaxing_states)], Python(model.program).made()
-    for scale in np.repeat(SIZES, POINTS):
-        x, u = scale * random.standard_normal(n), scale * random.standard_normal(max(1, len(model.inputs)))
-        moved = np.where(p == 0.0, MOVED, p) * (1.0 + MOVED * random.random(len(p)))
+    for x, u, moved in _places(model):
         solved = _derivatives(model, model.rhs, x, u, moved)[kept]
         if np.array_equal(solved, _derivatives(model, read, x, u, moved)[kept], equal_nan=True):
             continue
@@ -103,6 +130,14 @@ def _lacking(model: Model) -> list[str] | None:
                 lacking.append(f"{q.name} = {p[k]:.6g}{'' if q.unit in ('', '1', '-') else f' {q.unit}'}")
         return lacking
     return None
+
+
+def _places(model: Model) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """x, u and p at which a tree is held against its source: small and large, every constant moved."""
+    p, random = model.parameter_vector(), np.random.default_rng(1)
+    for scale in np.repeat(SIZES, POINTS):
+        x, u = (scale * random.standard_normal(n) for n in (len(model.states), max(1, len(model.inputs))))
+        yield x, u, np.where(p == 0.0, MOVED, p) * (1.0 + MOVED * random.random(len(p)))
 
 
 def _derivatives(model: Model, rhs: Any, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:

@@ -63,7 +63,7 @@ from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.geometry import RigGeometry
 from fracid.models.joints import Complement
-from fracid.models.written.reading import read
+from fracid.models.written.reading import read, read_outputs
 from fracid.models.written.tree import Program
 from fracid.units import GREEK
 
@@ -392,6 +392,23 @@ class Model(CardDisplay):
         if isinstance(written := getattr(self.rhs, "tree", None), Program):
             return written
         return read(self.rhs, self.parameter_names, self.states, self.relaxing_states, len(self.inputs))
+
+    @cached_property
+    def outputs_program(self) -> Program:
+        """The outputs as a tree, as :attr:`program` has the right-hand side.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read.
+
+        Examples
+        --------
+        >>> import fracid
+        >>> sorted(fracid.model("capacitor").outputs_program.constants)
+        ['R']
+        """
+        return read_outputs(tuple(self.outputs.values()), self.parameter_names, len(self.states), len(self.inputs))
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.

@@ -498,9 +498,9 @@ def step_pi2(rhs, run, starting, third, out):
         if newton or joins:
             state = _rare(newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, state, trial, x0,
                           relaxing, relax_start, h)  # fmt: skip
-        _keep_relaxing(relaxing, x, f, relax_start)
         if jumps:
             _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
+        _keep_relaxing(relaxing, x, f, relax_start)
         for i in range(states):
             if not abs(x[i]) <= limit or not np.isfinite(f[i]):
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE

@@ -213,7 +213,7 @@ def _output(
     match value:
         case Entry("x", Number(i)):
             return int(i)
-    _placed(f"[model.outputs] {name}", units.check, Assign(Name(name), value), e.equals, _dimension(e.unit))
+    _placed(f"[model.outputs] {name}", units.check, Assign(Name(name), value), e.equals, dimension(e.unit))
     definitions = [s for s in body if isinstance(s.target, Name)]
     return Formula(Function(name, ("t", "x", "u", "p"), (*definitions, Return(value))))
 
@@ -235,12 +235,12 @@ NONE = UNITS["1"]
 SECOND = UNITS["s"]
 
 
-def _dimension(unit: str) -> Dimension | None:
-    """None where it is not known.
+def dimension(unit: str) -> Dimension | None:
+    """Powers of kg, m, s, A, K and mol; None where they are not known.
 
     Examples
     --------
-    >>> _dimension("N s/m") == _dimension("kg/s"), _dimension("F s^(q-1)")
+    >>> dimension("N s/m") == dimension("kg/s"), dimension("F s^(q-1)")
     (True, None)
     """
     total = NONE if unit else None
@@ -266,12 +266,12 @@ class _Units:
 
     def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
         self.columns: dict[int, int] = {}
-        self.known: dict[Expression, Dimension | None] = {names[n]: _dimension(unit) for n, unit in units.items()}
+        self.known: dict[Expression, Dimension | None] = {names[n]: dimension(unit) for n, unit in units.items()}
         self.names, self.text = names, ""
 
     def given(self, name: str, unit: str) -> None:
         """Of a state, by its output."""
-        self.known[self.names[name]] = self.known.get(self.names[name]) or _dimension(unit)
+        self.known[self.names[name]] = self.known.get(self.names[name]) or dimension(unit)
 
     def spread(self, rates: Mapping[str, Expression]) -> None:
         """Where a state is the derivative of another, the unit of one says the other's."""

@@ -67,20 +67,27 @@ class Writer:
     cast: ClassVar[str] = ""
     """Before an integer that is used as a number."""
 
-    def __init__(self, program: Program, taken: Sequence[str] = (), title: str = "") -> None:
+    def __init__(
+        self, program: Program, taken: Sequence[str] = (), title: str = "", called: str = "static void right_hand_side"
+    ) -> None:
         """Take a program; its functions are not called like `taken`, the names of what is written around it."""
-        self.program, self.title = program, title
+        self.program, self.title, self.called = program, title, called
         self.counters = {s.variable.name for s in parts((program.body, program.functions))
                          if isinstance(s, Loop) and s.variable}  # fmt: skip
         self.reserved = {*portable.__all__, *FUNCTIONS, *self.words.split()}
         self.taken = self.reserved.union(taken)
 
-    def text(self) -> str:
-        """The functions that are called, then the right-hand side."""
+    def text(self, beside: Writer | None = None) -> str:
+        """The functions that are called, but for those that stand `beside` already, then the right-hand side."""
         if unknown := self.never.intersection(self.program.calls):
             raise Untranslatable(f"{type(self).__name__} has no {min(unknown)}, which the right-hand side calls.")
-        own = [self._function(f, self._called(f.name)) for f in self.program.functions]
-        borrowed = [self._function(f, f.name) for f in self._borrowed()]
+        there = (*beside.program.functions, *beside._borrowed()) if beside else ()
+        if clash := {f.name for f in there} & {f.name for f in self.program.functions if f not in there}:
+            raise Untranslatable(
+                f"The right-hand side and an output each call a {min(clash)} of their own; rename one."
+            )
+        own = [self._function(f, self._called(f.name)) for f in self.program.functions if f not in there]
+        borrowed = [self._function(f, f.name) for f in self._borrowed() if f not in there]
         return "\n".join([*borrowed, *own, self._main()])
 
     def _borrowed(self) -> tuple[Function, ...]:
@@ -296,7 +303,7 @@ class Writer:
         """The right-hand side itself."""
         used = {e.array for e in parts(self.program.body) if isinstance(e, Entry)}
         unused = [f"{self.indent}(void){a};" for a in ("x", "u") if a not in used]
-        head = f"static void right_hand_side(const {self.real} x[], const {self.real} u[], {self.real} f[])"
+        head = f"{self.called}(const {self.real} x[], const {self.real} u[], {self.real} f[])"
         return [*self._about(), head, "{", *unused, *lines, "}"]
 
     def _about(self) -> list[str]:
@@ -385,9 +392,9 @@ class JavaScript(Writer):
         """The right-hand side itself."""
         return [*self._about(), "function right_hand_side(x, u, f)", "{", *lines, "}"]
 
-    def text(self) -> str:
+    def text(self, beside: Writer | None = None) -> str:
         """All of it within a function of the constants."""
-        return f"const model = (p) => {{\n{super().text()}return right_hand_side;\n}};\n"
+        return f"const model = (p) => {{\n{super().text(beside)}return right_hand_side;\n}};\n"
 
 
 class Plain(Writer):

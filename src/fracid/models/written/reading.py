@@ -165,6 +165,35 @@ def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -
         h.__name__, ("t", "x", "u", "p"), (*scope.statements, Return(value)))  # fmt: skip
 
 
+def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: int, inputs: int) -> Program:
+    """Outputs as a program of their own: each is an entry of ``out``; a number among them is that of a state.
+
+    Examples
+    --------
+    >>> read_outputs([0, lambda t, x, u, p: x[0]], (), 1, 0)
+    Traceback (most recent call last):
+    fracid.models.written.reading.Untranslatable: ... is no function with a name; write it with def.
+    """
+    functions: dict[str, Function] = {}
+    body: list[Statement] = []
+    for i, h in enumerate(outputs):
+        if isinstance(h, int):
+            value: Expression = Entry("x", Number(h))
+        else:
+            tree = getattr(h, "tree", None)
+            own, tree = ((), tree) if tree else read_output(function_of(h), parameters, states, inputs)
+            if clash := [f.name for f in own if functions.setdefault(f.name, f) != f]:
+                raise Untranslatable(f"Two outputs call different functions by the name {clash[0]}; rename one.")
+            *statements, returned = tree.body
+            assert isinstance(returned, Return)
+            assert returned.value is not None
+            body += statements
+            value = returned.value
+        body.append(Assign(Entry("out", Number(i)), value))
+    names = tuple(f"output {i}" for i in range(len(outputs)))
+    return Program(names, (), tuple(functions.values()), _without_unused(tuple(body)))
+
+
 def read_functions(*functions: Any) -> tuple[Function, ...]:
     """Functions of numbers, each after those that it calls.
 

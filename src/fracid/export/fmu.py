@@ -1,0 +1,288 @@
+"""``MODEL.fmu``: the identified model as a unit of co-simulation, for Simulink, Modelica and others.
+
+An archive of C sources (the function of :mod:`fracid.export.c` behind the interface of FMI 2.0 or 3.0), a description
+in XML, and a shared library for each platform that a compiler here makes one for.  Nearly every tool reads 2.0, which
+also takes slopes of inputs; newer tools read 3.0.  The archive's bytes depend on the model and the compiler alone.
+"""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.util import find_spec
+from io import BytesIO
+from pathlib import Path
+from string import Template
+from typing import Literal, NamedTuple
+from xml.etree import ElementTree
+
+from fracid._version import __version__
+from fracid.errors import InputError, unknown_name
+from fracid.export.c import c_model, initialiser
+from fracid.export.identified import Identified, Quantity
+from fracid.models.written.equations import dimension
+from fracid.safety.door import own_text
+
+Version = Literal["2", "3"]
+
+
+class Platform(NamedTuple):
+    """Where a library runs."""
+
+    folder: str
+    """Of FMI 2.0; that of 3.0 is the platform's name."""
+    suffix: str
+    target: str
+    """As zig calls it."""
+
+
+PLATFORMS = {
+    "x86_64-linux": Platform("linux64", ".so", "x86_64-linux-gnu.2.17"),
+    "aarch64-linux": Platform("aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+    "x86_64-windows": Platform("win64", ".dll", "x86_64-windows-gnu"),
+    "x86_64-darwin": Platform("darwin64", ".dylib", "x86_64-macos"),
+    "aarch64-darwin": Platform("aarch64-darwin", ".dylib", "aarch64-macos"),
+}
+
+COMPILERS = ("cc", "gcc", "clang")
+
+FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
+
+LOCAL = "FRACID_LOCAL struct parameters"
+"""In place of constants: each thread's own, into which the parameters of the instance that steps are put."""
+
+YEAR = (1980, 1, 1, 0, 0, 0)
+"""Of every file in the archive: the earliest that it can hold."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of the description."""
+
+    reference: int
+    """Its place among the numbers of a run, ``Variables`` in the C source."""
+    quantity: Quantity
+    name: str
+    causality: str
+    variability: str
+    initial: str = ""
+
+
+def variables(model: Identified) -> list[Variable]:
+    """Time, inputs, outputs, states, parameters and orders, in the order of their value references.
+
+    Examples
+    --------
+    >>> variables.__name__
+    'variables'
+    """
+    kinds = (
+        ("time", (Quantity("time", "s", 0.0),), "independent", "continuous", ""),
+        ("input", model.inputs, "input", "continuous", ""),
+        ("output", model.outputs, "output", "continuous", "calculated"),
+        ("state", model.states, "local", "continuous", "exact"),
+        ("parameter", model.parameters, "parameter", "fixed", "exact"),
+        ("order", model.orders, "local", "constant", "exact"),
+    )
+    taken: set[str] = set()
+    found, begin = [], 0
+    for kind, quantities, *how in kinds:
+        for reference, q in enumerate(quantities, begin):
+            plain = kind not in ("state", "order") and q.name not in taken
+            name = "".join(c if c.isprintable() else " " for c in (q.name if plain else f"{kind}.{q.name}"))
+            taken.add(name)
+            found.append(Variable(reference, q, name, *how))
+        begin += max(1, len(quantities))  # C has no arrays of nothing
+    return found
+
+
+def sources(model: Identified, version: Version) -> dict[str, str]:
+    """The C files: name → content.
+
+    Examples
+    --------
+    >>> sources.__name__
+    'sources'
+    """
+    texts = c_model(model.tables, model.case, model.run)
+    constants = texts["fracid_model.c"]
+    if "static const struct {" in constants:
+        constants = constants.replace("static const struct {", f"{LOCAL} {{", 1)
+        found = "found = {" + ", ".join(repr(q.value) for q in model.parameters) + "};"
+    else:  # a struct of nothing is no C
+        constants = constants.replace(
+            "#include <string.h>\n", f"#include <string.h>\n\n{LOCAL} {{ double none; }} p;\n", 1
+        )
+        found = "found = {0};"
+    # `found` stands behind the struct that it is of
+    head, body = Template(own_text("export/fmu.c.in")), own_text(f"export/fmi{version}.c.in")
+    words = {
+        "orders": max(1, len(model.orders)), "order_values": initialiser([q.value for q in model.orders] or [0.0]),
+        "x0": initialiser([q.value for q in model.states]), "u0": initialiser([q.value for q in model.inputs] or [0.0]),
+        "found": f"static const struct parameters {found}",
+    }  # fmt: skip
+    parts = {"fracid_model.c": constants, "fracid_model.h": texts["fracid_model.h"]}
+    token = sha256("".join([*parts.values(), head.substitute(words, token=""), body]).encode()).hexdigest()
+    token = f"{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"
+    return parts | {"fmu.c": head.substitute(words, token=f'"{token}"') + body}
+
+
+def description(model: Identified, version: Version, token: str) -> str:
+    """``modelDescription.xml``.
+
+    Examples
+    --------
+    >>> description.__name__
+    'description'
+    """
+    two, every = version == "2", variables(model)
+    root = ElementTree.Element("fmiModelDescription", {
+        "fmiVersion": f"{version}.0", "modelName": model.identifier, "guid" if two else "instantiationToken": token,
+        "description": _line(f"{model.tables.model.name}, identified by fracid {__version__} from {model.run}"),
+        "generationTool": f"fracid {__version__}", "variableNamingConvention": "flat",
+    })  # fmt: skip
+    state = "state" if two else "State"
+    unit = ElementTree.SubElement(root, "CoSimulation", {
+        "modelIdentifier": model.identifier, "canHandleVariableCommunicationStepSize": "true",
+        f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true",
+        **({"canInterpolateInputs": "true", "canNotUseMemoryManagementFunctions": "true"} if two
+           else {"fixedInternalStepSize": repr(model.case.step)}),
+    })  # fmt: skip
+    if two:
+        ElementTree.SubElement(ElementTree.SubElement(unit, "SourceFiles"), "File", name="fmu.c")
+    _units(root, sorted({v.quantity.unit for v in every} - {""}))
+    categories = ElementTree.SubElement(root, "LogCategories")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="why a call failed")
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=repr(model.case.step),
+                           stopTime=repr(model.case.steps * model.case.step))  # fmt: skip
+    table = ElementTree.SubElement(root, "ModelVariables")
+    for v in every:
+        value = {"start": repr(v.quantity.value)} if v.causality not in ("independent", "output") else {}
+        value |= {"unit": _line(v.quantity.unit)} if v.quantity.unit else {}
+        common = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality,
+                  "variability": v.variability, **({"initial": v.initial} if v.initial else {}),
+                  **({"description": _line(text)} if (text := v.quantity.description) else {})}  # fmt: skip
+        if two:
+            ElementTree.SubElement(ElementTree.SubElement(table, "ScalarVariable", common), "Real", value)
+        else:
+            ElementTree.SubElement(table, "Float64", common | value)
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    for kind in ("Output", "InitialUnknown"):
+        listed = ElementTree.SubElement(structure, f"{kind}s") if two else structure
+        for place, v in enumerate(every, 1):
+            if v.causality == "output" and two:
+                ElementTree.SubElement(listed, "Unknown", index=str(place))
+            elif v.causality == "output":
+                ElementTree.SubElement(listed, kind, valueReference=str(v.reference))
+    return _xml(root)
+
+
+def _units(root: ElementTree.Element, units: Sequence[str]) -> None:
+    if not units:
+        return
+    table = ElementTree.SubElement(root, "UnitDefinitions")
+    for name in units:
+        entry = ElementTree.SubElement(table, "Unit", name=_line(name))
+        powers = {"rad": 1.0} if name == "rad" else {} if "rad" in name else dict(
+            zip(("kg", "m", "s", "A", "K", "mol"), dimension(name) or (), strict=False))  # fmt: skip
+        if any(power % 1 for power in powers.values()) or not powers:
+            continue  # of a unit that is no whole power the description has the name alone
+        ElementTree.SubElement(entry, "BaseUnit", {n: f"{power:.0f}" for n, power in powers.items() if power})
+
+
+def _line(text: str) -> str:
+    """What XML can hold, on one line."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def _xml(root: ElementTree.Element) -> str:
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()) -> tuple[bytes, list[str]]:
+    """Make the archive.
+
+    Parameters
+    ----------
+    model : Identified
+    version : str
+        Of the interface: ``2`` or ``3``.
+    platforms : sequence of str
+        Of :data:`PLATFORMS`; this one if empty.
+
+    Returns
+    -------
+    bytes, list of str
+        The archive, and why a library is missing.
+
+    Raises
+    ------
+    InputError
+        For an unknown platform, or sources that do not compile.
+
+    Examples
+    --------
+    >>> list(PLATFORMS)
+    ['x86_64-linux', 'aarch64-linux', 'x86_64-windows', 'x86_64-darwin', 'aarch64-darwin']
+    """
+    files: dict[str, bytes] = {}
+    texts = sources(model, version)
+    token = texts["fmu.c"].partition('#define TOKEN "')[2].partition('"')[0]
+    files["modelDescription.xml"] = description(model, version, token).encode()
+    files |= {f"sources/{name}": text.encode() for name, text in texts.items()}
+    if version == "3":
+        build = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+        built = ElementTree.SubElement(build, "BuildConfiguration", modelIdentifier=model.identifier)
+        ElementTree.SubElement(
+            ElementTree.SubElement(built, "SourceFileSet", language="C11"), "SourceFile", name="fmu.c"
+        )
+        ElementTree.SubElement(built, "Library", name="m")
+        files["sources/buildDescription.xml"] = _xml(build).encode()
+    notes = []
+    for name in platforms or [_here()]:
+        if name not in PLATFORMS and platforms:
+            raise unknown_name("platform", name, PLATFORMS)
+        if isinstance(library := _library(texts, name), str):
+            notes.append(library)
+        else:
+            folder, suffix, _ = PLATFORMS[name]
+            folder = folder if version == "2" else name
+            files[f"binaries/{folder}/{model.identifier}{suffix}"] = library
+    archive = BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
+        for name in sorted(files):
+            out.writestr(zipfile.ZipInfo(name, YEAR), files[name], zipfile.ZIP_DEFLATED)
+    return archive.getvalue(), notes
+
+
+def _here() -> str:
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    return f"{machine}-{platform.system().lower()}"
+
+
+def _library(texts: dict[str, str], name: str) -> bytes | str:
+    """A shared library, or why there is none."""
+    plain = next((path for c in COMPILERS if (path := shutil.which(c))), None)
+    if find_spec("ziglang") and name in PLATFORMS:
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[name].target]
+    elif plain and name == _here():
+        command = [plain]
+    else:
+        return (f"There is no C compiler here for {name}: the FMU holds no library for it, only its sources. "
+                "pip install 'fracid[fmu]' brings one for every platform.")  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in texts.items():
+            Path(folder, file).write_text(text, encoding="utf-8")
+        done = subprocess.run([*command, *FLAGS, "fmu.c", "-o", "library", "-lm"], cwd=folder, check=False,
+                              capture_output=True, text=True)  # fmt: skip
+        if done.returncode:
+            raise InputError(f"The sources of the FMU do not compile for {name}: {done.stderr.strip()[:500]}")
+        return Path(folder, "library").read_bytes()

@@ -1,0 +1,128 @@
+"""An identified model as machines take it: names, units, values, intervals, inputs, outputs, and its tables."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fracid.export.c import used_constants
+from fracid.export.recursion import Case, Recursion
+
+if TYPE_CHECKING:
+    from fracid.arrays import FloatArray
+    from fracid.estimation.records import Estimate
+    from fracid.problem import Problem
+    from fracid.runs.saved import SavedRun
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that has a value: an input, an output, a state, a constant or an order."""
+
+    name: str
+    unit: str
+    value: float
+    """At the start [unit]."""
+    about: str = ""
+    interval: tuple[float, float] | None = None
+    """Of 95 %; None for what was not free."""
+
+    @property
+    def description(self) -> str:
+        """What it is, with its interval.
+
+        Examples
+        --------
+        >>> Quantity("mu", "-", 0.9, "order", (0.89, 0.91)).description
+        'order, 95 % interval [0.89, 0.91]'
+        """
+        known = "" if self.interval is None else "95 % interval [{:.6g}, {:.6g}]".format(*self.interval)
+        return ", ".join(" ".join(text.split()) for text in (self.about, known) if text)
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What every writer of machines reads; the constants, step and start are those of one recording."""
+
+    run: str
+    """Where it was identified."""
+    tables: Recursion
+    case: Case
+    estimates: Mapping[str, Estimate]
+    """Constant or order → what the fit knows of it."""
+
+    @classmethod
+    def of(cls, problem: Problem, x: FloatArray, run: str, estimates: Mapping[str, Estimate] | None = None,
+           steps: int | None = None) -> Identified:  # fmt: skip
+        """Take the values x of a problem's unknowns, with the start of its first recording.
+
+        Examples
+        --------
+        >>> import fracid
+        >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+        >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95})
+        >>> model = Identified.of(problem, problem.start, "a twin")
+        >>> model.identifier, [q.name for q in model.outputs]
+        ('rotary_pendulum', ['theta', 'alpha'])
+        """
+        case = Case.of(problem, x, problem.experiments[0])
+        return cls(run, Recursion.of(problem, x, steps), case, estimates or {})
+
+    @classmethod
+    def of_run(cls, run: SavedRun, steps: int | None = None) -> Identified:
+        """As a fit left it."""
+        return cls.of(run.problem, run.x, run.folder.name, {**run.parameters, **run.orders}, steps)
+
+    @property
+    def identifier(self) -> str:
+        """The model's name as a word of C."""
+        word = re.sub(r"\W+", "_", self.tables.model.name, flags=re.ASCII).strip("_")
+        return word if re.match(r"[A-Za-z]", word) else f"model_{word}".rstrip("_")
+
+    def _quantity(self, name: str, unit: str, value: float, about: str = "") -> Quantity:
+        known = self.estimates.get(name)
+        return Quantity(name, unit, float(value), about, known.interval95 if known else None)
+
+    @cached_property
+    def parameters(self) -> tuple[Quantity, ...]:
+        """The constants that the equations have."""
+        used = used_constants(self.tables.model, self.case)
+        return tuple(self._quantity(p.name, p.unit, v, p.description) for p, v in used)
+
+    @cached_property
+    def orders(self) -> tuple[Quantity, ...]:
+        """Each order that has a name, once; they are in the tables."""
+        model = self.tables.model
+        named = dict(zip(model.orders, self.tables.orders.tolist(), strict=True))
+        about = "order of the derivative, which the tables of the memory are made for"
+        return tuple(self._quantity(str(n), "1", q, about) for n, q in named.items() if not isinstance(n, float))
+
+    @cached_property
+    def inputs(self) -> tuple[Quantity, ...]:
+        """With their values at the start."""
+        model, u = self.tables.model, self.case.inputs[len(self.case.past) - 1 if len(self.case.inputs) > 1 else 0]
+        rates = {n: f"rate of {of}" for n, of in model.input_rates.items()}
+        return tuple(Quantity(n, model.input_units.get(n, ""), float(v), rates.get(n, ""))
+                     for n, v in zip(model.inputs, u, strict=False))  # fmt: skip
+
+    @cached_property
+    def states(self) -> tuple[Quantity, ...]:
+        """With their values at the start."""
+        model, start = self.tables.model, self.case.past[-1]
+        units = {model.states[i]: model.output_unit(n) for n, i in model.output_states.items()}
+        return tuple(Quantity(n, units.get(n, ""), float(v), f"state of order {q:.6g}")
+                     for n, v, q in zip(model.states, start, self.tables.orders, strict=True))  # fmt: skip
+
+    @cached_property
+    def outputs(self) -> tuple[Quantity, ...]:
+        """With their values at the start."""
+        model, x, u = self.tables.model, self.case.past[-1], np.array([q.value for q in self.inputs])
+        return tuple(
+            Quantity(n, model.output_unit(n), float(x[h] if isinstance(h, int) else h(0.0, x, u, self.case.parameters)))
+            for n, h in model.outputs.items()
+        )
