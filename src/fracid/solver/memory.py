@@ -31,8 +31,8 @@ memory             exact weights        exponentials    error
 so one compiled loop serves all, and a step costs O(L + modes) instead of O(n).
 
 **What the compression costs.**  :mod:`fracid.solver.exponentials` chooses the exponentials by a quadrature whose three
-errors share the tolerance; :meth:`Memory.certificate` bounds each from the kernel as built, and compares it with the
-exact weights (:mod:`fracid.solver.certificate`).  ``docs/memory.md`` has the derivation and the tables.
+errors share the tolerance; ``benchmarks/certificate.py`` bounds each from the kernel as built, and compares it with the
+exact weights.  ``docs/memory.md`` has the derivation and the tables.
 
 References
 ----------
@@ -49,7 +49,6 @@ from functools import partial
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.solver.certificate import CHECKED, Certificate, check_arguments, measured_errors, proven_errors
 from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
 from fracid.solver.weights import Kernel, exact_kernel
 
@@ -75,45 +74,6 @@ class Memory:
             Number of steps of the run: the largest lag that will be asked for.
         """
         return self.build(family, order, steps)
-
-    def certificate(self, family: str, order: float, steps: int) -> Certificate:
-        """Say how far the weights of a run's kernel can be from the exact ones, and how far they are.
-
-        The bounds are computed from the nodes and weights of the kernel as built; the measurement holds it against
-        the exact weights, by an expansion that owes nothing to the quadrature.  ``docs/memory.md`` derives both.
-
-        Parameters
-        ----------
-        family : ``"gl"`` or ``"pi"``
-        order : float
-            Strictly between 0 and 2.
-        steps : int
-            Number of steps of the run, at least 1.
-
-        Raises
-        ------
-        InputError
-            If one of these is something else; it says what to type.
-
-        Examples
-        --------
-        >>> certificate = compressed(1e-10).certificate("pi", 0.9, steps=10_000_000)
-        >>> certificate.lags, certificate.modes
-        (8, 40)
-        >>> certificate.measured < certificate.bound < 1e-10
-        True
-        >>> short(100).certificate("pi", 0.9, steps=10_000_000).bound  # what is dropped, nothing bounds
-        inf
-        """
-        check_arguments(family, order, steps)
-        kernel = self.kernel(family, float(order), int(steps))
-        lags, error = measured_errors(kernel, family, float(order), int(steps))
-        worst = int(np.argmax(error))
-        return Certificate(
-            self.name, family, float(order), int(steps), kernel.lags, kernel.modes,
-            *proven_errors(family, float(order), int(steps), kernel),
-            float(error[worst]), int(lags[worst]), float(error[lags <= CHECKED].max()),
-        )  # fmt: skip
 
 
 def full() -> Memory:
@@ -162,7 +122,7 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
 
     Every weight is within `tolerance` of the exact one, relative to it, for every order strictly
     between 0 and 2 and up to 10⁷ steps; so H_n is within tolerance · Σ|w_k v_{n−k}|.
-    :meth:`Memory.certificate` shows it, and what rounding adds: for ``pi`` well above order 1, where a long
+    ``benchmarks/certificate.py`` shows it, and what rounding adds: for ``pi`` well above order 1, where a long
     kernel's constant dwarfs its first weights, up to 10⁻⁹ of those at order 1.9 and 10⁷ steps.
 
     Parameters

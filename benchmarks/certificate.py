@@ -1,5 +1,7 @@
 r"""The certificate of a compressed memory: a bound on its error, proven and measured.
 
+    python benchmarks/certificate.py pi 0.9 10_000_000     # of one run's kernel: family, order, steps
+
 How far can a weight of the kernel be from the exact one, relative to it?  Two answers that owe nothing to each other:
 
 * **proven** (:func:`proven_errors`), from the nodes and weights of the kernel as built: the spacing of the grid, by
@@ -15,14 +17,15 @@ How far can a weight of the kernel be from the exact one, relative to it?  Two a
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
 from fracid.solver.exponentials import EXACT_LAGS, LOW_NODES, little_jacobi, sine_ratio
+from fracid.solver.memory import Memory, compressed
 from fracid.solver.weights import Kernel
 
 CHECKED = 1000
@@ -73,15 +76,15 @@ class Certificate:
                 f"{self.rounding:.1g}); found: {self.measured:.2g}, at lag {self.worst_lag:,}")  # fmt: skip
 
 
-def check_arguments(family: str, order: float, steps: int) -> None:
-    """Refuse an unknown family of weights, an order outside (0, 2), and less than one step."""
-    if family not in ("gl", "pi"):
-        raise InputError(f"There is no family of weights {family!r}; type 'gl' (the derivative's, Grünwald–Letnikov) "
-                         "or 'pi' (the integral's, product trapezoidal).")  # fmt: skip
-    if not 0 < order < 2:
-        raise InputError(f"The order is {order!r}; it must lie strictly between 0 and 2, for example 0.9.")
-    if not (isinstance(steps, int | np.integer) and steps >= 1):
-        raise InputError(f"steps={steps!r}: the number of steps must be whole and at least 1, for example 20_000.")
+def certificate(memory: Memory, family: str, order: float, steps: int) -> Certificate:
+    """Say how far the weights of a run's kernel can be from the exact ones, and how far they are."""
+    kernel = memory.kernel(family, order, steps)
+    lags, error = measured_errors(kernel, family, order, steps)
+    worst = int(np.argmax(error))
+    return Certificate(
+        memory.name, family, order, steps, kernel.lags, kernel.modes, *proven_errors(family, order, steps, kernel),
+        float(error[worst]), int(lags[worst]), float(error[lags <= CHECKED].max()),
+    )  # fmt: skip
 
 
 # --- what is proved, and what is found -------------------------------------------------------------
@@ -95,7 +98,7 @@ def _in_common(family: str, q: float) -> tuple[float, float, float]:
     return (1 + q, q, q / 2) if family == "gl" else (1 - q, 2.0, 0.0)
 
 
-def _far_weights(family: str, q: float, lags: NDArray[np.int64]) -> FloatArray:
+def far_weights(family: str, q: float, lags: NDArray[np.int64]) -> FloatArray:
     r"""Exact w_k from k = 9 on, to rounding, by Watson's lemma: :math:`t^{-a} Σ_j c_j (a)_{2j} t^{-2j}` over a Γ.
 
     With t = k − shift and :math:`h^p = Σ c_j s^{2j}`; twelve terms do from t = 8 on.
@@ -118,7 +121,7 @@ def measured_errors(kernel: Kernel, family: str, q: float, steps: int) -> tuple[
         return np.array([steps]), np.zeros(1)
     spread = np.geomspace(CHECKED, max(CHECKED, steps), 2000).astype(np.int64)
     lags = np.unique(np.minimum(np.concatenate([np.arange(EXACT_LAGS + 1, CHECKED + 1), spread]), steps))
-    return lags, np.abs(kernel.at(lags) / _far_weights(family, q, lags) - 1)
+    return lags, np.abs(kernel.at(lags) / far_weights(family, q, lags) - 1)
 
 
 def proven_errors(family: str, q: float, steps: int, kernel: Kernel) -> tuple[float, float, float, float]:
@@ -158,7 +161,7 @@ def _upper_error(family: str, q: float, steps: int, kernel: Kernel, beyond: Floa
     log_h = beyond / 2 + np.log(-np.expm1(-beyond) / beyond)
     share = np.exp(a * np.log(beyond) + p * log_h - np.outer(lags - shift, beyond)).sum(axis=1)
     mean = np.exp((lags - lags[0]) * np.log1p(kernel.decay[-1])) * kernel.amplitude[-1]
-    return float(np.abs((_factor(family, q) * spacing * share - mean) / _far_weights(family, q, lags)).max())
+    return float(np.abs((_factor(family, q) * spacing * share - mean) / far_weights(family, q, lags)).max())
 
 
 def _lower_error(family: str, q: float, steps: int, kernel: Kernel, spacing: float) -> tuple[float, float]:
@@ -197,3 +200,7 @@ def _rounding(kernel: Kernel, steps: int) -> float:
     beyond = lags - kernel.lags - 1
     terms = np.exp(np.outer(beyond, np.log1p(kernel.decay))) @ np.abs(kernel.amplitude) + abs(kernel.ramp) * beyond
     return float(4 * np.finfo(np.float64).eps * (terms / np.abs(kernel.at(lags))).max())
+
+
+if __name__ == "__main__":
+    print(certificate(compressed(1e-10), sys.argv[1], float(sys.argv[2]), int(sys.argv[3])))
