@@ -80,8 +80,7 @@ def test_with_joints_that_give_before_they_slide_the_residual_is_one_encoder_ste
     assert max(degrees(fit.recordings["release 92°"]).values()) <= 0.10
     assert max(degrees(fit.recordings["release 16°"]).values()) <= 0.13  # held out
     assert fit.discretisation.warning == ""
-    low, high = fit.parameters["cable_stiffness"].interval95
-    assert low < 0.0 < high  # what looked like a cable's spring was presliding
+    assert fit.parameters["cable_stiffness"].interval95[1] < 0.02  # 0.04 before: most of that spring was presliding
 
 
 def test_a_pulse_and_both_releases_are_one_rig_whose_axis_leans(example):
