@@ -1,5 +1,7 @@
 """The step of an encoder is found from all spacings, and none where there is no encoder."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -88,3 +90,11 @@ def test_digits_of_a_file_are_not_counts_a_turn():
 def test_a_counter_counts_in_ones_whatever_its_noise():
     counts = np.round(SWING * 2**24 / 6 + 300 * np.random.default_rng(5).standard_normal(len(T)))
     assert resolution(counts) == 1.0
+
+
+def test_two_values_that_are_nearly_one_cost_no_search_through_all_steps_between():
+    values = np.append(0.8 * np.cos(np.arange(40) / 20), 0.0964022279865167)
+    tracemalloc.start()
+    assert resolution(np.insert(values, 17, values[29] + 1.2e-8)) is None
+    assert tracemalloc.get_traced_memory()[1] < 2**25
+    tracemalloc.stop()

@@ -160,9 +160,9 @@ def _agreed(values: FloatArray, weights: FloatArray, octave: float) -> float | N
     while True:
         near = slice(*np.searchsorted(x, [-width, width * (1 + 1e-9)]))
         few = slice(near.start, near.stop, -(-(near.stop - near.start) // SEEN))
-        rates = np.arange(low, high + 0.1 / width, 0.1 / width)
-        if len(rates) > 20 * SEEN:  # so few values so far apart tell no step so small
+        if (high - low) * width > 2 * SEEN:  # so few values so far apart tell no step so small
             return None
+        rates = np.arange(low, high + 0.1 / width, 0.1 / width)
         R = _agreement(rates, x[few], weights[few])
         best = int(np.argmax(R))
         double = R[: np.searchsorted(rates, 0.55 * rates[best])]  # with q agrees q/2 too
