@@ -15,6 +15,7 @@ sentence is a note on it.
 from __future__ import annotations
 
 import io
+import json
 import math
 import os
 import struct
@@ -252,6 +253,17 @@ def parquet(**columns: object) -> Callable[[], bytes]:
     return make
 
 
+def json_log(**columns: object) -> Callable[[], bytes]:
+    """Columns in JSON; single values stand beside them."""
+    return lambda: json.dumps(
+        {n: x if isinstance(x, list | str | float) else x.tolist() for n, x in (GOOD | columns).items()}
+    ).encode()
+
+
+def json_lines() -> bytes:
+    return "\n".join(json.dumps(dict(zip(GOOD, row, strict=True))) for row in zip(*GOOD.values(), strict=True)).encode()
+
+
 def npz_twice() -> bytes:
     """An archive with two members of one name, as one that was appended to has."""
     file = io.BytesIO()
@@ -337,8 +349,16 @@ TEXTS = [
         slice(1, None), [f"{k};1.234,5" for k in range(50)])),
         "log.csv holds no row of numbers; its line 26, for example, is '24;1.234,5'.", 3),
     Row("dates as time", "log.csv", text(head="t,alpha", change=lambda lines: lines.__setitem__(
-        slice(1, None), [f"2024-01-01 12:00:{k},1.5" for k in range(50)])),
-        "Expected numbers like 0.01 or -1.5e-3, without dates, units and thousands separators.", 3),
+        slice(1, None), [f"2024-01-01 12:00:{k / 10:06.3f},{k % 7}" for k in range(50)])),
+        "Time is counted from the first stamp, 1704110400.000000 s.", 0),
+    Row("dates that no calendar has", "log.csv", text(head="t,alpha", change=lambda lines: lines.__setitem__(
+        slice(1, None), [f"2024-02-31 12:00:{k},1.5" for k in range(10, 50)])),
+        "Expected numbers like 0.01 or -1.5e-3, without units and thousands separators; dates like 2024-01-31 12:00:00.", 3),
+    Row("decimal commas in quotes", "log.csv", text(change=lambda lines: lines.__setitem__(
+        slice(1, None), ['"' + x.replace(",", '","').replace(".", ",") + '"' for x in lines[1:]])),
+        "Its numbers have decimal commas.", 0),
+    Row("names with commas in quotes", "log.csv", text(head='"Time; s","Angle; deg",alpha', change=lambda lines: lines.__setitem__(
+        0, lines[0].replace(";", ","))), "Angle, deg is in deg, as the header says.", 0),
     Row("other separators from the middle on", "log.csv",
         text(change=lambda lines: lines.__setitem__(slice(200, None), [x.replace(",", ";") for x in lines[200:]])),
         "log.csv has rows of two kinds: 199 like '0.000000,0.000000,0.800000' (cells between commas, decimal point), and "
@@ -391,6 +411,8 @@ SAMPLES = [
         "between two samples it jumps by a whole turn, … was its count wrapped? Type unwrap = true in its table.", 0),
     Row("a clock that was set", "log.csv", text(columns=(np.where(T > 2, T + 0.15, T), THETA, ALPHA)),
         "samples are missing in 1 gap (160 ms after 2 s) … its clock jumps by 0.16 s after 2 s, and the motion goes on as if it had not", 0),
+    Row("a clock of 32 bits that begins again", "log.csv", text(head="micros,theta,alpha", columns=((4.293e9 + 1e6 * T) % 2**32, THETA, ALPHA)),
+        "'micros' begins again at 2³² once: the clock is continued.", 0),
     Row("infinite time stamps", "log.csv", text(columns=with_column(0, 7, np.inf)),
         "1 of 400 rows have no time stamp and were left out.", 0),
     Row("time as no clock has it", "log.csv", text(head="t,alpha", columns=(T, ALPHA), change=lambda lines: lines.
@@ -498,6 +520,18 @@ BINARY = [
     Row("two columns of one name", "run.parquet", parquet_twice, "Left out: alpha is the name of 2; give each its own.", 0),
     Row("words", "run.parquet", parquet(t=T, alpha=ALPHA, who=["me"] * 400),
         "Left out: who is no column of numbers.", 0),
+    Row("empty", "run.json", lambda: b"", f"run.json {EMPTY}", 3, "JSON"),
+    Row("cut off", "run.json", cut(json_log()), "run.json is damaged or is no JSON file", 3),
+    Row("text", "run.json", text(), "run.json is damaged or is no JSON file (Expecting value", 3),
+    Row("a line for each sample", "run.jsonl", json_lines, "good: 400 samples", 0),
+    Row("NaN, which JSON has not", "run.json", json_log(alpha=[math.nan, *ALPHA[1:]]), "alpha misses 1 sample at 0 s (0.25 %)", 0),
+    Row("single values beside the samples", "run.json", json_log(mass=0.49, motor="xl330"),
+        "Beside its samples it has mass = 0.49, motor = xl330.", 0),
+    Row("single values alone", "run.json", lambda: b'{"mass": 0.49}', "run.json holds no arrays of numbers.", 3),
+    Row("lists in lists in lists", "run.json", lambda: b"[" * 5000, "run.json is damaged or is no JSON file (it lies too deep in itself)", 3),
+    Row("records of which each has a name of its own", "run.json", lambda: json.dumps([{f"c{k}": 0} for k in range(3000)]).encode(),
+        UNPACKS, 3),
+    Row("text among the numbers", "run.json", json_log(theta=["stuck", *THETA[1:]]), "Left out: theta holds values of several kinds.", 0),
 ]  # fmt: skip
 
 

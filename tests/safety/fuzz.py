@@ -340,6 +340,7 @@ SOURCES = {
     "npz": ("numpy_files", "content", "arrays", "table"),
     "hdf5": ("hdf5", "content", "arrays", "table"),
     "parquet": ("parquet", "content", "arrays", "table"),
+    "json": ("records", "content", "arrays", "table"),
     "project": ("../../problem/project",),
     "search": ("../../problem/project", "../../problem/unknowns", "../../estimation/search"),
 }

@@ -22,7 +22,9 @@ are, most of its values are sensible, and some are numbers at the edge of what c
 from __future__ import annotations
 
 import io
+import json
 import random
+import re
 import struct
 import zipfile
 import zlib
@@ -148,6 +150,32 @@ def _parquet_seeds() -> list[bytes]:
         {"compression": "zstd"},
     ]
     return [_saved(lambda f, t=t, o=o: parquet.write_table(t, f, **o)) for t in tables for o in options]
+
+
+def _json_seeds() -> list[bytes]:
+    columns = {"timestamp": T.tolist(), "theta": THETA.tolist(), "alpha": ALPHA.tolist()}
+    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    stamped = [{"stamp": {"sec": k, "nanosec": 7}, "q": [a, 0, None], "on": k > 9} for k, a in enumerate(ALPHA)]
+    dated = [{"time": f"2024-01-01T12:00:{k}Z", "alpha": a} for k, a in enumerate(ALPHA[:50])]
+    kinds = [columns, records, {"mass": 0.49, "motor": "xl330", "entries": records}, stamped, dated]
+    return [*(json.dumps(kind).encode() for kind in kinds), "\n".join(map(json.dumps, records)).encode()]
+
+
+JSON_VALUES = ("null", "true", "NaN", "-Infinity", "1e999", "1" * 5000, '"x"', "[]", "{}", "[1,2]", '{"a":1}', "[[[]]]",
+               '"' + "x" * 9000 + '"', "[" * 500, '{"0":1,"1":2}', '"2024-01-01"', "-", '"\\ud800"')  # fmt: skip
+
+
+def _json(rng: random.Random) -> bytes:
+    seeds = _seeds("json")
+    raw = rng.choice(seeds)
+    for _ in range(_times(rng)):
+        numbers = [*re.finditer(rb"-?[0-9][0-9.e-]*", raw)]
+        if rng.random() < 0.4 or not numbers:
+            raw = _changed(raw, rng, seeds)
+            continue
+        at = rng.choice(numbers)
+        raw = raw[: at.start()] + rng.choice(JSON_VALUES).encode() + raw[at.end() :]
+    return raw
 
 
 def _project_seeds() -> list[bytes]:
@@ -576,6 +604,7 @@ READERS: dict[str, tuple[tuple[str, ...], Callable[[], list[bytes]], Callable[[r
     "npz": ((".npz",), _npz_seeds, _npz),
     "hdf5": ((".h5", ".hdf5"), _hdf5_seeds, _hdf5),
     "parquet": ((".parquet",), _parquet_seeds, _parquet),
+    "json": ((".json", ".jsonl"), _json_seeds, _json),
     "project": ((".toml",), _project_seeds, _project),
     "search": ((".toml",), _project_seeds, _search),
 }

@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     "fracid check log.csv --time stamp --column alpha=joint1/position --column u=command,unit=V,fill=hold",
 )
 def check(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet .json")
+    ],
     column: Annotated[
         list[str] | None,
         option(

@@ -7,9 +7,10 @@ In this order, the first that applies:
 2. a rate in the header of a file with one column (``sample_rate`` over ``1000``);
 3. of the columns whose name means time, or else of all, the one that increases most evenly.
 
-The unit is the caller's, the header's, or s.  Rows without a time stamp are left out, and a first stamp beyond twelve
-days is a date, from which time is then counted.  Every guess is a sentence for the report.  What is no clock at all is
-refused here; jitter, gaps and repeated stamps are measured (:mod:`fracid.recording.measures`) and reported.
+The unit is the caller's, the header's, or s.  Rows without a time stamp are left out, a first stamp beyond twelve
+days is a date, from which time is then counted, and a counter of 32 bits that begins again is continued.  Every guess
+is a sentence for the report.  What is no clock at all is refused here; jitter, gaps and repeated stamps are measured
+(:mod:`fracid.recording.measures`) and reported.
 """
 
 from __future__ import annotations
@@ -49,6 +50,9 @@ CLOCK_STAMP = 1e6
 SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 """Of a clock [s]."""
 
+WRAP = 2.0**32
+"""Where the counters of microcontrollers begin again: micros() after 71 minutes."""
+
 EVEN = 0.05
 """Relative scatter of its steps below which a column is a clock."""
 
@@ -86,7 +90,8 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     unit = spec.get("unit") or (header if header in SECONDS else "s")
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
-    stamps = measurable(table.values[:, column])[0] * SECONDS[unit]
+    ticks, wraps = _unrolled(measurable(table.values[:, column])[0])
+    stamps = ticks * SECONDS[unit]
     rows = np.isfinite(stamps)
     stamps = stamps[rows]
     if not stamps.size:
@@ -98,6 +103,9 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         )
     if header and not table.units[column] and "unit" not in spec:
         sentences.append(f"Time is in {header}, as its name {short_text(table.names[column])!r} says.")
+    if wraps:
+        times = "once" if wraps == 1 else f"{wraps} times"
+        sentences.append(f"{short_text(table.names[column])!r} begins again at 2³² {times}: the clock is continued.")
     if not rows.all():
         sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
     if "zero" in spec:
@@ -185,9 +193,12 @@ def _header_rate(header: Sequence[str]) -> float | None:
 def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
     candidates = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
-    units = [j for j, name in enumerate(table.names) if _name_unit(name) and unevenness(table.values[:, j]) is not None]
+    units = [
+        j for j, name in enumerate(table.names)
+        if _name_unit(name) and unevenness(_unrolled(table.values[:, j])[0]) is not None
+    ]  # fmt: skip
     among = candidates or units or range(len(table.names))
-    evenness = {j: e for j in among if (e := unevenness(table.values[:, j])) is not None}
+    evenness = {j: e for j in among if (e := unevenness(_unrolled(table.values[:, j])[0])) is not None}
     if candidates and not evenness:  # a clock that repeats or goes back: the report will say so
         return candidates[0]
     if not evenness:
@@ -207,6 +218,18 @@ def _is_wide(table: Table) -> bool:
 def short_text(text: str) -> str:
     """On one line that can be printed, 200 characters at most."""
     return printable(" ".join(text.split()))[:200]
+
+
+def _unrolled(column: FloatArray) -> tuple[FloatArray, int]:
+    """A counter of 32 bits that is continued where it begins again, and how often it does; else the column."""
+    there = np.isfinite(column)
+    ticks = column[there]
+    falls = np.diff(ticks) < -WRAP / 2
+    if not falls.any() or not (ticks.min() >= 0 and ticks.max() < WRAP):
+        return column, 0
+    column = column.copy()
+    column[there] = ticks + WRAP * np.concatenate([[0], np.cumsum(falls)])
+    return column, int(falls.sum())
 
 
 def unevenness(column: FloatArray) -> float | None:

@@ -51,7 +51,7 @@ def load_recording(
     Parameters
     ----------
     path : str or Path
-        The file: text, .mat, .npz, .npy, HDF5 or Parquet.
+        The file: text, .mat, .npz, .npy, HDF5, Parquet or JSON.
     columns : mapping, optional
         Signal name to column, or to the fields of a :class:`Channel`.  None guesses; the report says what.
     time : mapping, optional

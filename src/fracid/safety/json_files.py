@@ -76,8 +76,14 @@ def from_json(value: _Value | None, otherwise: _Value) -> _Value:
     return otherwise if value is None else value
 
 
-def json_of(text: str | bytes) -> Any:
+def json_of(text: str | bytes, **numbers: Any) -> Any:
     """JSON's value, if it has nothing that fracid does not write.
+
+    Parameters
+    ----------
+    text : str or bytes
+    numbers
+        As of :func:`json.loads`: ``parse_constant = float`` takes NaN and infinity, as of other programs.
 
     Raises
     ------
@@ -96,7 +102,7 @@ def json_of(text: str | bytes) -> Any:
     if sum(map(text.count, ",[{")) > MOST_VALUES:
         raise ValueError(f"it holds more than {MOST_VALUES} values")
     try:
-        value = json.loads(text, parse_constant=_no_number)
+        value = json.loads(text, **{"parse_constant": _no_number} | numbers)
     except RecursionError:
         raise ValueError("it lies too deep in itself") from None
     level, depth = [value], 0

@@ -4,7 +4,7 @@
 kind            how it is known
 ==============  =============================================================
 ``project``     a file that ends in .toml
-``recording``   a file with another ending that :mod:`fracid.recording` reads
+``recording``   a file that :mod:`fracid.recording` reads by its ending, and no JSON of a run or study
 ``run``         a folder with a ``result.json``, or a ``run.json`` of a fit
 ``study``       a folder with a ``compare.json`` or ``noise.json``
 ==============  =============================================================
@@ -29,7 +29,7 @@ from fracid.safety.json_files import json_of
 
 Kind = Literal["project", "recording", "run", "study"]
 
-RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet")
+RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet", ".json", ".jsonl")
 """Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
 
 STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior"}
@@ -68,7 +68,8 @@ def kind_of(path: Path) -> Kind | None:
         return None
     if path.suffix.lower() == ".toml":
         return "project"
-    return "recording" if path.suffix.lower() in RECORDINGS else None
+    of_a_run = path.suffix == ".json" and kind_of(path.parent) is not None
+    return "recording" if path.suffix.lower() in RECORDINGS and not of_a_run else None
 
 
 def refuse_mistaken(path: Path, target: Kind) -> None:

@@ -17,10 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
+from fracid.recording.channel import TABLES
 from fracid.recording.readers.content import EMPTY, Content, LeftOut, refuse_bomb, seconds
 from fracid.safety.text import ascii_short
 
 Array = NDArray[np.generic]
+
+WORDS = sorted(
+    {word for kind in TABLES.values() for name, row in kind.items() for word in (name, *row.get("also", ()))}
+)
+
+AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, WORDS))})\s*$"
+"""A unit in a name that was quoted for its comma."""
 
 LISTED = 12
 """Names in a message, at most."""
@@ -91,9 +99,9 @@ def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]
 
 
 def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
-    """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``."""
-    inside = re.search(r"[\[(]([^\])]*)[\])]\s*$", (unit or name)[-200:])
-    return name or f"column {position}", (inside[1] if inside else unit).strip()
+    """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``, ``theta, deg``."""
+    inside = re.search(r"[\[(]([^\])]*)[\])]\s*$|" + AFTER_COMMA, (unit or name)[-200:])
+    return name or f"column {position}", (inside[1] or inside[2] if inside else unit).strip()
 
 
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:

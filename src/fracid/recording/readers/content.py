@@ -9,8 +9,10 @@ bytes: more than any recording has, and the memory that reading takes is bounded
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -107,3 +109,33 @@ def seconds(dates: NDArray[np.generic]) -> NDArray[np.float64]:
     """
     spans: Any = dates - np.datetime64(0, "s") if dates.dtype.kind == "M" else dates  # type: ignore[operator]
     return np.asarray(spans / np.timedelta64(1, "s"), dtype=np.float64)
+
+
+STAMP = re.compile(
+    r"(?P<day>[0-9]{4}([-/])[0-9]{2}\2[0-9]{2})?[T ]?"
+    r"(?P<time>[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,12})?(?:Z|[+-][0-9]{2}:?[0-9]{2})?)?",
+    re.I,
+)
+"""A day, a time of day, or both, as ISO 8601 has them."""
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def seconds_of_stamp(text: str) -> float | None:
+    """Return a date and time as seconds since 1970, of a time alone since midnight; None for what is neither.
+
+    Examples
+    --------
+    >>> seconds_of_stamp("1970-01-02T00:00:00.5Z"), seconds_of_stamp("00:01:00"), seconds_of_stamp("1.5")
+    (86400.5, 60.0, None)
+    """
+    stamp = STAMP.fullmatch(text)
+    if stamp is None or not (stamp["day"] or stamp["time"]):
+        return None
+    try:
+        moment = datetime.fromisoformat(
+            f"{stamp['day'] or '1970-01-01'}T{stamp['time'] or '00:00:00'}".replace("/", "-").replace(",", ".").upper()
+        )
+    except ValueError:  # the 31st of February
+        return None
+    return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - EPOCH).total_seconds()

@@ -9,6 +9,7 @@ ending               read as
 .npz .npy            NumPy
 .h5 .hdf5            HDF5; groups are walked
 .parquet             Parquet, needs ``pip install 'fracid[parquet]'``
+.json .jsonl         records or columns (:mod:`fracid.recording.readers.records`)
 ===================  =============================================================
 
 A binary file holds named arrays; :mod:`fracid.recording.readers.arrays` says which of them is the recording.  Only a
@@ -29,12 +30,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
-from fracid.recording.readers.arrays import choose, name_and_unit
+from fracid.recording.readers.arrays import AFTER_COMMA, choose, name_and_unit
 from fracid.recording.readers.content import Content
 from fracid.recording.readers.hdf5 import read_hdf5
 from fracid.recording.readers.matlab import is_hdf5, read_mat
 from fracid.recording.readers.numpy_files import read_npy, read_npz
 from fracid.recording.readers.parquet import read_parquet
+from fracid.recording.readers.records import read_json
 from fracid.recording.readers.text import MOST_COLUMNS, read_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
@@ -186,7 +188,7 @@ def _elsewhere(path: Path) -> Path | None:
 
 def _bare(name: str) -> str:
     """Return the name without a unit in brackets."""
-    return re.sub(r"\s*[\[(][^\])\[(]*[\])]\s*$", "", name)
+    return re.sub(rf"\s*[\[(][^\])\[(]*[\])]\s*$|{AFTER_COMMA}", "", name)
 
 
 def _nearby(path: Path) -> str:
@@ -237,6 +239,11 @@ def _parquet(path: Path, variable: str | None) -> Table:
     return _arrays(read_parquet)(path, None)
 
 
+def _json(path: Path, variable: str | None) -> Table:
+    content, notes = read_json(path)
+    return replace(_arrays(lambda _: content)(path, variable), notes=notes)
+
+
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _text),
     ".mat": _arrays(_mat),
@@ -244,4 +251,5 @@ READERS: dict[str, Callable[[Path, str | None], Table]] = {
     ".npy": _arrays(read_npy),
     **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
     ".parquet": _parquet,
+    **dict.fromkeys((".json", ".jsonl"), _json),
 }

@@ -5,7 +5,8 @@ of numbers.  The dialect is found by trial rather than by rule: each pair (delim
 decimal sign) of ``DIALECTS`` splits a sample of the lines, and the one under which most of
 them are numbers with one common count of fields wins; a header of the same count breaks
 ties.  So ``1,5;2,5`` is two numbers with a decimal comma and ``1,5`` is two integers,
-unless a header of one name says that it is one number.
+unless a header of one name says that it is one number.  Quotes decide: ``"1,5","2,5"`` is
+two numbers.  A date and time, ``2024-01-31 12:00:00.5``, is seconds.
 
 Comment lines begin with ``#``, ``%`` or ``//``.  Blank cells, ``nan``, ``na`` and ``null``
 are missing samples (NaN).  Text among the numbers is an error that names line and column.
@@ -20,9 +21,11 @@ for its numbers, so that 10⁷ rows take no more memory than twice their numbers
 from __future__ import annotations
 
 import codecs
+import csv
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import TextIOWrapper
 from itertools import islice, pairwise
@@ -32,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
+from fracid.recording.readers.content import seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
 
@@ -68,22 +72,31 @@ class Dialect:
     """None is white space of any length."""
     decimal: str
     """``.`` or ``,``."""
+    stamped: bool = False
+    """Whether a date and time counts as a number."""
 
     def split(self, line: str) -> list[str]:
         """Cut a line into cells without their quotes and blanks."""
-        return [cell.strip().strip('"').strip() for cell in line.strip("\r\n ").split(self.delimiter)]
+        line = line.strip("\r\n ")
+        cells = line.split(self.delimiter)
+        if '"' in line and self.delimiter:
+            with suppress(csv.Error):  # a cell of more than 131,072 characters is none that was quoted for its commas
+                cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
+        return [cell.strip().strip('"').strip() for cell in cells]
 
     def number(self, cell: str) -> float:
         """Return the cell's number, NaN where it is blank; ValueError where it is text."""
         if cell.lower() in BLANK:
             return float("nan")
+        if self.stamped and (stamp := seconds_of_stamp(cell)) is not None:
+            return stamp
         if not NUMBER[self.decimal].fullmatch(cell):  # Python's float takes 1_000 and ١٢ as well
             raise ValueError(cell)
         return float(cell.replace(",", "."))
 
     def is_number(self, cell: str) -> bool:
         """Tell whether the cell holds a number and is not blank."""
-        return NUMBER[self.decimal].fullmatch(cell) is not None
+        return NUMBER[self.decimal].fullmatch(cell) is not None or (self.stamped and seconds_of_stamp(cell) is not None)
 
     def __str__(self) -> str:
         """In words."""
@@ -92,9 +105,12 @@ class Dialect:
 
 
 DIALECTS = tuple(
-    Dialect(delimiter, decimal)
-    for delimiter, decimal in [(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (None, "."), (None, ",")]
-)
+    Dialect(delimiter, decimal, stamped)
+    for stamped in (False, True)
+    for delimiter, decimal in [(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (None, "."), (None, ","),
+                               (",", ",")]
+)  # fmt: skip
+"""The first under which most lines are numbers is taken; the last one needs quotes, for it is the first without."""
 
 
 @dataclass(frozen=True)
@@ -310,7 +326,7 @@ def _no_row(lines: _Lines) -> str:
     number = next((i for i, other in enumerate(lines.read(), 1) if other.rstrip("\r\n") == line.rstrip("\r\n")), 0)
     return (
         f"{lines.name} holds no row of numbers; its line {number}, for example, is {ascii_short(line.strip())}. "
-        "Expected numbers like 0.01 or -1.5e-3, without dates, units and thousands separators."
+        "Expected numbers like 0.01 or -1.5e-3, without units and thousands separators; dates like 2024-01-31 12:00:00."
     )
 
 
@@ -343,7 +359,8 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
     split = [dialect.split(line.lstrip("#%/ ") if line.startswith(COMMENT) else line) for line in header]
     for line, cells in zip(header, split, strict=True):
         texts = _text_cells(dialect, cells)
-        if 0 < len(texts) < width == len(cells) and any(map(dialect.is_number, cells)) and line[0] not in "#%/":
+        plain = any(map(NUMBER[dialect.decimal].fullmatch, cells))
+        if 0 < len(texts) < width == len(cells) and plain and line[0] not in "#%/":
             raise DataError(
                 f"{file}: {ascii_short(cells[texts[0]])} in column {texts[0]} of the line {ascii_short(line)} "
                 "is not a number."
@@ -372,7 +389,8 @@ def _header_note(dialect: Dialect, width: int, header: list[str], names: tuple[s
 
 def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: str) -> None:
     """``t,alpha`` above ``0,01,1,5``: the comma separates the cells, and is in them."""
-    last = dialect.split(header[-1]) if header else []
+    rows = map(dialect.split, reversed(header))
+    last: list[str] = next((cells for cells in rows if not all(map(dialect.is_number, cells))), [])
     if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
         raise DataError(
             f"{file} has {len(last)} names above rows of {width} cells: is the comma both the separator and the "
@@ -406,9 +424,11 @@ def _block(
     """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
     texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
     try:
+        if dialect.stamped or dialect.delimiter == dialect.decimal:
+            raise ValueError("what is no plain number is for _row")
         if dialect.decimal == "," and any("." in line for _, line in rows):
             raise ValueError("a point among decimal commas is for _row to tell")
-        values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, ndmin=2)
+        values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
     except ValueError:
         values = np.empty((0, 0))
     if values.shape == (len(rows), width):

@@ -1,0 +1,99 @@
+"""Logs as loggers write them: dates, quotes, a clock that begins again, JSON."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fracid.recording import load_recording, read_table
+from fracid.safety.paths import kind_of
+
+T = np.arange(200) / 100
+ALPHA = np.round(0.8 * np.cos(5 * T), 4)
+RECORDS = [{"timestamp": t, "position": a, "load": None if k else 0.5} for k, (t, a) in enumerate(zip(T, ALPHA))]
+SERVO = {"mass": 0.49, "length": 0.1, "motor": "xl330", "entries": RECORDS}
+LAYOUTS = {
+    "records": json.dumps(RECORDS),
+    "a record a line": "\n".join(map(json.dumps, RECORDS)),
+    "the log of a servo": json.dumps(SERVO),
+    "columns": json.dumps({"timestamp": T.tolist(), "position": ALPHA.tolist()}),
+    "columns by row": json.dumps({n: {str(k): r[n] for k, r in enumerate(RECORDS)} for n in ("timestamp", "position")}),
+    "times of ROS": json.dumps(
+        [{"stamp": {"sec": 1_700_000_000 + k // 100, "nanosec": k % 100 * 10**7}, "position": a}
+         for k, a in enumerate(ALPHA)]),
+    "dates": json.dumps([{"time": f"2024-01-01T12:00:{t:06.3f}Z", "position": a} for t, a in zip(T, ALPHA)]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_json_log_is_read_in_any_layout(tmp_path, layout):
+    (tmp_path / "log.json").write_text(LAYOUTS[layout])
+    recording = load_recording(tmp_path / "log.json", {"alpha": {"column": "position", "unit": "rad"}})
+    np.testing.assert_array_equal(recording.signals["alpha"], ALPHA)
+    np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
+
+
+def test_what_stands_beside_the_records_of_a_log_is_said_and_a_list_is_a_column_for_each_place(tmp_path):
+    (tmp_path / "log.json").write_text(json.dumps(SERVO | {"entries": [r | {"q": [1, 2.5]} for r in RECORDS]}))
+    table = read_table(tmp_path / "log.json")
+    assert table.names == ("timestamp", "position", "load", "q.0", "q.1")
+    assert table.notes == ("Beside its samples it has mass = 0.49, length = 0.1, motor = xl330.",)
+    assert np.isnan(table.values[1:, 2]).all()
+    assert set(table.values[:, 4]) == {2.5}
+
+
+@pytest.mark.parametrize(
+    ("stamp", "separator"),
+    [
+        ("2024-03-01 23:59:{:06.3f}", ";"), ("2024-03-01T23:59:{:06.3f}Z", ","), ("2024/03/01 23:59:{:06.3f}", "\t"),
+        ("23:59:{:06.3f}", ","), ("2024-03-01 23:59:{:06.3f}", " "), ('"2024-03-01T23:59:{:06.3f}+0100"', ","),
+    ],
+)  # fmt: skip
+def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
+    rows = (f"{stamp.format(t)}{separator}{a}" for t, a in zip(T, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
+    recording = load_recording(tmp_path / "log.csv")
+    np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
+    np.testing.assert_array_equal(next(iter(recording.signals.values())), ALPHA)
+
+
+def test_a_date_above_a_table_of_numbers_is_no_sample(tmp_path):
+    rows = "\n".join(f"{t},{a}" for t, a in zip(T, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text(f"2024-03-01,23:59:00\nt,alpha\n{rows}\n")
+    assert read_table(tmp_path / "log.csv").values.shape == (200, 2)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"), [('"Time [s]","Angle [deg]"', '"{},{:02d}","{}"'), ('"Time, s","Angle, deg"', '"{}.{:02d}","{}"')]
+)
+def test_quotes_keep_commas_in_cells_and_in_names(tmp_path, head, row):
+    degrees = ["40,5" if ",{:02d}" in row else "40.5", "-3", "7"] * 30
+    rows = [row.format(k // 100, k % 100, a) for k, a in enumerate(degrees)]
+    (tmp_path / "log.csv").write_text("\n".join([head, *rows, ""]))
+    recording = load_recording(tmp_path / "log.csv", {"alpha": "Angle"})
+    assert recording.signals["alpha"][0] == pytest.approx(np.radians(40.5))
+    assert recording.step == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("name", ["micros", "time_us"])
+def test_a_counter_that_begins_again_at_two_to_the_32_is_continued_and_said(tmp_path, name):
+    ticks = ((2**32 - 500_000) + 1e4 * np.arange(200)) % 2**32
+    text = "\n".join(f"{t:.0f},{a}" for t, a in zip(ticks, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text(f"{name},alpha\n{text}\n")
+    recording = load_recording(tmp_path / "log.csv")
+    assert recording.step == pytest.approx(0.01)
+    assert f"{name!r} begins again at 2³² once: the clock is continued." in recording.report.reading
+
+
+def test_a_clock_of_another_kind_that_falls_back_is_not_continued(tmp_path):
+    stamps = np.where(T < 1, T, T - 0.5)
+    (tmp_path / "log.csv").write_text("t,a\n" + "".join(f"{t},{a}\n" for t, a in zip(stamps, ALPHA, strict=True)))
+    with pytest.raises(ValueError, match="time does not increase"):
+        load_recording(tmp_path / "log.csv")
+
+
+def test_a_json_of_a_run_is_no_recording(tmp_path):
+    for name in ("log.json", "result.json"):
+        assert kind_of(tmp_path / name) is None
+        (tmp_path / name).write_text("{}")
+        assert kind_of(tmp_path / "log.json") == ("recording" if name == "log.json" else None)
