@@ -51,7 +51,7 @@ def problem_of(name, between="line", **options):
 
 
 def of(problem):
-    return Identified.of(problem, problem.start, "a twin", steps=STEPS)
+    return Identified("a twin", problem, problem.start, steps=STEPS)
 
 
 def archive(folder, problem, version="2"):
@@ -231,7 +231,7 @@ def test_what_a_model_is_called_is_no_code_and_no_xml():
     problem = problem_of("oscillator")
     parameters = tuple(replace(p, unit=evil, description=evil) for p in problem.model.parameters)
     model = replace(problem.model, name=evil, source=evil, parameters=parameters)
-    named = Identified.of(replace(problem, model=model), problem.start, evil, steps=STEPS)
+    named = Identified(evil, replace(problem, model=model), problem.start, steps=STEPS)
     for version in "23":
         for text in sources(named, version).values():
             assert "evil" not in re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)

@@ -58,6 +58,9 @@ def export(
 
     fmu: MODEL.fmu, a unit of co-simulation for Simulink, Modelica and others, by the interface FMI 2.0 or 3.0.
 
+    mjcf, urdf: a rig of the library with integer orders as rigid bodies, for MuJoCo and for what reads URDF; what these
+    lack is printed with the code of the reason.
+
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
     toml: model.toml, the model as equations of a project file.

@@ -6,6 +6,8 @@ format           files                                          module
 ``matlab``       ``results.mat``, ``model.m``                   :mod:`fracid.export.matlab`
 ``c``            ``fracid_model.c``, ``fracid_model.h``         :mod:`fracid.export.c`
 ``fmu``          ``MODEL.fmu``: a unit of co-simulation         :mod:`fracid.export.fmu`
+``mjcf``         ``MODEL.xml``: rigid bodies for MuJoCo          :mod:`fracid.export.simulators`
+``urdf``         ``MODEL.urdf``: the same, a robot description  :mod:`fracid.export.simulators`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
@@ -22,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -37,6 +40,10 @@ HOURS = 10_000_000
 
 PROGRAMS = ("matlab", "c", "fmu", "javascript")
 """Formats that simulate the model."""
+
+
+ON_REQUEST = ("mjcf", "urdf")
+"""Formats that few models have: they are written where they are asked for."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ def export_run(
     folder : str or Path
         Where the files go; made where it is missing.
     formats : sequence of str
-        Of :data:`FORMATS`; all of them if empty.
+        Of :data:`FORMATS`; all but those :data:`ON_REQUEST` if empty.
     steps : int, optional
         Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
         :data:`HOURS` for the C function.
@@ -105,7 +112,7 @@ def export_run(
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'fmu', 'javascript', 'toml', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -114,11 +121,12 @@ def export_run(
         if value not in known:
             raise unknown_name(what, value, known)
     folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms))
+    wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
-    notes = [*run.notes, *_left_out(run, formats or FORMATS)]
+    notes = [*run.notes, *_left_out(run, wanted)]
     with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in formats or FORMATS:
+        for name in wanted:
             before = len(files)
             for thing in FORMATS[name](run, folder, options):
                 if isinstance(thing, Path):
@@ -205,6 +213,28 @@ def _fmu(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
     yield from _of_first(run, path.name)
 
 
+def _rigid(target: str, run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+    from fracid.export import simulators
+    from fracid.export.identified import Identified
+
+    model = Identified.of_run(run)
+    try:
+        rig = simulators.rig_of(model, target)
+    except InputError as error:
+        yield f"{error} There is no file for {target}."
+        return
+    said = list(rig.lost)
+    if target == "MuJoCo":
+        path, write = folder / f"{model.identifier}.xml", simulators.mjcf
+        said.append(simulators.error_in_mujoco(rig, write(rig)))
+    else:
+        path, write = folder / f"{model.identifier}.urdf", simulators.urdf
+        said += simulators.lost_in_urdf(rig)
+    write_text(path, write(rig, simulators.heading(rig, said)))
+    yield path
+    yield from said
+
+
 def _javascript(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
 
@@ -270,7 +300,8 @@ def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Pat
 
 
 FORMATS: dict[str, Callable[[SavedRun, Path, Options], Iterator[Path | str]]] = {
-    "matlab": _matlab, "c": _c, "fmu": _fmu, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
+    "matlab": _matlab, "c": _c, "fmu": _fmu, "mjcf": partial(_rigid, "MuJoCo"), "urdf": partial(_rigid, "URDF"),
+    "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
     "state-space": _state_space,
 }  # fmt: skip
 """(run, folder, options) → the files that it wrote, and sentences."""

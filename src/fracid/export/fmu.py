@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 from fracid._version import __version__
 from fracid.errors import InputError, unknown_name
 from fracid.export.c import c_model, initialiser
-from fracid.export.identified import Identified, Quantity
+from fracid.export.identified import Identified, Quantity, one_line
 from fracid.models.written.equations import dimension
 from fracid.safety.door import own_text
 
@@ -96,7 +96,7 @@ def variables(model: Identified) -> list[Variable]:
     for kind, quantities, *how in kinds:
         for reference, q in enumerate(quantities, begin):
             plain = kind not in ("state", "order") and q.name not in taken
-            name = "".join(c if c.isprintable() else " " for c in (q.name if plain else f"{kind}.{q.name}"))
+            name = one_line(q.name if plain else f"{kind}.{q.name}")
             taken.add(name)
             found.append(Variable(reference, q, name, *how))
         begin += max(1, len(quantities))  # C has no arrays of nothing
@@ -145,7 +145,7 @@ def description(model: Identified, version: Version, token: str) -> str:
     two, every = version == "2", variables(model)
     root = ElementTree.Element("fmiModelDescription", {
         "fmiVersion": f"{version}.0", "modelName": model.identifier, "guid" if two else "instantiationToken": token,
-        "description": _line(f"{model.tables.model.name}, identified by fracid {__version__} from {model.run}"),
+        "description": one_line(f"{model.problem.model.name}, identified by fracid {__version__} from {model.run}"),
         "generationTool": f"fracid {__version__}", "variableNamingConvention": "flat",
     })  # fmt: skip
     state = "state" if two else "State"
@@ -165,10 +165,10 @@ def description(model: Identified, version: Version, token: str) -> str:
     table = ElementTree.SubElement(root, "ModelVariables")
     for v in every:
         value = {"start": repr(v.quantity.value)} if v.causality not in ("independent", "output") else {}
-        value |= {"unit": _line(v.quantity.unit)} if v.quantity.unit else {}
+        value |= {"unit": one_line(v.quantity.unit)} if v.quantity.unit else {}
         common = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality,
                   "variability": v.variability, **({"initial": v.initial} if v.initial else {}),
-                  **({"description": _line(text)} if (text := v.quantity.description) else {})}  # fmt: skip
+                  **({"description": one_line(text)} if (text := v.quantity.description) else {})}  # fmt: skip
         if two:
             ElementTree.SubElement(ElementTree.SubElement(table, "ScalarVariable", common), "Real", value)
         else:
@@ -189,17 +189,12 @@ def _units(root: ElementTree.Element, units: Sequence[str]) -> None:
         return
     table = ElementTree.SubElement(root, "UnitDefinitions")
     for name in units:
-        entry = ElementTree.SubElement(table, "Unit", name=_line(name))
+        entry = ElementTree.SubElement(table, "Unit", name=one_line(name))
         powers = {"rad": 1.0} if name == "rad" else {} if "rad" in name else dict(
             zip(("kg", "m", "s", "A", "K", "mol"), dimension(name) or (), strict=False))  # fmt: skip
         if any(power % 1 for power in powers.values()) or not powers:
             continue  # of a unit that is no whole power the description has the name alone
         ElementTree.SubElement(entry, "BaseUnit", {n: f"{power:.0f}" for n, power in powers.items() if power})
-
-
-def _line(text: str) -> str:
-    """What XML can hold, on one line."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _xml(root: ElementTree.Element) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,17 @@ if TYPE_CHECKING:
     from fracid.estimation.records import Estimate
     from fracid.problem import Problem
     from fracid.runs.saved import SavedRun
+
+
+def one_line(text: str) -> str:
+    """What any format can hold, on one line.
+
+    Examples
+    --------
+    >>> one_line("a\\nb")
+    'a b'
+    """
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 @dataclass(frozen=True)
@@ -42,46 +53,56 @@ class Quantity:
         'order, 95 % interval [0.89, 0.91]'
         """
         known = "" if self.interval is None else "95 % interval [{:.6g}, {:.6g}]".format(*self.interval)
-        return ", ".join(" ".join(text.split()) for text in (self.about, known) if text)
+        return ", ".join(one_line(text) for text in (self.about, known) if text)
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What every writer of machines reads; the constants, step and start are those of one recording."""
+    """What every writer of machines reads; the constants, step and start are those of the first recording.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95})
+    >>> model = Identified("a twin", problem, problem.start)
+    >>> model.identifier, [q.name for q in model.outputs]
+    ('rotary_pendulum', ['theta', 'alpha'])
+    """
 
     run: str
     """Where it was identified."""
-    tables: Recursion
-    case: Case
-    estimates: Mapping[str, Estimate]
+    problem: Problem
+    x: FloatArray
+    """The values of its unknowns, shape (n_unknowns,)."""
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
     """Constant or order → what the fit knows of it."""
-
-    @classmethod
-    def of(cls, problem: Problem, x: FloatArray, run: str, estimates: Mapping[str, Estimate] | None = None,
-           steps: int | None = None) -> Identified:  # fmt: skip
-        """Take the values x of a problem's unknowns, with the start of its first recording.
-
-        Examples
-        --------
-        >>> import fracid
-        >>> swing = fracid.Experiment("twin", 2e-3, np.zeros((500, 2)), np.zeros((1, 1)))
-        >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 0.9, "mu": 0.95})
-        >>> model = Identified.of(problem, problem.start, "a twin")
-        >>> model.identifier, [q.name for q in model.outputs]
-        ('rotary_pendulum', ['theta', 'alpha'])
-        """
-        case = Case.of(problem, x, problem.experiments[0])
-        return cls(run, Recursion.of(problem, x, steps), case, estimates or {})
+    steps: int | None = None
+    """Longest run that the memory holds; None for the recording's."""
 
     @classmethod
     def of_run(cls, run: SavedRun, steps: int | None = None) -> Identified:
         """As a fit left it."""
-        return cls.of(run.problem, run.x, run.folder.name, {**run.parameters, **run.orders}, steps)
+        return cls(run.folder.name, run.problem, run.x, {**run.parameters, **run.orders}, steps)
+
+    @cached_property
+    def case(self) -> Case:
+        """The first recording."""
+        return Case.of(self.problem, self.x, self.problem.experiments[0])
+
+    @cached_property
+    def tables(self) -> Recursion:
+        """What programs step with."""
+        return Recursion.of(self.problem, self.x, self.steps)
+
+    def simulated(self) -> FloatArray:
+        """The states along the first recording, shape (n_steps + 1, n_states)."""
+        return self.problem.simulate(self.x, self.problem.experiments[0]).states
 
     @property
     def identifier(self) -> str:
         """The model's name as a word of C."""
-        word = re.sub(r"\W+", "_", self.tables.model.name, flags=re.ASCII).strip("_")
+        word = re.sub(r"\W+", "_", self.problem.model.name, flags=re.ASCII).strip("_")
         return word if re.match(r"[A-Za-z]", word) else f"model_{word}".rstrip("_")
 
     def _quantity(self, name: str, unit: str, value: float, about: str = "") -> Quantity:
@@ -89,15 +110,20 @@ class Identified:
         return Quantity(name, unit, float(value), about, known.interval95 if known else None)
 
     @cached_property
+    def constants(self) -> dict[str, Quantity]:
+        """All constants of the model, by name."""
+        values = zip(self.problem.model.parameters, self.case.parameters, strict=True)
+        return {p.name: self._quantity(p.name, p.unit, v, p.description) for p, v in values}
+
+    @cached_property
     def parameters(self) -> tuple[Quantity, ...]:
-        """The constants that the equations have."""
-        used = used_constants(self.tables.model, self.case)
-        return tuple(self._quantity(p.name, p.unit, v, p.description) for p, v in used)
+        """Those that the equations have."""
+        return tuple(self.constants[p.name] for p, _ in used_constants(self.problem.model, self.case))
 
     @cached_property
     def orders(self) -> tuple[Quantity, ...]:
         """Each order that has a name, once; they are in the tables."""
-        model = self.tables.model
+        model = self.problem.model
         named = dict(zip(model.orders, self.tables.orders.tolist(), strict=True))
         about = "order of the derivative, which the tables of the memory are made for"
         return tuple(self._quantity(str(n), "1", q, about) for n, q in named.items() if not isinstance(n, float))
@@ -105,7 +131,7 @@ class Identified:
     @cached_property
     def inputs(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, u = self.tables.model, self.case.inputs[len(self.case.past) - 1 if len(self.case.inputs) > 1 else 0]
+        model, u = self.problem.model, self.case.inputs[len(self.case.past) - 1 if len(self.case.inputs) > 1 else 0]
         rates = {n: f"rate of {of}" for n, of in model.input_rates.items()}
         return tuple(Quantity(n, model.input_units.get(n, ""), float(v), rates.get(n, ""))
                      for n, v in zip(model.inputs, u, strict=False))  # fmt: skip
@@ -113,7 +139,7 @@ class Identified:
     @cached_property
     def states(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, start = self.tables.model, self.case.past[-1]
+        model, start = self.problem.model, self.case.past[-1]
         units = {model.states[i]: model.output_unit(n) for n, i in model.output_states.items()}
         return tuple(Quantity(n, units.get(n, ""), float(v), f"state of order {q:.6g}")
                      for n, v, q in zip(model.states, start, self.tables.orders, strict=True))  # fmt: skip
@@ -121,7 +147,7 @@ class Identified:
     @cached_property
     def outputs(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, x, u = self.tables.model, self.case.past[-1], np.array([q.value for q in self.inputs])
+        model, x, u = self.problem.model, self.case.past[-1], np.array([q.value for q in self.inputs])
         return tuple(
             Quantity(n, model.output_unit(n), float(x[h] if isinstance(h, int) else h(0.0, x, u, self.case.parameters)))
             for n, h in model.outputs.items()

@@ -1,0 +1,315 @@
+"""``MODEL.xml`` for MuJoCo and ``MODEL.urdf``: rigs of the library with integer orders, as rigid bodies.
+
+``simulators.toml`` says what the links of a rig are in its constants.  What a simulator lacks is said in the file and
+on the terminal with the code of the reason; a fractional order is refused, for none has one.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from fracid._version import __version__
+from fracid.errors import InputError
+from fracid.export.identified import Identified, one_line
+from fracid.models.geometry import STANDARD_GRAVITY
+from fracid.models.written.formulas import formula
+from fracid.models.written.tree import Expression, Name, Number, mentioned
+from fracid.safety.door import own_text
+
+
+@cache
+def _table() -> Mapping[str, Any]:
+    return tomllib.loads(own_text("export/simulators.toml"))
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body and the joint that carries it; lengths, axes and places in its parent's frame, z up."""
+
+    joint: str
+    """The output that is its joint's angle or position."""
+    kind: str
+    parent: str
+    place: tuple[float, ...]
+    """Of the joint [m]."""
+    axis: tuple[float, ...]
+    mass: float
+    com: tuple[float, ...]
+    """From the joint to the centre of mass [m]."""
+    inertia: tuple[float, ...]
+    """About the centre of mass, along the axes [kg m²]."""
+    zero: float
+    """What the joint shows where the link is as described [rad]."""
+    damping: tuple[float, ...]
+    """Viscous, and of the square of the speed."""
+    friction: float
+    stiffness: float
+    rest: float
+    drive: Mapping[str, float]
+    """Input → torque or force for one of its unit."""
+    limit: float
+    """Largest input; 0 for none."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """An identified model as links."""
+
+    model: Identified
+    links: tuple[Link, ...]
+    shaft: tuple[tuple[str, ...], float, float] | None
+    """The joints that a spring connects, its stiffness and damping."""
+    lost: tuple[str, ...]
+    """What is left out, in sentences with the code of the reason."""
+
+
+class _Values:
+    """Formulas of the identified constants: their values, and which constants they mention."""
+
+    def __init__(self, model: Identified, target: str) -> None:
+        self.target, self.used = target, set[str]()
+        self.names: dict[str, Expression] = {n: Number(q.value) for n, q in model.constants.items()}
+        self.names.setdefault("g", Number(STANDARD_GRAVITY))
+        self.names["hanging"] = Number(-1.0 if model.problem.model.zero == "upright" else 1.0)
+
+    def __call__(self, text: str) -> float:
+        self.used.update(mentioned(formula(text, {n: Name(n) for n in self.names})))
+        found = formula(text, self.names)
+        if not isinstance(found, Number) or not np.isfinite(found.value):
+            raise InputError(f"{text} has no value for these constants, so {self.target} cannot have them [body].")
+        return float(found.value)
+
+
+def rig_of(model: Identified, target: str) -> Rig:
+    """The links of an identified model.
+
+    Parameters
+    ----------
+    model : Identified
+    target : str
+        Who reads them, for messages: ``MuJoCo`` or ``URDF``.
+
+    Raises
+    ------
+    InputError
+        For a model that is no rig of the library, a fractional order, and constants that no rigid bodies have.
+
+    Examples
+    --------
+    >>> rig_of.__name__
+    'rig_of'
+    """
+    own = model.problem.model
+    rows = _table().get(own.name)
+    if rows is None:
+        rigs = ", ".join(name for name, row in _table().items() if "links" in row)
+        raise InputError(f"The model {own.name!r} is none of the library's rigs of rigid bodies: {rigs} can be written "
+                         f"for {target} [model]. --to fmu writes any model.")  # fmt: skip
+    for q in model.orders:
+        if not q.name.startswith("1 - ") and q.value != 1.0:
+            raise InputError(
+                f"The order {q.name} is {q.value:.6g}, and {target} has derivatives of order 1 only [order]. "
+                f"Fit with {q.name} = 1, or take --to fmu, which keeps it."
+            )
+    values = _Values(model, target)
+    for name, text in rows["definitions"].items():
+        values.names[name] = Number(values(text))
+    links = []
+    for row in rows["links"]:
+        place, axis, com, inertia = (tuple(map(values, row.get(n, ["0", "0", "0"])))
+                                     for n in ("place", "axis", "com", "inertia"))  # fmt: skip
+        mass, zero, friction, stiffness, rest, limit = (
+            values(row.get(n, "0")) for n in ("mass", "zero", "friction", "stiffness", "rest", "limit")
+        )
+        drive = {n: values(text) for n, text in row.get("drive", {}).items() if n in own.inputs}
+        damping = tuple(map(values, row["damping"]))
+        kind, parent = row.get("kind", "hinge"), row.get("parent", "")
+        link = Link(row["joint"], kind, parent, place, axis, mass, com, inertia, zero, damping, friction, stiffness,
+                    rest, drive, limit)  # fmt: skip
+        if link.mass <= 0 or min(link.inertia) < 0:
+            raise InputError(
+                f"No rigid bodies have these constants: the link of {link.joint} would weigh {link.mass:.3g} kg, with "
+                f"moments of inertia down to {min(link.inertia):.3g} kg m² [body]. Look at their intervals."
+            )
+        links.append(link)
+    shaft = rows.get("shaft")
+    spring = (tuple(shaft["joints"]), values(shaft["stiffness"]), values(shaft["damping"])) if shaft else None
+    return Rig(model, tuple(links), spring, tuple(_lost(model, values.used, target)))
+
+
+def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:
+    """Constants that are not 0 and in no formula."""
+    table, silent = _table()["lost"], tuple(_table()["silent"]["names"])
+    for q in model.constants.values():
+        if q.value == 0.0 or q.name in used or q.name.startswith(silent):
+            continue
+        code, what = next((why for name, why in table.items() if q.name.startswith(name)), ("unknown", "such a term"))
+        yield f"{q.name} = {q.value:.6g} {q.unit} is left out: {target} has no {what} [{code}]."
+
+
+def mjcf(rig: Rig, heading: Sequence[str] = ()) -> str:
+    """A model of MuJoCo.
+
+    Examples
+    --------
+    >>> mjcf.__name__
+    'mjcf'
+    """
+    root = ElementTree.Element("mujoco", model=rig.model.identifier)
+    for text in heading:
+        root.append(ElementTree.Comment(f" {_plain(text)} "))
+    ElementTree.SubElement(root, "compiler", angle="radian")
+    option = {"timestep": repr(min(rig.model.case.step, 2e-3)), "gravity": _numbers((0.0, 0.0, -STANDARD_GRAVITY)),
+              "integrator": "RK4"}  # fmt: skip
+    ElementTree.SubElement(ElementTree.SubElement(root, "option", option), "flag", contact="disable")
+    world = ElementTree.SubElement(root, "worldbody")
+    bodies, motors = {"": world}, ElementTree.Element("actuator")
+    for link in rig.links:
+        body = ElementTree.SubElement(bodies[link.parent], "body", name=f"{link.joint}_link", pos=_numbers(link.place))
+        bodies[link.joint] = body
+        spring = {"stiffness": repr(link.stiffness), "springref": repr(link.rest)} if link.stiffness else {}
+        ElementTree.SubElement(body, "joint", {
+            "name": link.joint, "type": link.kind, "axis": _numbers(link.axis), "ref": repr(link.zero),
+            "damping": _numbers(link.damping), "frictionloss": repr(link.friction), **spring,
+        })  # fmt: skip
+        ElementTree.SubElement(body, "inertial", pos=_numbers(link.com), mass=repr(link.mass),
+                               diaginertia=_numbers(tuple(max(v, 1e-12) for v in link.inertia)))  # fmt: skip
+        for name, gear in link.drive.items():
+            limit = {"ctrlrange": _numbers((-link.limit, link.limit)), "ctrllimited": "true"} if link.limit else {}
+            motor = {"name": name, "joint": link.joint, "gear": repr(gear)} | limit
+            ElementTree.SubElement(motors, "motor", motor)
+    if rig.shaft:
+        joints, stiffness, damping = rig.shaft
+        between = ElementTree.SubElement(ElementTree.SubElement(root, "tendon"), "fixed", {
+            "name": "shaft", "stiffness": repr(stiffness), "damping": repr(damping), "springlength": "0",
+        })  # fmt: skip
+        for joint, coefficient in zip(joints, ("1", "-1"), strict=True):
+            ElementTree.SubElement(between, "joint", joint=joint, coef=coefficient)
+    if len(motors):
+        root.append(motors)
+    key = ElementTree.SubElement(ElementTree.SubElement(root, "keyframe"), "key", name="start")
+    at = dict(zip(rig.model.problem.model.states, rig.model.case.past[-1].tolist(), strict=True))
+    rates = rig.model.problem.model.rates
+    for name, offset in (("qpos", 0), ("qvel", 1)):
+        states = [rig.model.problem.model.output_states[link.joint] for link in rig.links]
+        values = [list(at.values())[rates.get(i, i + 1) if offset else i] for i in states]
+        key.set(name, _numbers(values))
+    return _xml(root)
+
+
+def urdf(rig: Rig, heading: Sequence[str] = ()) -> str:
+    """A robot description; what it does not have stands in :func:`lost_in_urdf`.
+
+    Examples
+    --------
+    >>> urdf.__name__
+    'urdf'
+    """
+    root = ElementTree.Element("robot", name=rig.model.identifier)
+    for text in heading:
+        root.append(ElementTree.Comment(f" {_plain(text)} "))
+    ElementTree.SubElement(root, "link", name="base")
+    for link in rig.links:
+        body = ElementTree.SubElement(root, "link", name=f"{link.joint}_link")
+        inertial = ElementTree.SubElement(body, "inertial")
+        ElementTree.SubElement(inertial, "origin", xyz=_numbers(link.com), rpy="0 0 0")
+        ElementTree.SubElement(inertial, "mass", value=repr(link.mass))
+        moments = dict(zip(("ixx", "iyy", "izz"), map(repr, link.inertia), strict=True))
+        ElementTree.SubElement(inertial, "inertia", moments | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
+        slides = link.kind == "slide"
+        joint = ElementTree.SubElement(root, "joint", name=link.joint, type="prismatic" if slides else "continuous")
+        ElementTree.SubElement(joint, "parent", link=f"{link.parent}_link" if link.parent else "base")
+        ElementTree.SubElement(joint, "child", link=f"{link.joint}_link")
+        ElementTree.SubElement(joint, "origin", xyz=_numbers(link.place), rpy="0 0 0")
+        ElementTree.SubElement(joint, "axis", xyz=_numbers(link.axis))
+        if slides:
+            ElementTree.SubElement(joint, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
+        ElementTree.SubElement(joint, "dynamics", damping=repr(link.damping[0]), friction=repr(link.friction))
+    return _xml(root)
+
+
+def lost_in_urdf(rig: Rig) -> list[str]:
+    """What a robot description lacks of what MuJoCo has, in sentences with codes.
+
+    Examples
+    --------
+    >>> lost_in_urdf.__name__
+    'lost_in_urdf'
+    """
+    why = _table()["urdf"]
+    found = {
+        "drag": any(any(link.damping[1:]) for link in rig.links),
+        "stiffness": any(link.stiffness for link in rig.links),
+        "shaft": rig.shaft is not None,
+        "drive": any(link.drive for link in rig.links),
+        "zero": any(link.zero for link in rig.links),
+    }
+    return [f"URDF has no {why[n][1]} [{why[n][0]}]." for n, there in found.items() if there]
+
+
+def heading(rig: Rig, said: Sequence[str]) -> list[str]:
+    """The comment at the head of a file: where the constants are from, with their intervals.
+
+    Examples
+    --------
+    >>> heading.__name__
+    'heading'
+    """
+    known = [f"{q.name} = {q.value!r} {q.unit}: {q.description}" for q in rig.model.parameters if q.interval]
+    return [f"Identified by fracid {__version__} from {rig.model.run}.", *known, *said]
+
+
+def error_in_mujoco(rig: Rig, text: str) -> str:
+    """How far MuJoCo is off fracid along the recording, or how to know, in a sentence.
+
+    Examples
+    --------
+    >>> error_in_mujoco.__name__
+    'error_in_mujoco'
+    """
+    if not find_spec("mujoco"):
+        return "How far MuJoCo is off fracid was not measured: pip install mujoco, and export again."
+    import mujoco
+
+    case, model, own = rig.model.case, mujoco.MjModel.from_xml_string(text), rig.model.problem.model
+    every = max(1, round(case.step / model.opt.timestep))
+    model.opt.timestep = case.step / every
+    data, found = mujoco.MjData(model), []
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    u = np.broadcast_to(case.inputs, (case.steps + 1, case.inputs.shape[1]))[-case.steps - 1 :]
+    inputs = [own.inputs.index(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, k)) for k in range(model.nu)]
+    for n in range(case.steps):
+        found.append(data.qpos.copy())
+        for k in range(every):
+            data.ctrl[:] = (u[n] + (u[n + 1] - u[n]) * (k + 0.5) / every)[inputs]
+            mujoco.mj_step(model, data)
+    found.append(data.qpos.copy())
+    ours = rig.model.simulated()[:, [own.output_states[link.joint] for link in rig.links]]
+    off = np.sqrt(np.mean((np.array(found) - ours) ** 2, axis=0))
+    parts = ", ".join(
+        f"{link.joint} {v:.2g} {own.output_unit(link.joint)} (of {w:.3g})"
+        for link, v, w in zip(rig.links, off, np.ptp(ours, axis=0), strict=True)
+    )
+    return f"Along the recording {case.name!r}, MuJoCo {mujoco.__version__} is off fracid by {parts} rms."
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(f"{float(v):.12g}" for v in values)
+
+
+def _plain(text: str) -> str:
+    """What a comment of XML can hold."""
+    return one_line(text).replace("--", "- -")
+
+
+def _xml(root: ElementTree.Element) -> str:
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
