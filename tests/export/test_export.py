@@ -16,8 +16,8 @@ from scipy.io import loadmat, savemat
 import fracid
 from folders import driven
 from fracid.errors import InputError
-from fracid.export import FORMATS, export_run
-from fracid.export.c import c_model
+from fracid.export import FORMATS, ON_REQUEST, export_run
+from fracid.export.c import c_model, error_of_single
 from fracid.export.javascript import javascript_model
 from fracid.export.matlab import matlab_model, no_program
 from fracid.export.recursion import Case, Recursion
@@ -208,6 +208,17 @@ def test_in_single_precision_the_c_function_is_off_by_little(tmp_path, name):
 
 
 @compiler
+def test_single_precision_says_how_far_it_is_off_along_the_recording(tmp_path):
+    problem = VARIANTS["elastic arm"]
+    tables, case = tables_and_case(problem)
+    said = error_of_single(tables, case)
+    assert said in c_model(tables, case, "a run", single=True, error=said)["fracid_model.h"]
+    off = np.abs(in_c(tmp_path, problem)[0] - in_c(tmp_path, problem, "float")[0]).max(axis=0)
+    shown = [float(v) for v in re.findall(r" (\d\S*?)[,.](?= |$)", said.split("at most")[1])]
+    np.testing.assert_allclose(shown, off, rtol=0.5)
+
+
+@compiler
 def test_in_c_inputs_that_change_while_the_first_steps_are_solved_together_cost_little(tmp_path):
     problem = VARIANTS[STEPPED_TOGETHER]
     found, _ = in_c(tmp_path, problem)
@@ -235,7 +246,10 @@ def fitted(two_recordings):
 
 @pytest.fixture(scope="module")
 def exported(two_recordings, tmp_path_factory):
-    folder, without_figures = tmp_path_factory.mktemp("export"), [name for name in FORMATS if name != "state-space"]
+    folder, without_figures = (
+        tmp_path_factory.mktemp("export"),
+        [name for name in FORMATS if name not in (*ON_REQUEST, "state-space")],
+    )
     return folder, export_run(load_run(two_recordings / "run"), folder, without_figures)
 
 

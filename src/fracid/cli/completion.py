@@ -27,7 +27,7 @@ TABLES = {
     "models": ("models", "MODELS"),
     "methods": ("solver.methods", "METHODS"),
     "optimisers": ("optimise", "OPTIMISERS"),
-    "platforms": ("export.fmu", "PLATFORMS"),
+    "platforms": ("export.compilers", "PLATFORMS"),
     "presets": ("problem.presets", "PRESETS"),
     "rigs": ("models.rigs", "RIGS"),
 }

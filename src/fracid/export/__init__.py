@@ -98,7 +98,7 @@ def export_run(
     fmi : str
         Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``.
     platforms : sequence of str
-        For which the FMU holds a library, of :data:`fracid.export.fmu.PLATFORMS`; this one if empty.
+        For which the FMU holds a library, of :data:`fracid.export.compilers.PLATFORMS`; this one if empty.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def _matlab(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | st
 
 
 def _c(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
-    from fracid.export.c import c_model
+    from fracid.export.c import c_model, error_of_single
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
 
@@ -181,9 +181,12 @@ def _c(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
     tables = Recursion.of(run.problem, run.x, options.steps or HOURS)
-    for name, text in c_model(tables, case, run.folder.name, single=options.precision == "single").items():
+    single = options.precision == "single"
+    error = error_of_single(tables, case) if single else ""
+    for name, text in c_model(tables, case, run.folder.name, single=single, error=error).items():
         write_text(folder / name, text)
         yield folder / name
+    yield from filter(None, [error])
     yield from _of_first(run, "fracid_model.c")
 
 

@@ -7,53 +7,25 @@ also takes slopes of inputs; newer tools read 3.0.  The archive's bytes depend o
 
 from __future__ import annotations
 
-import platform
-import shutil
-import subprocess
-import sys
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from importlib.util import find_spec
 from io import BytesIO
-from pathlib import Path
 from string import Template
-from typing import Literal, NamedTuple
+from typing import Literal
 from xml.etree import ElementTree
 
 from fracid._version import __version__
-from fracid.errors import InputError, unknown_name
+from fracid.errors import unknown_name
 from fracid.export.c import c_model, initialiser
+from fracid.export.compilers import PLATFORMS, here, library_of
 from fracid.export.identified import Identified, Quantity, one_line
 from fracid.models.written.equations import dimension
 from fracid.safety.door import own_text
 
 Version = Literal["2", "3"]
 
-
-class Platform(NamedTuple):
-    """Where a library runs."""
-
-    folder: str
-    """Of FMI 2.0; that of 3.0 is the platform's name."""
-    suffix: str
-    target: str
-    """As zig calls it."""
-
-
-PLATFORMS = {
-    "x86_64-linux": Platform("linux64", ".so", "x86_64-linux-gnu.2.17"),
-    "aarch64-linux": Platform("aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
-    "x86_64-windows": Platform("win64", ".dll", "x86_64-windows-gnu"),
-    "x86_64-darwin": Platform("darwin64", ".dylib", "x86_64-macos"),
-    "aarch64-darwin": Platform("aarch64-darwin", ".dylib", "aarch64-macos"),
-}
-
-COMPILERS = ("cc", "gcc", "clang")
-
-FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
 
 LOCAL = "FRACID_LOCAL struct parameters"
 """In place of constants: each thread's own, into which the parameters of the instance that steps are put."""
@@ -211,7 +183,7 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     version : str
         Of the interface: ``2`` or ``3``.
     platforms : sequence of str
-        Of :data:`PLATFORMS`; this one if empty.
+        Of :data:`fracid.export.compilers.PLATFORMS`; this one if empty.
 
     Returns
     -------
@@ -242,10 +214,10 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
         ElementTree.SubElement(built, "Library", name="m")
         files["sources/buildDescription.xml"] = _xml(build).encode()
     notes = []
-    for name in platforms or [_here()]:
+    for name in platforms or [here()]:
         if name not in PLATFORMS and platforms:
             raise unknown_name("platform", name, PLATFORMS)
-        if isinstance(library := _library(texts, name), str):
+        if isinstance(library := library_of(texts, "fmu.c", name), str):
             notes.append(library)
         else:
             folder, suffix, _ = PLATFORMS[name]
@@ -256,28 +228,3 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
         for name in sorted(files):
             out.writestr(zipfile.ZipInfo(name, YEAR), files[name], zipfile.ZIP_DEFLATED)
     return archive.getvalue(), notes
-
-
-def _here() -> str:
-    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
-    return f"{machine}-{platform.system().lower()}"
-
-
-def _library(texts: dict[str, str], name: str) -> bytes | str:
-    """A shared library, or why there is none."""
-    plain = next((path for c in COMPILERS if (path := shutil.which(c))), None)
-    if find_spec("ziglang") and name in PLATFORMS:
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[name].target]
-    elif plain and name == _here():
-        command = [plain]
-    else:
-        return (f"There is no C compiler here for {name}: the FMU holds no library for it, only its sources. "
-                "pip install 'fracid[fmu]' brings one for every platform.")  # fmt: skip
-    with tempfile.TemporaryDirectory() as folder:
-        for file, text in texts.items():
-            Path(folder, file).write_text(text, encoding="utf-8")
-        done = subprocess.run([*command, *FLAGS, "fmu.c", "-o", "library", "-lm"], cwd=folder, check=False,
-                              capture_output=True, text=True)  # fmt: skip
-        if done.returncode:
-            raise InputError(f"The sources of the FMU do not compile for {name}: {done.stderr.strip()[:500]}")
-        return Path(folder, "library").read_bytes()
