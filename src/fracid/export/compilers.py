@@ -84,8 +84,10 @@ def library_of(texts: Mapping[str, str], main: str, name: str) -> bytes | str:
     with tempfile.TemporaryDirectory() as folder:
         for file, text in texts.items():
             write_text(Path(folder, file), text)
-        done = subprocess.run([*command, *FLAGS, main, "-o", "library", "-lm"], cwd=folder, check=False, stdin=subprocess.DEVNULL,
-                              capture_output=True, text=True)  # fmt: skip
+        command += [*FLAGS, main, "-o", "library", "-lm"]
+        done = subprocess.run(
+            command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        )
         if done.returncode:
             raise InputError(f"The sources do not compile for {name}: {done.stderr.strip()[:500]}")
         return bytes_of(Path(folder, "library"))
