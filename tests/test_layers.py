@@ -29,7 +29,7 @@ LAYERS = (
     {"validation"},
     {"fit"},
     {"identification"},
-    {"plots", "runs"},
+    {"filtering", "plots", "runs"},
     {"experiments", "export"},
     {"report"},
     {"workflows"},

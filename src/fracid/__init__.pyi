@@ -26,6 +26,8 @@ from fracid.experiments.plan import Plan as Plan
 from fracid.experiments.space import DesignSpace as DesignSpace
 from fracid.export import export_run as export_run
 from fracid.export.state_space import integer_model as integer_model
+from fracid.filtering import Track as Track
+from fracid.filtering import observer as observer
 from fracid.fit import Fit as Fit
 from fracid.identification import identify as identify
 from fracid.models import Model as Model
@@ -67,7 +69,7 @@ from fracid.solver.trajectory import Outcome as Outcome
 from fracid.solver.trajectory import Trajectory as Trajectory
 from fracid.tasks.job import Task as Task
 from fracid.tasks.journal import Journal as Journal
-from fracid.tasks.observer import Observer as Observer
+from fracid.tasks.progress import Observer as Observer
 from fracid.tasks.tasks import run_tasks as run_tasks
 from fracid.twins.twin import Twin as Twin
 from fracid.validation.monte_carlo import NoiseStudy as NoiseStudy

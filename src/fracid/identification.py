@@ -78,7 +78,7 @@ from fracid.solver.methods import METHODS
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.units import GREEK
 from fracid.validation.after_search import after, failed, with_start

@@ -15,7 +15,7 @@ import pytest
 from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
 from fracid.estimation.records import Estimate
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows import figures
 from program import run
 from twins import write_release

@@ -12,7 +12,7 @@ import pytest
 from fracid.tasks import display
 from fracid.tasks.display import shown, unless_given
 from fracid.tasks.job import Progress
-from fracid.tasks.observer import SILENT, Observer
+from fracid.tasks.progress import SILENT, Observer
 
 
 class Terminal(io.StringIO):

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from fracid.estimation.records import Estimate, RecordingFit
     from fracid.fit import Fit
-    from fracid.tasks.observer import Observer
+    from fracid.tasks.progress import Observer
     from fracid.workflows.fit import FinishedRun
 
 SHOWN = 3

@@ -28,7 +28,7 @@ from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Progress, in_threads
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 
 Source = Fit | SavedRun | Project | Problem | Model
 

@@ -34,7 +34,7 @@ from typing import Any, TextIO
 
 from fracid.safety.text import printable
 from fracid.tasks.job import Progress
-from fracid.tasks.observer import SILENT, Observer, Tell
+from fracid.tasks.progress import SILENT, Observer, Tell
 from fracid.units import with_unit
 
 EVERY = 1.0

@@ -21,7 +21,7 @@ from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.figures import of_comparison, saved
 from fracid.workflows.fit import loaded

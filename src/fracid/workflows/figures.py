@@ -15,7 +15,7 @@ import numpy as np
 from fracid.errors import InputError
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.safety.text import file_stems
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows.drawer import Asked, Drawer, ended_with_this
 
 if TYPE_CHECKING:

@@ -40,7 +40,7 @@ from fracid.schemas.run_record import fault_of_end
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import free_memory, one_blas_thread
 from fracid.tasks.journal import Journal
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.compilation import compiling_beside

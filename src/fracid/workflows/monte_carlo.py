@@ -23,7 +23,7 @@ from fracid.runs.saved import SavedRun
 from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.workflows.figures import of_study, saved
 from fracid.workflows.records import command_of, csv_text, json_document, write_files

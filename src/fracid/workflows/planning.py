@@ -16,7 +16,7 @@ from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows.study import folder_of, run_or_project
 
 

@@ -23,7 +23,7 @@ from fracid.safety.door import write_whole
 from fracid.safety.paths import refuse_mistaken
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit
 

@@ -26,7 +26,7 @@ from fracid.schemas.profiles import LikelihoodBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.workflows.figures import saved
 from fracid.workflows.records import json_document, write_files

@@ -19,7 +19,7 @@ from fracid.safety.schema import Block, read_as
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of

@@ -13,7 +13,7 @@ from fracid.safety.schema import as_json
 from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.validation.residual_analyses import Analyses, first_part
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis

@@ -27,7 +27,7 @@ from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.workflows.fit import FinishedRun, run
 
 STUDIES = ("compare", "noise", "posterior")

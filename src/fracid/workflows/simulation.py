@@ -25,7 +25,7 @@ from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
-from fracid.tasks.observer import Observer
+from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
 from fracid.workflows.records import json_document, write_files
 

@@ -23,7 +23,7 @@ from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
-from fracid.tasks.observer import SILENT, Observer
+from fracid.tasks.progress import SILENT, Observer
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,0 +1,376 @@
+"""An observer of an identified model: its states, and chosen constants and orders, from a few sensors, step by step.
+
+An extended Kalman filter on the modes of the memory (:mod:`fracid.solver.kalman`).  What the model does not explain
+drives it as white noise, whose intensity makes the recordings of the fit most likely.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.models import Model
+from fracid.models.joints import Complement
+from fracid.models.written.formulas import Formula
+from fracid.models.written.reading import read_outputs
+from fracid.problem import Problem
+from fracid.signals.noise import noise_floor, white_noise
+from fracid.solver.kalman import HIGHEST, LOWEST, Filter, run_filter, weights
+from fracid.solver.right_hand_side import compile_rhs
+
+SPACING = 1.0
+"""Δ, between the logarithms of the rates: the memory is right within 10⁻⁴."""
+
+SLOWEST, FASTEST = 0.1, 3.0
+"""The lowest rate over one in the length of the recording, the highest over one in a step."""
+
+TUNED_ON = 3000
+"""Samples of a recording on which the unknown drive is found."""
+
+UNSEEN = 0.98
+"""Where the sensors leave so much of a standard deviation, they do not see it."""
+
+
+class Fitted(Protocol):
+    """A fit, of this session or of a folder."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was fitted."""
+
+    @property
+    def x(self) -> FloatArray:
+        """Where it ended."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What an observer made of samples; a row a sample."""
+
+    time: FloatArray
+    """[s], shape (n,)."""
+    states: Mapping[str, FloatArray]
+    """State, and slow constant or order → its estimate."""
+    deviations: Mapping[str, FloatArray]
+    """The same → standard deviation."""
+    innovations: FloatArray
+    """Measured minus predicted, of each sensor; NaN where nothing was measured, shape (n, n_sensors)."""
+    nis: FloatArray
+    """Normalised innovation squared: of a consistent filter as large as :attr:`count` on average, shape (n,)."""
+    count: FloatArray
+    """Sensors that were read, shape (n,)."""
+    minus_log_likelihood: float
+    """Of the innovations, without a constant."""
+
+
+@dataclass(eq=False)
+class StateObserver:
+    """An extended Kalman filter; :func:`observer` makes one of a fit."""
+
+    model: Model
+    sensors: tuple[str, ...]
+    noise: Mapping[str, float]
+    """Sensor → standard deviation of its noise."""
+    slow: tuple[str, ...]
+    """Constants and orders that are estimated."""
+    start: Filter
+    """Before the first sample."""
+    substeps: int
+    held: bool
+    """Whether inputs keep their value over a step; else they go in lines."""
+    now: Filter = field(init=False)
+    steps: int = field(init=False, default=0)
+    """Samples so far."""
+
+    def __post_init__(self) -> None:
+        """Begin."""
+        m, outputs = self.model, tuple(self.model.outputs[n] for n in self.sensors)
+        program = read_outputs(outputs, m.parameter_names, len(m.states), len(m.inputs))
+        self._functions = compile_rhs(m.rhs), compile_rhs(Formula(program))
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to before the first sample."""
+        self.now, self.steps = Filter._make(part.copy() for part in self.start), 0
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the states now, then of the slow ones, shape (n_states + n_slow, n_states + n_slow)."""
+        F, states = self.now, len(self.model.states)
+        modes, c, dc = len(F.z), np.zeros(len(F.z)), np.zeros(len(F.z))
+        C = np.zeros((states + len(self.slow), len(F.xi)))
+        C[states:, modes:] = np.eye(len(self.slow))
+        for i in range(states):
+            block = slice(F.begin[i], F.begin[i + 1])
+            weights.py_func(F.orders[i], F.rates, block.stop - block.start, c, dc, block.start)
+            C[i, block] = c[block]
+            if F.of[i] >= 0:
+                C[i, modes + F.of[i]] = dc[block] @ F.xi[block]
+        return np.asarray(C @ F.P @ C.T)
+
+    def step(self, measured: Sequence[float], inputs: Sequence[float] = ()) -> Track:
+        """Take one sample of the sensors, NaN for one that is missing, and the inputs."""
+        return self.run(np.atleast_2d(np.asarray(measured, dtype=np.float64)), np.atleast_2d(inputs))
+
+    def run(self, measured: FloatArray, inputs: FloatArray | None = None) -> Track:
+        """Go on through samples.
+
+        Parameters
+        ----------
+        measured : ndarray, shape (n, n_sensors)
+        inputs : ndarray, shape (n, n_inputs), optional
+            Those of the step that ends with the sample where they are held, else those at the sample.
+
+        Returns
+        -------
+        Track
+        """
+        states, k, every = len(self.model.states), len(self.slow), self.substeps
+        y = np.asarray(measured, dtype=np.float64).reshape(-1, len(self.sensors))
+        u = (
+            np.zeros((1, max(1, len(self.model.inputs))))
+            if inputs is None or not np.size(inputs)
+            else np.asarray(inputs)
+        )
+        between = every if self.steps else 1  # steps before the first of these samples
+        rows = np.full((every * (len(y) - 1) + between, y.shape[1]), np.nan)
+        rows[between - 1 :: every] = y
+        if len(u) > 1 or every > 1:
+            u = np.broadcast_to(u, (len(y), u.shape[1]))
+            if self.held:
+                u = np.vstack([np.repeat(u[:1], between, axis=0), np.repeat(u[1:], every, axis=0)])
+            else:
+                before = self.now.u[None] if self.steps else u[:1]
+                at = np.arange(1, len(rows) + 1) / every if self.steps else np.arange(len(rows)) / every
+                known = np.vstack([before, u]) if self.steps else u
+                u = np.column_stack([np.interp(at, np.arange(len(known)), column) for column in known.T])
+        width = 2 * (states + k)
+        out = np.zeros((len(rows), width + len(self.sensors) + 3))
+        variance = np.array([self.noise[n] ** 2 for n in self.sensors])
+        first = (self.steps - 1) * every + 1 if self.steps else 0
+        run_filter(*self._functions, self.now, first, rows, np.ascontiguousarray(u, dtype=np.float64), variance,
+                   self.held, out)  # fmt: skip
+        out = out[between - 1 :: every]
+        time = (self.steps + np.arange(len(y))) * self.start.h[0] * every
+        self.steps += len(y)
+        names = (*self.model.states, *self.slow)
+        return Track(
+            time, dict(zip(names, out[:, : states + k].T, strict=True)),
+            dict(zip(names, out[:, states + k : width].T, strict=True)), out[:, width:-3], out[:, -3], out[:, -1],
+            float(np.sum(out[:, -3] + out[:, -2])),
+        )  # fmt: skip
+
+
+def observer(
+    fit: Fitted,
+    sensors: Sequence[str] = (),
+    noise: Mapping[str, float] | None = None,
+    *,
+    slow: Mapping[str, float] | None = None,
+    initial: Mapping[str, float] | None = None,
+    drive: float | None = None,
+) -> StateObserver:
+    """Make an observer of a fit.
+
+    Parameters
+    ----------
+    fit : Fit or SavedRun
+    sensors : sequence of str
+        Outputs that are measured; those that were fitted if empty.
+    noise : mapping, optional
+        Sensor → standard deviation of its noise; that of the recording if left out.
+    slow : mapping, optional
+        Constant or order that is estimated too → how far it walks in a second, as a standard deviation; 0 for one that
+        is constant and unknown.
+    initial : mapping, optional
+        State, slow constant or order → standard deviation of its value at the start; if left out three times the noise
+        of a sensor, a tenth of the range of another state and of the value of a constant.
+    drive : float, optional
+        What drives the model beside its inputs, as part of its own derivatives in one second; what makes the first
+        recording most likely if left out.
+
+    Returns
+    -------
+    StateObserver
+
+    Raises
+    ------
+    InputError
+        For what cannot be observed with these sensors, and for models and channels that the filter does not know.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from types import SimpleNamespace
+    >>> model = fracid.model("pendulum")
+    >>> t = 0.01 * np.arange(500)
+    >>> run = fracid.simulate(model, orders={"mu": 0.95}, initial={"angle": 1.0}, step=0.01, end=4.99)
+    >>> y = run.states[:, :1] + 1e-3 * np.random.default_rng(1).standard_normal((500, 1))
+    >>> e = fracid.Experiment("twin", 0.01, y, np.zeros((1, 1)), initial={"angle": 1.0})
+    >>> problem = fracid.Problem(model, (e,), {"mu": 0.95}, initial_state="held")
+    >>> watch = observer(SimpleNamespace(problem=problem, x=problem.start))
+    >>> track = watch.run(y)
+    >>> bool(np.std(track.states["rate"] - run.states[:, 1]) < 0.02 * np.std(run.states[:, 1]))
+    True
+    """
+    problem, x = fit.problem, fit.x
+    model, e = problem.model, problem.experiments[0]
+    names, slow = tuple(sensors) or problem.outputs, dict(slow or {})
+    for n in names:
+        if n not in model.outputs:
+            raise unknown_name("sensor", n, tuple(model.outputs))
+    for n in slow:
+        if n not in (*model.parameter_names, *model.order_names):
+            raise unknown_name("slow constant or order", n, (*model.parameter_names, *model.order_names))
+    if model.relaxing:
+        raise InputError(f"{', '.join(model.relaxing)} forgets within a step, which an observer does not follow: take "
+                         "a structure without presliding or Maxwell elements.")  # fmt: skip
+    if channels := {c for c in (*e.sensors, *e.actuators)}:
+        raise InputError(f"An observer does not know delay, gain, bias and lowpass of {', '.join(sorted(channels))}: "
+                         "correct the recording for them first.")  # fmt: skip
+    found = {n: _noise(e.measured[:, problem.outputs.index(n)]) for n in names if n in problem.outputs}
+    noise = found | dict(noise or {})
+    for n in names:
+        if not noise.get(n, 0.0) > 0.0:
+            raise InputError(f"The noise of {n} is not known: give it, noise={{{n!r}: standard deviation}}.")
+    run = problem.simulate(x, e)
+    made = _Made(problem, x, names, noise, slow, dict(initial or {}), run.states)
+    made.look_for_what_is_unseen()
+    return made.observer(made.most_likely_drive() if drive is None else drive)
+
+
+def _noise(signal: FloatArray) -> float:
+    """Of a sensor; of one that is finer than its digits that of all samples."""
+    return noise_floor(signal) or white_noise(signal)
+
+
+@dataclass
+class _Made:
+    """What an observer is made of."""
+
+    problem: Problem
+    x: FloatArray
+    sensors: tuple[str, ...]
+    noise: Mapping[str, float]
+    slow: Mapping[str, float]
+    initial: Mapping[str, float]
+    simulated: FloatArray
+    """States along the first recording."""
+
+    def observer(self, drive: float) -> StateObserver:
+        """With so much unknown drive."""
+        kinds = self.problem.experiments[0].between
+        held = bool(kinds) and all(kinds.get(n) == "hold" for n in self.problem.model.inputs)
+        return StateObserver(self.problem.model, self.sensors, self.noise, tuple(self.slow), self._filter(drive),
+                        self.problem.substeps, held)  # fmt: skip
+
+    def _filter(self, drive: float) -> Filter:
+        problem, model, e = self.problem, self.problem.model, self.problem.experiments[0]
+        orders, p, start = (v.copy() for v in problem.unpack(self.x, e))
+        h = e.step / problem.substeps
+        names = [str(q.parameter) if isinstance(q, Complement) else q for q in model.orders]
+        lowest = SLOWEST / max(e.steps * e.step, 100 * h)
+        count = math.ceil(math.log(FASTEST / h / lowest) / SPACING) + 1
+        rates = lowest * np.exp(SPACING * np.arange(count))
+        begin, z, a, b = [0], [], [], []
+        for q, name in zip(orders, names, strict=True):
+            one = q == 1.0 and name not in self.slow
+            if not one:  # the start, what does not decay, what decays, what decays at once
+                z += [1.0]
+                a += [0.0]
+                b += [0.0]
+            z += [1.0]
+            a += [h / 2]
+            b += [h / 2]
+            if not one:
+                ph = rates * h
+                kept, whole = np.exp(-ph), -np.expm1(-ph) / rates
+                end = (h - whole) / ph  # of a line that rises to 1
+                z += [*kept, 0.0]
+                a += [*(whole - end), 0.0]
+                b += [*end, 1.0]
+            begin.append(len(z))
+        modes, k = len(z), len(self.slow)
+        slow = np.zeros((k, 5))
+        for s, (n, walk) in enumerate(self.slow.items()):
+            if n in model.parameter_names:
+                index = model.parameter_names.index(n)
+                q = model.parameters[index]
+                slow[s] = 0.0, index, q.lower, q.upper, walk**2 * h
+            else:
+                slow[s] = 1.0, 0.0, LOWEST, HIGHEST, walk**2 * h
+        xi, P = np.zeros(modes + k), np.zeros((modes + k, modes + k))
+        sizes = np.ptp(self.simulated, axis=0)
+        for i, state in enumerate(model.states):
+            sensor = next((n for n in self.sensors if model.output_states.get(n) == i), None)
+            deviation = self.initial.get(state, 3 * self.noise[sensor] if sensor else 0.1 * sizes[i])
+            xi[begin[i]], P[begin[i], begin[i]] = start[i], deviation**2
+        for s, n in enumerate(self.slow):
+            value = p[int(slow[s, 1])] if slow[s, 0] == 0.0 else orders[names.index(n)]
+            xi[modes + s], P[modes + s, modes + s] = value, self.initial.get(n, 0.1 * abs(value)) ** 2
+        of = [list(self.slow).index(n) if n in self.slow and n in model.order_names else -1 for n in names]
+        drives = drive**2 * self._sizes() ** 2
+        return Filter(
+            np.array(z), np.array(a), np.array(b), np.array(begin), np.array([lowest, SPACING, float(count)]), orders,
+            p, slow, np.array(of), drives, xi, P, np.zeros(max(1, len(model.inputs))), np.array([h]),
+        )  # fmt: skip
+
+    def _sizes(self) -> FloatArray:
+        """How large f is along the recording, of the states that forces act on; of those whose rate is a state 0."""
+        model, e = self.problem.model, self.problem.experiments[0]
+        p = self.problem.unpack(self.x, e)[1]
+        u, rhs, out = e.all_inputs, getattr(model.rhs, "py_func", model.rhs), np.zeros(len(model.states))
+        rows = []
+        for n in np.linspace(0, len(self.simulated) - 1, 200).astype(int):
+            rhs(0.0, self.simulated[n], u[min(n // self.problem.substeps, len(u) - 1)], p, out)
+            rows.append(out.copy())
+        size = np.sqrt(np.mean(np.square(rows), axis=0))
+        size[list(model.rates)] = 0.0
+        return np.asarray(size)
+
+    def _data(self, most: int) -> tuple[FloatArray, FloatArray]:
+        e = self.problem.experiments[0]
+        y = np.full((min(most, len(e.measured)), len(self.sensors)), np.nan)
+        for m, n in enumerate(self.sensors):
+            if n in self.problem.outputs:
+                y[:, m] = e.measured[: len(y), self.problem.outputs.index(n)]
+        return y, e.all_inputs[: len(y)] if len(e.all_inputs) > 1 else e.all_inputs
+
+    def most_likely_drive(self) -> float:
+        """Of the first recording."""
+        y, u = self._data(TUNED_ON)
+
+        def surprise(log_drive: float) -> float:
+            value = self.observer(math.exp(log_drive)).run(y, u).minus_log_likelihood
+            return value if math.isfinite(value) else 1e300
+
+        return math.exp(
+            float(minimize_scalar(surprise, bounds=(-14.0, 3.0), method="bounded", options={"xatol": 0.1}).x)
+        )
+
+    def look_for_what_is_unseen(self) -> None:
+        """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""
+        y, u = self._data(TUNED_ON)
+        sizes = np.ptp(self.simulated, axis=0)
+        wide = dict(zip(self.problem.model.states, (0.05 * sizes).tolist(), strict=True))
+        doubts = {n: v for n, v in self.initial.items() if n in self.slow}
+        still = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts).observer(0.0)
+        start = dict(zip((*wide, *self.slow), np.sqrt(np.diag(still.covariance)), strict=True))
+        for n in self.slow:
+            if start[n] == 0.0:
+                raise InputError(f"{n} is 0, of which no tenth can be taken: say how uncertain it is at the start, "
+                                 f"initial={{{n!r}: standard deviation}}.")  # fmt: skip
+        seen = still.run(y, u).deviations
+        for n, doubt in start.items():
+            if doubt > 0.0 and seen[n].min() > UNSEEN * doubt:
+                raise InputError(
+                    f"{n} cannot be observed from {' and '.join(self.sensors)}: along the recording its uncertainty "
+                    "never falls. Add a sensor, or leave it out of slow."
+                )
