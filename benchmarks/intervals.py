@@ -50,7 +50,8 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
 from fracid.twins.encoder import simulated
-from fracid.validation.monte_carlo import NoiseStudy, Plan, binomial95, planned, repetition
+from fracid.validation.monte_carlo import NoiseStudy, Plan, planned, repetition
+from fracid.validation.study_records import binomial95
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "uncertainty.md"

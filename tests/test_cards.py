@@ -16,7 +16,7 @@ from fracid.estimation.records import Estimate, RecordingFit
 from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.recording import Recording
-from fracid.selection.comparison import Comparison, Row, Score
+from fracid.selection.comparison_records import Comparison, Row, Score
 from twins import ORDERS, RIG, release
 
 HOSTILE = "<script>alert('λ')</script>"

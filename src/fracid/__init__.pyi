@@ -53,8 +53,8 @@ from fracid.runs.saved import SavedRun as SavedRun
 from fracid.runs.saved import load_run as load_run
 from fracid.selection.amplitude import AmplitudeTest as AmplitudeTest
 from fracid.selection.amplitude import amplitude_test as amplitude_test
-from fracid.selection.comparison import Comparison as Comparison
 from fracid.selection.comparison import compare as compare
+from fracid.selection.comparison_records import Comparison as Comparison
 from fracid.solver.batch import Sensitivities as Sensitivities
 from fracid.solver.batch import sensitivities as sensitivities
 from fracid.solver.batch import solve_fde_batch as solve_fde_batch

@@ -18,12 +18,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from fracid.safety.schema import as_json
-from fracid.schemas.result import FindingBlock
+from fracid.safety.schema import Record, Unknown, as_json
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Record):
     """A fault with the number that shows it.
 
     Examples
@@ -37,9 +36,9 @@ class Finding:
     """A row of ``docs/honesty.md``: ``aliased``, ``wrong-zero``, …"""
     where: str
     """The recording, signal or unknown."""
-    number: float
+    number: Unknown
     """What shows it [unit]."""
-    limit: float
+    limit: Unknown
     """Beyond which it is said [unit]."""
     unit: str
     """Of the two, in words."""
@@ -52,4 +51,4 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values; a number that is not finite becomes null."""
-        return as_json(FindingBlock, self)
+        return as_json(Finding, self)

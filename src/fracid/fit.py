@@ -1,10 +1,12 @@
-"""Fit: everything that :func:`fracid.identify` returns; :class:`fracid.schemas.result.FitBlock` is its JSON."""
+"""Fit: everything that :func:`fracid.identify` returns; :class:`FitBlock` is its JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.bayes.inference import WithPosterior
@@ -12,12 +14,13 @@ from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.estimation.agreement import Spread
 from fracid.estimation.covariance import METHODS, Uncertainty
 from fracid.estimation.fit_figures import FitPictures
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, OrderEstimate, RecordingFit
 from fracid.estimation.starts import Start, won
 from fracid.findings import Finding
 from fracid.problem import Problem
-from fracid.safety.schema import as_json
-from fracid.schemas.result import EstimateBlock, FitBlock
+from fracid.safety.schema import Block, Infinite, Listed, Number, Unknown, as_json
+from fracid.schemas.scatter import CutBlock, SpreadBlock
+from fracid.selection.claim import ClaimWord
 from fracid.selection.doubts import claimed, doubts
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
@@ -80,10 +83,8 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
             "memory": p.memory.name,
             "step": p.experiments[0].step / p.substeps,
             "substeps": p.substeps,
-            "orders": {n: as_json(EstimateBlock, e) | {"integer": p.model.integer_order(n)}
-                       for n, e in self.orders.items()},
+            "orders": {n: OrderEstimate(**vars(e), integer=p.model.integer_order(n)) for n, e in self.orders.items()},
             "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
-            "opened_bounds": [vars(b) for b in self.opened_bounds],
             "starts": [vars(s) | {"point": self._named(s.point), "end": self._named(s.end)} for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),
@@ -165,3 +166,91 @@ def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str])
     errors = (f"{GREEK.get(n, n)} " + ("none" if value is None else with_unit(value, units.get(n, "rad")))
               for n, value in rmse.items())  # fmt: skip
     return f"{'validation' if use == 'validate' else use}, RMSE of {listed(errors)}"
+
+
+# --- result.json: docs/run-folder.md says what each key means ------------------------------------------------
+
+Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
+
+
+class RecordingBlock(Block):
+    """A recording beside its simulation, without the samples."""
+
+    use: Literal["fit", "validate"]
+    samples: int
+    begin: float = Field(alias="from")
+    end: float = Field(alias="to")
+    cost: Number
+    rmse: dict[str, Number]
+    fit_percent: dict[str, Number]
+    initial: dict[str, Estimate] = Field(alias="initial_state")
+    parameters: dict[str, Estimate]
+    sha256: str = Field("", alias="data_sha256")
+
+
+class ModelBlock(Block):
+    """The model that was fitted."""
+
+    name: str
+    zero: str
+    source: str
+
+
+class CostBlock(Block):
+    """What was made least."""
+
+    name: str
+    value: Number
+    outputs: list[str]
+
+
+class StartBlock(Block):
+    """A start of the search, and what became of it."""
+
+    origin: Origin
+    point: dict[str, Unknown] = Field(alias="start")
+    first_cost: Infinite = Field(alias="cost_on_first_swing")
+    end: dict[str, Unknown]
+    cost: Number
+    ended: str
+    joined: Origin | None
+    evaluations: int
+
+
+class FitBlock(Block):
+    """A fit without its samples."""
+
+    model: ModelBlock
+    method: str
+    memory: str
+    step: float
+    substeps: int | None = Field(None, ge=1)
+    orders: dict[str, OrderEstimate]
+    parameters: dict[str, Estimate]
+    recordings: dict[str, RecordingBlock]
+    cost: CostBlock
+    discretisation: Discretisation | None = None
+    evaluations: int
+    optimiser: str
+    outcome: str
+    claim: ClaimWord | None = None
+    claim_reasons: Listed[str] = ()
+    opened_bounds: list[OpenedBound] = Field([])
+    alternative: Alternative | None = None
+    starts: list[StartBlock] = Field([])
+    start_that_won: str | None = None
+    spread: SpreadBlock | None = None
+    cut: CutBlock | None = None
+    interval_methods: dict[str, str] = Field({})
+    warnings: list[str]
+    findings: list[Finding] = Field([])
+    seed: int | None
+
+
+class ResultBlock(FitBlock):
+    """Everything that a run of ``fracid fit`` found; angles in radians, times in seconds, all else in SI."""
+
+    preset: str | None = None
+    data_sha256: dict[str, str]
+    versions: dict[str, str]
+    timing: dict[str, float] = Field({})

@@ -12,7 +12,7 @@ import fracid
 from fracid.cli.app import main
 from fracid.cli.comparison import _columns, _scores
 from fracid.selection.amplitude import Drift, Window
-from fracid.selection.comparison import Comparison, Row, Score
+from fracid.selection.comparison_records import Comparison, Row, Score
 from fracid.workflows.records import csv_text
 from fracid.workflows.redrawing import redraw
 

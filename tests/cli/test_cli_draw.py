@@ -11,7 +11,7 @@ import fracid
 from fracid.errors import InputError
 from fracid.estimation.cost_profile import Profiles
 from fracid.runs.folder import open_folder
-from fracid.selection.comparison import Comparison, Row, Score
+from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
 from program import fit_in, run
 from twins import RIG, write_release
 
@@ -194,7 +194,7 @@ def comparison():
     for friction, error in (("viscous", 0.01), ("viscous + Coulomb", math.inf)):
         for free in (False, True):
             score = Score({"alpha": error}, {"alpha": 95.0 if error < 1 else -math.inf}, {"alpha": error}, "")
-            orders = {"mu": (0.95, (0.9, 1.0))} if free else {"mu": (1.0, None)}
+            orders = {"mu": OrderOfRow(0.95, (0.9, 1.0)) if free else OrderOfRow(1.0, None)}
             rows.append(Row(friction, free, f"{friction}, {free}", free, error, 3, error, orders, {"b_alpha": 1e-4},
                             ("b_alpha",), {"high": score}, {"low": score}, "converged"))  # fmt: skip
     return Comparison(tuple(rows), "Neither.", ("a note",), ("alpha",), math.nan, False, "rmse", 1, 2)

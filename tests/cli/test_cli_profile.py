@@ -7,7 +7,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from fracid.schemas.files import json_schema
+from fracid.runs.json_schemas import json_schema
 from fracid.tasks.simulation_cache import Memo
 from program import fit_in, run
 from twins import write_release

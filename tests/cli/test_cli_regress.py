@@ -10,7 +10,7 @@ import pytest
 import fracid
 from fracid.cli.app import main
 from fracid.regression import LUMPED
-from fracid.schemas.files import json_schema
+from fracid.runs.json_schemas import json_schema
 from fracid.validation.unknown_past import whole_recordings
 from twins import write_release
 

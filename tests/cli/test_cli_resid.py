@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from fracid.cli.app import main
-from fracid.schemas.files import json_schema
+from fracid.runs.json_schemas import json_schema
 from fracid.validation.residual_analyses import first_part
 from program import fit_in
 from twins import RIG, write_release

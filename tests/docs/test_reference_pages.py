@@ -26,7 +26,7 @@ from fracid.problem.project import PRESETS
 from fracid.recording import UNITS, Channel
 from fracid.recording.clock import SECONDS
 from fracid.runs.folder import LATER
-from fracid.schemas.files import json_schema
+from fracid.runs.json_schemas import json_schema
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
 
@@ -282,7 +282,7 @@ def test_the_page_of_the_run_folder_names_every_file_of_a_run(folder):
 
 def test_a_result_is_of_its_json_schema_and_that_is_the_one_in_the_docs(result):
     schema = json.loads((DOCS / "result.schema.json").read_text(encoding="utf-8"))
-    assert schema == json.loads(json_schema()), "type python -m fracid.schemas > docs/result.schema.json"
+    assert schema == json.loads(json_schema()), "type python -m fracid.runs.json_schemas > docs/result.schema.json"
     jsonschema.validate(result, schema)
     assert set(schema["properties"]) == set(result)
     with pytest.raises(jsonschema.ValidationError, match="'high' is not of type"):

@@ -12,6 +12,7 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, horizons, refined
 from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won
+from fracid.fit import StartBlock
 from fracid.identification import identify
 from fracid.optimise import (
     OPTIMISERS,
@@ -28,7 +29,6 @@ from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.safety.schema import as_json
-from fracid.schemas.result import StartBlock
 from fracid.tasks.journal import Journal
 from twins import release
 

@@ -28,7 +28,7 @@ from fracid.plots import writing
 from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
-from fracid.selection.comparison import Comparison, Row, Score
+from fracid.selection.comparison_records import Comparison, Row, Score
 from fracid.validation.unknown_past import CutCheck, Treatment
 from lettering import faults_of_lettering
 from twins import COUNT, fit_of, release

@@ -33,7 +33,7 @@ from fracid.report.verdict import verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
-from fracid.selection.comparison import Comparison, Row, Score
+from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
 from fracid.validation.residual_analyses import first_part
 from twins import RIG, write_release
 
@@ -87,7 +87,10 @@ def comparison():
     """Two rungs, one of which fails on a recording."""
     good = Score({"theta": 0.01, "alpha": 0.02}, {"theta": 90.0, "alpha": 91.0}, {"theta": 1.0, "alpha": 2.0})
     bad = Score(dict.fromkeys(good.rmse, math.inf), dict.fromkeys(good.rmse, -math.inf), good.itae, "it left")
-    rungs = [("viscous, orders 1", False, bad, {}), ("viscous, orders free", True, good, {"mu": (0.9, (0.8, 1.0))})]
+    rungs = [
+        ("viscous, orders 1", False, bad, {}),
+        ("viscous, orders free", True, good, {"mu": OrderOfRow(0.9, (0.8, 1.0))}),
+    ]
     rows = tuple(
         Row("viscous", free, name, free, 1.0, 3, 2.0, orders, {}, (), {HOSTILE: good}, {"held out": score}, "converged")
         for name, free, score, orders in rungs

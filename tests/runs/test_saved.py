@@ -12,7 +12,6 @@ from fracid.errors import InputError
 from fracid.findings import Finding
 from fracid.runs.saved import load_run
 from fracid.safety.schema import as_json
-from fracid.schemas.result import AlternativeBlock
 from fracid.selection.integer_rival import Alternative, Trial
 from program import fit_in
 from twins import write_release
@@ -99,7 +98,7 @@ def test_a_run_reads_its_findings_and_its_alternative_back(fitted):
     finding = Finding("misfit", "a: alpha", math.nan, 3.0, "roundings", "It is large.")
     trials = (Trial("friction", 0.2, 5.0, True), Trial("a delay", math.inf, math.inf))
     alternative = Alternative("every order 1", ("mu",), 0.2, {"b_alpha": 1.0}, 5.0, 100.0, "It does.", trials)
-    blocks = {"findings": [finding.to_json()], "alternative": as_json(AlternativeBlock, alternative)}
+    blocks = {"findings": [finding.to_json()], "alternative": as_json(Alternative, alternative)}
     read = replace(run, result={**run.result, **blocks})
     assert math.isnan(read.findings[0].number)
     assert str(read.findings[0]) == str(finding)

@@ -15,11 +15,11 @@ import fuzz_runs
 from fracid.errors import InputError
 from fracid.safety.json_files import json_of
 from fracid.safety.schema import Block, Interval, Number, fault_of, lines_of
-from fracid.schemas.comparison import fault_of_fitted
 from fracid.schemas.run_record import EvaluationLine
-from fracid.schemas.study import fault_of_repetition
+from fracid.selection.comparison_records import fault_of_fitted
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.journal import Journal, whole_lines
+from fracid.validation.study_records import fault_of_repetition
 from fracid.workflows.redrawing import _of_profiles
 from program import run
 
@@ -202,7 +202,7 @@ def test_a_picture_of_what_is_damaged_is_refused(capsys, sent):
     with pytest.raises(InputError, match=r"run/profiles\.json is damaged: it has no cost"):
         next(_of_profiles(fracid.load_run(sent), "screen"))
     code, _, err = run(capsys, "draw", sent, "--style", "screen", "--format", "svg")
-    assert (code, "run/compare.json is damaged: it has no verdict" in err) == (2, True)
+    assert (code, "run/compare.json is damaged: it has no structures" in err) == (2, True)
 
 
 def test_a_study_with_a_damaged_file_is_refused(capsys, tmp_path):

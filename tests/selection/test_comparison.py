@@ -16,7 +16,9 @@ from fracid.models import Model, Parameter
 from fracid.models.friction import RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
-from fracid.selection.comparison import Comparison, Row, Score, _verdict, compare, mean_rmse
+from fracid.selection.comparison import compare
+from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score, mean_rmse
+from fracid.selection.comparison_verdict import verdict_of
 from fracid.selection.ladder import OWN, assignment, held, ladder, unseen
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
@@ -75,7 +77,7 @@ def compared_with_odds():
 
 
 @pytest.mark.broad
-def test_posterior_odds_stand_beside_and_change_neither_claim_nor_verdict():
+def test_posterior_odds_stand_beside_and_change_neither_claim_norverdict_of():
     plain, with_odds = compared_with_odds()
     assert all(math.isnan(row.log_odds) for row in plain.rows)
     odds = {row.name: row.log_odds for row in with_odds.rows}
@@ -163,7 +165,7 @@ def test_tied_orders_stay_tied():
     assert found["viscous, orders free"].problem.names[:2] == ("lambda", "b_theta")
     row = judged(tied, keep=[*DRAG, "cable_stiffness", "coulomb_theta", "coulomb_alpha"])["viscous, orders free"]
     assert row.orders["mu"] == row.orders["lambda"]
-    assert row.orders["mu"][0] == pytest.approx(0.95, abs=1e-4)
+    assert row.orders["mu"].value == pytest.approx(0.95, abs=1e-4)
 
 
 def test_what_a_clamped_arm_does_not_show_is_left_out_and_said():
@@ -262,10 +264,10 @@ def test_the_true_structure_predicts_to_the_noise_and_what_lacks_it_does_not(tru
 
 def test_a_true_order_comes_back_with_its_interval_and_a_fixed_one_has_none():
     row = compared("fractional")["viscous + Coulomb, orders free"]
-    value, ends = row.orders["mu"]
+    value, ends = row.orders["mu"].value, row.orders["mu"].interval95
     assert ends[0] <= 0.95 <= ends[1]
     assert value == pytest.approx(0.95, abs=2e-3)
-    assert row.orders["lambda"] == (1.0, None)
+    assert row.orders["lambda"] == OrderOfRow(1.0, None)
 
 
 def test_schwarz_counts_what_an_idle_order_costs():
@@ -364,13 +366,13 @@ def test_a_model_without_friction_is_compared_as_it_is_with_its_orders_integer_a
     for rungs in (None, ["viscous"], RUNGS):
         found = compare(p, rungs=rungs)
         assert [row.name for row in found.rows] == ["spring, orders 1", "spring, orders free"]
-    assert found.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
+    assert found.rows[1].orders["q"].value == pytest.approx(0.96, abs=1e-3)
     assert found.rows[1].in_sample["one"].rmse["x"] == pytest.approx(1e-3, rel=0.1)
     assert "orders explain more in sample" in found.verdict
     assert any("[[alternative]] in the project" in note for note in found.notes)
     only_order = compare(replace(p, parameters={"k": 25.0}))
     assert [row.parameters for row in only_order.rows] == [0, 1]  # of the integer-order model nothing is free
-    assert only_order.rows[1].orders["q"][0] == pytest.approx(0.96, abs=1e-3)
+    assert only_order.rows[1].orders["q"].value == pytest.approx(0.96, abs=1e-3)
 
 
 @pytest.mark.broad
@@ -423,7 +425,7 @@ def test_long_recordings_are_compared_on_means_of_their_first_swings(monkeypatch
     found = judged(problem(fine), validation=[beside], rungs=("viscous", "Coulomb"))
     assert found.notes[0].startswith("Long recordings are compared on means of 8 samples, the first 4.8 s of each")
     row = found.best(fractional=True)
-    value, (low, high) = row.orders["mu"]
+    value, (low, high) = row.orders["mu"].value, row.orders["mu"].interval95
     assert low - 0.002 < mu < high + 0.002, (low, value, high)
     assert found.claim == claim
     assert mean_rmse(row.held_out)["alpha"] < 1e-3  # of the means
@@ -508,7 +510,7 @@ def row(friction, fractional, errors, *, bic=0.0, mu=(0.95, (0.94, 0.96))):
     scores = {f"r{i}": Score({"alpha": e}, {"alpha": 90.0}, {"alpha": e}, "" if math.isfinite(e) else "diverged")
               for i, e in enumerate(errors)}  # fmt: skip
     name = f"{friction}, orders {'free' if fractional else '1'}"
-    orders = {"mu": mu if fractional else (1.0, None)}
+    orders = {"mu": OrderOfRow(*mu) if fractional else OrderOfRow(1.0, None)}
     return Row(friction, fractional, name, name == "viscous, orders free", 0.1, 5, bic, orders, {}, (), {}, scores, "")
 
 
@@ -536,7 +538,7 @@ def test_the_verdict_follows_the_held_out_errors(case):
     errors, count, begins = VERDICTS[case]
     kinds = [("viscous", False), ("viscous", True), (DRY, False), (DRY, True)]
     rows = tuple(row(*kind, [0.01 * e] * count) for kind, e in zip(kinds, errors, strict=True))
-    assert _verdict(result(rows)).startswith(begins)
+    assert verdict_of(result(rows)).startswith(begins)
 
 
 def result(rows):
@@ -559,20 +561,20 @@ def result(rows):
     ],
 )
 def test_the_verdict_counts_recordings_and_runs_that_fail(integer, free, says):
-    assert says in _verdict(result((row("viscous", False, integer), row("viscous", True, free))))
+    assert says in verdict_of(result((row("viscous", False, integer), row("viscous", True, free))))
 
 
 def test_orders_that_are_1_within_their_intervals_are_said_to_be():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(1.01, (0.98, 1.04))))
-    assert "There the orders are 1 within their intervals (μ 1.010 ± 0.03)." in _verdict(result(rows))
+    assert "There the orders are 1 within their intervals (μ 1.010 ± 0.03)." in verdict_of(result(rows))
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3))
-    assert "within their intervals" not in _verdict(result(rows))
+    assert "within their intervals" not in verdict_of(result(rows))
 
 
 def test_what_is_integer_is_what_the_model_says():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(0.01, (-0.02, 0.04))))
-    assert "There the orders are 0 within their intervals (μ 0.010 ± 0.03)." in _verdict(result(rows), {"mu": 0.0})
-    assert "within their intervals" not in _verdict(result(rows), {"mu": None})
+    assert "There the orders are 0 within their intervals (μ 0.010 ± 0.03)." in verdict_of(result(rows), {"mu": 0.0})
+    assert "within their intervals" not in verdict_of(result(rows), {"mu": None})
 
 
 def test_on_the_ladder_orders_1_stands_for_what_the_model_calls_integer():
@@ -603,7 +605,7 @@ def test_on_the_ladder_orders_1_stands_for_what_the_model_calls_integer():
 def test_without_held_out_recordings_the_verdict_is_by_schwarz_and_no_proof(gain, says):
     low = min(0.0, gain)
     rows = (row("viscous", False, [], bic=gain - low), row("viscous", True, [], bic=-low))
-    verdict = _verdict(result(rows))
+    verdict = verdict_of(result(rows))
     assert verdict.startswith("No recording was held out, so this is no proof: ")
     assert says in verdict
     assert "--leave-one-out" in verdict

@@ -42,7 +42,7 @@ from fracid.units import shown_unit, with_unit
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.selection.comparison import Comparison, Row, Score
+    from fracid.selection.comparison_records import Comparison, Row, Score
     from fracid.workflows.comparison import FinishedComparison
 
 MOST = 3
@@ -144,7 +144,7 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
     odds = ["log odds"] * any(isfinite(row.log_odds) for row in comparison.rows)
     wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *odds, *more, fold=()) for more in (scores, ()))
     for row in comparison.rows:
-        values = [_order(*row.orders[n]) if row.fractional else "" for n in orders]
+        values = [_order(row.orders[n].value, row.orders[n].interval95) if row.fractional else "" for n in orders]
         cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
         cells += [f"{row.log_odds:+.1f}" if isfinite(row.log_odds) else "–"] * len(odds)
         wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))

@@ -36,7 +36,7 @@ from fracid.tasks.display import shown
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.validation.monte_carlo import Statistics
+    from fracid.validation.study_records import Statistics
     from fracid.workflows.monte_carlo import FinishedNoiseStudy
 
 HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")

@@ -23,7 +23,7 @@ from fracid.estimation.profile_walk import refit
 from fracid.estimation.tangent import Tangent
 from fracid.problem import Experiment, Problem
 from fracid.safety.schema import as_json
-from fracid.schemas.result import SpreadBlock
+from fracid.schemas.scatter import SpreadBlock
 from fracid.tasks.job import in_threads
 
 # --- each recording alone ------------------------------------------------------------------------------

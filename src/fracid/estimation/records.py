@@ -20,6 +20,7 @@ from fracid.cards import Card, CardDisplay, brief, rounded
 from fracid.errors import Failure
 from fracid.figures import Style, draw
 from fracid.recording.measures import PENDULUM
+from fracid.safety.schema import Ends, Number, Record, Unknown
 from fracid.signals.resolution import resolution
 from fracid.units import shown_unit, typeset_unit
 
@@ -44,24 +45,24 @@ def in_words(identifiable: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Estimate(CardDisplay):
+class Estimate(CardDisplay, Record):
     """A value with what is known of it."""
 
-    value: float
+    value: Unknown
     unit: str = ""
     free: bool = False
-    standard_error: float | None = None
+    standard_error: Number = None
     """None for a fixed value, and where it cannot be known."""
-    interval95: tuple[float, float] | None = None
+    interval95: Ends | None = None
     """By the sandwich of :mod:`fracid.estimation.covariance`; of this model, without model error."""
     at_bound: bool = False
-    bound: float | None = None
+    bound: Number = None
     """The bound that it lies at, which is what the value means: a search stops a little before it.  None: at none."""
     identifiable: str = "fixed"
     """The verdict in words: the kinds of :class:`fracid.Verdict`, or what the integer-order rival makes of an order."""
     reason: str = ""
     """Why, and what to do."""
-    white95: tuple[float, float] | None = None
+    white95: Ends | None = None
     """As if the residuals were white: how much the sandwich adds shows what their correlation costs."""
     interval_method: str | None = None
     """How the interval was made: a key of :data:`fracid.estimation.covariance.METHODS`; None where there is none."""
@@ -78,6 +79,13 @@ class Estimate(CardDisplay):
         title = f"Estimate {rounded(factor * self.value, half)} {typeset_unit(shown)}".rstrip()
         rows = (("verdict", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
+
+
+@dataclass(frozen=True, repr=False)
+class OrderEstimate(Estimate):
+    """An order, and what it is in the integer-order model."""
+
+    integer: Number = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
     from fracid.selection.amplitude import AmplitudeTest, Drift
-    from fracid.selection.comparison import Comparison, Row, Score
+    from fracid.selection.comparison_records import Comparison, Row, Score
 
 MOST = 3
 """Held-out recordings with a column each; of more the mean is drawn, with each recording pale."""
@@ -51,7 +51,7 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
 
     Examples
     --------
-    >>> from fracid.selection.comparison import Comparison, Row, Score
+    >>> from fracid.selection.comparison_records import Comparison, Row, Score
     >>> score = {"release": Score({"alpha": 0.01}, {"alpha": 95.0}, {"alpha": 0.1})}
     >>> rows = tuple(Row("viscous", free, "", free, 1.0, 3, 0.0, {}, {}, (), score, {}, "") for free in (False, True))
     >>> figure = ladder(Comparison(rows, "", (), ("alpha",), 9.0, False, "rmse", 1, 1))

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.figures import Style
-    from fracid.validation.monte_carlo import Cell, NoiseStudy, SavedStudy, Statistics
+    from fracid.validation.monte_carlo import NoiseStudy
+    from fracid.validation.study_records import Cell, SavedStudy, Statistics
 
 MOST = 8
 """Unknowns that are drawn."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import computed_field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
@@ -44,8 +45,7 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
-from fracid.safety.schema import as_json
-from fracid.schemas.regression import RegressionBlock
+from fracid.safety.schema import Block, Number, Pair, Record, as_json
 from fracid.signals.resolution import resolution
 
 CUTOFF = (6.0, 9.0)
@@ -65,16 +65,16 @@ POOR = 85.0
 
 
 @dataclass(frozen=True)
-class Constant:
+class Constant(Record):
     """One constant as the regression sees it."""
 
     value: float
     """In the parameter's SI unit; the known or the model's own value where it was not found."""
     unit: str
-    standard_error: float | None
+    standard_error: Number
     """From correlated residuals, or the spread over noisy repeats if that is more, and what searched orders add;
     None where it was not found."""
-    bias: float | None
+    bias: Number
     """What noise in the columns adds to the value, estimated by adding it once more [unit]; None as above."""
     verdict: str
     """``identified``, ``known``, ``only together with …``, ``not excited``, or in which direction it is biased."""
@@ -84,6 +84,7 @@ class Constant:
         """Whether to use the value by itself."""
         return self.verdict == "identified"
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def interval95(self) -> tuple[float, float] | None:
         """About the value, without its bias; None where it was not found."""
@@ -594,3 +595,54 @@ def _experiment_swing(e: Experiment, problem: Problem) -> Swing:
         e.name, e.step, column.get("theta"), column["alpha"], e.inputs[:, 0] if driven else None,
         problem.model.inputs == ("voltage",), 0, (steps[0], steps[1]),
     )  # fmt: skip
+
+
+# --- regression.json ----------------------------------------------------------------------------------------
+
+
+class SearchedOrder(Block):
+    """An order, and its interval where it was searched."""
+
+    value: float
+    interval95: Annotated[tuple[Number, ...], Pair] | None
+
+
+class RegressionBlock(Block):
+    """A regression without its rows."""
+
+    orders: dict[str, SearchedOrder]
+    parameters: dict[str, Constant]
+    combinations: dict[str, float]
+    estimator: str
+    fit_percent: dict[str, float]
+    noise_ratio: Number
+    condition_number: Number
+    samples: int
+    cutoff: float
+    cutoff_reason: str
+    window: float
+    noise: dict[str, float]
+    amplitude: float
+    belief: str
+    warnings: list[str]
+
+
+class StartedBlock(RegressionBlock):
+    """A regression with the start that it gives to the unknowns of a project."""
+
+    start: dict[str, float]
+
+
+class RegressionResultBlock(StartedBlock):
+    """The file of one regression."""
+
+    notes: list[str]
+    data_sha256: dict[str, str]
+
+
+class RegressionsBlock(Block):
+    """The file of several: one for each recording."""
+
+    notes: list[str]
+    data_sha256: dict[str, str]
+    recordings: dict[str, StartedBlock]

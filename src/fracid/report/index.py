@@ -21,6 +21,7 @@ from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, writing
+from fracid.fit import ResultBlock
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
@@ -31,7 +32,6 @@ from fracid.safety.door import opened, text_of, write_text
 from fracid.safety.json_files import json_of
 from fracid.safety.schema import read_as
 from fracid.safety.text import printable
-from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
 

@@ -13,27 +13,26 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
+from fracid.fit import Fit, ResultBlock
 from fracid.recording import Recording, inspect_recording
 from fracid.report.sentences import number
 from fracid.runs.evaluations import tried
-from fracid.safety.schema import Block, read_as
-from fracid.schemas.comparison import ComparisonBlock
+from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.profiles import ProfilesBlock
-from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock
+from fracid.selection.comparison_records import Comparison
 from fracid.units import SHOWN_UNITS
 from fracid.validation.residual_analyses import Analyses, Residuals, analysed
 
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
     from fracid.estimation.records import RecordingFit
-    from fracid.fit import Fit
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
 
-BESIDE: dict[str, tuple[type[Block], str]] = {
+BESIDE: dict[str, tuple[type[Block | Record], str]] = {
     "profiles.json": (ProfilesBlock, "fracid profile RUN"),
-    "compare.json": (ComparisonBlock, "fracid compare PROJECT --out RUN"),
+    "compare.json": (Comparison, "fracid compare PROJECT --out RUN"),
     "environment.json": (EnvironmentBlock, "fracid fit PROJECT"),
 }
 """Files that the report looks at → what they must be, and what writes them."""

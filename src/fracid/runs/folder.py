@@ -35,15 +35,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, writing
+from fracid.fit import Fit, ResultBlock
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
-from fracid.safety.schema import as_json, read_as
-from fracid.schemas.result import ResultBlock
-from fracid.schemas.run_record import EnvironmentBlock, RunBlock
+from fracid.safety.schema import Record, as_json, read_as, record_of
+from fracid.schemas.run_record import EnvironmentBlock
 from fracid.tasks.folder_lock import FolderLock, Json
 
 if TYPE_CHECKING:
-    from fracid.fit import Fit
     from fracid.problem.project import Project
 
 RUN = "run.json"
@@ -74,7 +73,7 @@ LATER = ("residuals.json", "profiles.json", "report.html", STARTS, *POSTERIOR)
 
 
 @dataclass(frozen=True)
-class RunState:
+class RunState(Record):
     """The content of run.json."""
 
     kind: str
@@ -184,8 +183,8 @@ def run_state(folder: Path) -> RunState:
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
     try:
-        content = read_as(folder / RUN, RunBlock, "the command itself")
-        return RunState(**dict(RunBlock.model_validate(content)))
+        content = read_as(folder / RUN, RunState, "the command itself")
+        return record_of(RunState, content)
     except (OSError, InputError):
         raise InputError(
             f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
@@ -323,7 +322,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
 
 def _write_state(folder: Path, state: RunState) -> None:
     with writing(f"The folder {folder}"):
-        write_text(folder / RUN, json.dumps(as_json(RunBlock, state), indent=2, ensure_ascii=False) + "\n")
+        write_text(folder / RUN, json.dumps(as_json(RunState, state), indent=2, ensure_ascii=False) + "\n")
 
 
 def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:

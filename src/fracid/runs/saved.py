@@ -11,7 +11,7 @@ float goes through JSON unchanged, so the same versions give the same trajectori
 does differ from the saved one a note says so.
 
 The folder may come from a stranger or from a dying disc.  Each file must be of its :mod:`schema
-<fracid.schemas.result>`, and ``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders,
+<fracid.fit>`, and ``result.json`` of one run with ``project.toml``: the same recordings, outputs and orders,
 values within their bounds.
 """
 
@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,25 +34,16 @@ from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.starts import Start
 from fracid.findings import Finding
-from fracid.fit import fit_card
+from fracid.fit import ResultBlock, StartBlock, fit_card
 from fracid.problem import Experiment, Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import fault_of
+from fracid.safety.schema import fault_of, record_of
 from fracid.safety.text import ascii_short
-from fracid.schemas.result import (
-    AlternativeBlock,
-    DiscretisationBlock,
-    EstimateBlock,
-    FindingBlock,
-    OpenedBoundBlock,
-    ResultBlock,
-    StartBlock,
-)
 from fracid.selection.doubts import claimed, doubts
-from fracid.selection.integer_rival import Alternative, alternative_of
+from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound, reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.validation.discretisation import Discretisation
@@ -93,12 +84,12 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     @property
     def orders(self) -> dict[str, Estimate]:
         """The orders with what is known of them, as in :attr:`fracid.Fit.orders`."""
-        return {n: _estimate(entry) for n, entry in self.result["orders"].items()}
+        return {n: record_of(Estimate, entry) for n, entry in self.result["orders"].items()}
 
     @property
     def parameters(self) -> dict[str, Estimate]:
         """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
-        return {n: _estimate(entry) for n, entry in self.result.get("parameters", {}).items()}
+        return {n: record_of(Estimate, entry) for n, entry in self.result.get("parameters", {}).items()}
 
     @property
     def claim(self) -> str:
@@ -118,7 +109,7 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Faults of data, project or model, as in :attr:`fracid.Fit.findings`."""
-        return tuple(_finding(entry) for entry in self.result.get("findings", []))
+        return tuple(record_of(Finding, entry) for entry in self.result.get("findings", []))
 
     @property
     def cost(self) -> float:
@@ -154,20 +145,19 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     @property
     def opened_bounds(self) -> tuple[OpenedBound, ...]:
         """The bounds of the project that stopped the search, and were opened."""
-        blocks = (OpenedBoundBlock.model_validate(entry) for entry in self.result.get("opened_bounds", []))
-        return tuple(OpenedBound(**dict(block)) for block in blocks)
+        return tuple(record_of(OpenedBound, entry) for entry in self.result.get("opened_bounds", []))
 
     @property
     def discretisation(self) -> Discretisation | None:
         """What the step of the solver does to the result, where that was checked."""
         entry = self.result.get("discretisation")
-        return None if entry is None else Discretisation(**dict(DiscretisationBlock.model_validate(entry)))
+        return None if entry is None else record_of(Discretisation, entry)
 
     @property
     def alternative(self) -> Alternative | None:
         """The integer-order model that comes nearest, where one was tried."""
         entry = self.result.get("alternative")
-        return None if entry is None else alternative_of(AlternativeBlock.model_validate(entry))
+        return None if entry is None else record_of(Alternative, entry)
 
     @property
     def starts(self) -> tuple[Start, ...]:
@@ -214,7 +204,8 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
         entry = self.result.get("recordings", {}).get(e.name, {})
         initial, own = (
-            {n: _estimate(v) for n, v in entry.get(key, {}).items()} for key in ("initial_state", "parameters")
+            {n: record_of(Estimate, v) for n, v in entry.get(key, {}).items()}
+            for key in ("initial_state", "parameters")
         )
         return fit_of(problem, _vector(problem, self.values), e, use, initial, own)
 
@@ -409,22 +400,8 @@ def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
 
 
-def _estimate(entry: Mapping[str, Any]) -> Estimate:
-    """What result.json says of a value; what a result of an older version does not say is as by default."""
-    block = EstimateBlock.model_validate(entry)
-    return Estimate(**{f.name: getattr(block, f.name) for f in fields(Estimate)})
-
-
-def _finding(entry: Mapping[str, Any]) -> Finding:
-    """What result.json says of a finding; a number that is null was not finite."""
-    block = FindingBlock.model_validate(entry)
-    return Finding(
-        **dict(block) | {n: math.nan if (v := getattr(block, n)) is None else v for n in ("number", "limit")}
-    )
-
-
 def _start(entry: Mapping[str, Any], problem: Problem) -> Start:
     """What result.json says of a start."""
-    block = StartBlock.model_validate(entry)
+    block = record_of(StartBlock, entry)
     point, end = (np.array([x.get(n, np.nan) for n in problem.names]) for x in (block.point, block.end))
     return Start(**dict(block) | {"point": point, "end": end})

@@ -5,30 +5,41 @@
 ``Unknown``        a number or null, which is NaN
 ``Infinite``       a number or null, which is infinite
 ``Numbers``        a list of numbers, from an array too
-``Interval``       a list of two numbers
+``Interval``       a list of two numbers; ``Ends``, of which the type knows that they are two
 =================  ==========================================================================================
 
-A :class:`Block` has a field for each key, with the name of the record's attribute that it is written from; a key
-that is called otherwise is its alias.  So one description
+A dataclass that is a :class:`Record` is its own description: its fields are the keys, a key that is called otherwise
+is an alias, and what follows from the fields may stand beside them (``computed_field``).  A :class:`Block` describes
+what has no class of its own, or is written from attributes of several.  Either
 
-* **writes**: :func:`as_json` takes the attributes of a record,
-* **reads**: ``Block.model_validate(content)``, and ``Record(**dict(block))``,
+* **writes**: :func:`as_json`,
+* **reads**: :func:`record_of`,
 * **checks**: :func:`fault_of` names the place of the first fault, behind the limits of :mod:`fracid.safety.json_files`,
-* **tells others**: ``Block.model_json_schema()``.
+* **tells others**: the JSON Schema of :func:`fracid.runs.json_schemas.json_schema`.
 
-What a file has beside the keys of its block is passed over.
+What a file has beside the keys of its description is passed over.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, partial
 from math import inf, nan
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
-from pydantic_core.core_schema import ValidationInfo
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    PlainSerializer,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core.core_schema import CoreSchema, ValidationInfo
 
 from fracid.errors import InputError
 from fracid.safety.door import opened, text_of
@@ -53,6 +64,15 @@ Pair = Field(strict=False, min_length=2, max_length=2)
 
 Interval = Annotated[tuple[float, ...], Pair]
 
+if TYPE_CHECKING:
+    Ends = tuple[float, float]
+else:
+    Ends = Interval  # which says of another length what is wrong
+
+T = TypeVar("T")
+Listed = Annotated[tuple[T, ...], Field(strict=False)]
+"""A tuple, which is a list in JSON."""
+
 
 def _listed(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
@@ -67,6 +87,29 @@ class Block(BaseModel):
     """A JSON object of a file; see the top of this module."""
 
     model_config = ConfigDict(from_attributes=True, strict=True, frozen=True)
+
+
+class Record:
+    """A dataclass that describes its own JSON; see the top of this module."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(strict=True)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """As of any dataclass; an object of JSON is read as one, while its values are not converted."""
+        found = handler(source)
+        own: Any = handler.resolve_ref_schema(found)
+        while own["type"] != "dataclass":  # it is validated, too
+            own = own["schema"]
+        own["strict"] = False
+        return found
+
+
+Kind = TypeVar("Kind", bound=Block | Record)
+
+
+described: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
+"""What pydantic knows of a block or a record."""
 
 
 class Coherent(Block):
@@ -86,7 +129,7 @@ class Coherent(Block):
 WRITING = "writing"
 
 
-def as_json(block: type[Block], record: Any) -> dict[str, Any]:
+def as_json(kind: type[Block | Record], record: Any) -> dict[str, Any]:
     """Plain JSON values of a record: of its attributes, or of what a mapping has by their names or by the keys.
 
     Examples
@@ -96,15 +139,32 @@ def as_json(block: type[Block], record: Any) -> dict[str, Any]:
     >>> as_json(Score, {"rmse": inf})
     {'rmse_rad': None}
     """
-    own = block.model_validate(record, strict=False, by_name=True, by_alias=True, context=WRITING)
-    return own.model_dump(mode="json", by_alias=True)
+    own = described(kind).validate_python(record, strict=False, by_name=True, by_alias=True, context=WRITING)
+    found: dict[str, Any] = described(kind).dump_python(own, mode="json", by_alias=True)
+    return found
+
+
+def record_of(kind: type[Kind], content: Any) -> Kind:
+    """The record, or the block, that JSON values describe.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True)
+    ... class Trial(Record):
+    ...     cost: Infinite
+    >>> record_of(Trial, {"cost": None})
+    Trial(cost=inf)
+    """
+    found: Kind = described(kind).validate_python(content)
+    return found
 
 
 # --- faults ------------------------------------------------------------------------------------------
 
 
-def fault_of(value: Any, block: type[Block]) -> str:
-    """Where a value of JSON is not of a block, in words; empty where it is.
+def fault_of(value: Any, kind: type[Block | Record]) -> str:
+    """Where a value of JSON is not of a block or record, in words; empty where it is.
 
     Examples
     --------
@@ -118,7 +178,7 @@ def fault_of(value: Any, block: type[Block]) -> str:
     if excess := excess_of(value):
         return excess
     try:
-        block.model_validate(value)
+        record_of(kind, value)
     except ValidationError as error:
         return _sentence(*next(iter(faults_by_place(error).items())))
     return ""
@@ -126,6 +186,7 @@ def fault_of(value: Any, block: type[Block]) -> str:
 
 EXPECTED = {
     "bool_type": "true or false",
+    "dataclass_type": "names with values",
     "dict_type": "names with values",
     "finite_number": "a finite number",
     "float_type": "a number",
@@ -195,13 +256,13 @@ def lacking(value: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> str
 # --- files -------------------------------------------------------------------------------------------
 
 
-def read_as(path: Path, block: type[Block], wrote: str) -> Any:
+def read_as(path: Path, kind: type[Block | Record], wrote: str) -> Any:
     """Read a JSON file of a run folder; gives its content as it stands there.
 
     Parameters
     ----------
     path : Path
-    block : type of Block
+    kind : type of Block or Record
         What it must be.
     wrote : str
         The command that writes it again.
@@ -230,12 +291,12 @@ def read_as(path: Path, block: type[Block], wrote: str) -> Any:
         content = json_of(text_of(path))
     except ValueError as error:
         fault = f"it cannot be read as JSON ({short_text(error)})"
-    if fault := fault or fault_of(content, block):
+    if fault := fault or fault_of(content, kind):
         raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
     return content
 
 
-def lines_of(path: Path, block: type[Block]) -> Iterator[Any]:
+def lines_of(path: Path, kind: type[Block | Record]) -> Iterator[Any]:
     """The lines of a log that are as they should be; none where there is no log, or one that cannot be read.
 
     Examples
@@ -250,7 +311,7 @@ def lines_of(path: Path, block: type[Block]) -> Iterator[Any]:
                     content = json_of(line)
                 except ValueError:
                     continue
-                if not fault_of(content, block):
+                if not fault_of(content, kind):
                     yield content
     except OSError:
         return

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown
-from fracid.schemas.result import SpreadBlock
+from fracid.schemas.scatter import SpreadBlock
 
 
 class ProfileBlock(Block):

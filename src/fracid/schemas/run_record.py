@@ -1,4 +1,4 @@
-"""run.json and environment.json, and what the lines of a run's logs have."""
+"""environment.json, and what the lines of a run's logs have."""
 
 from __future__ import annotations
 
@@ -9,16 +9,6 @@ from pydantic import Field
 
 from fracid.safety.json_files import shown
 from fracid.safety.schema import Block, Infinite, fault_of
-
-
-class RunBlock(Block):
-    """run.json: what is done in a folder."""
-
-    kind: str
-    options: dict[str, Any]
-    inputs: dict[str, str]
-    finished: bool
-    code: str = ""
 
 
 class FitOptions(Block):

@@ -38,9 +38,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, computed_field
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
@@ -51,8 +52,7 @@ from fracid.figures import Style, draw
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
-from fracid.safety.schema import as_json
-from fracid.schemas.comparison import AmplitudeBlock
+from fracid.safety.schema import Infinite, Listed, Record, as_json, record_of
 from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
@@ -91,37 +91,37 @@ RELEASES = "releases"
 
 
 @dataclass(frozen=True)
-class Window:
+class Window(Record):
     """A stretch of a recording, and the orders found in it."""
 
     recording: str
-    start: float
+    start: Annotated[float, Field(alias="from")]
     """On the recording's own clock [s]."""
-    end: float
+    end: Annotated[float, Field(alias="to")]
     """[s]"""
     whole: bool
     """Whether it is the recording as it was fitted."""
     amplitude: Mapping[str, float]
     """Order → mean amplitude of an output whose state has it [its unit]."""
     orders: Mapping[str, float]
-    standard_errors: Mapping[str, float]
+    standard_errors: Mapping[str, Infinite]
     """Infinite where the window does not tell."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Order → the unit of its amplitude; rad where it says nothing."""
 
 
 @dataclass(frozen=True)
-class Drift:
+class Drift(Record):
     """How an order goes with amplitude."""
 
     order: str
     over: str
     """A recording, over its windows; or ``releases``."""
-    amplitudes: tuple[float, ...]
+    amplitudes: Listed[float]
     """Falling [unit]."""
-    values: tuple[float, ...]
+    values: Listed[float]
     """The order at each."""
-    standard_errors: tuple[float, ...]
+    standard_errors: Listed[Infinite]
     probability: float
     """Of differences as great as these, if the order were one."""
     explained: float
@@ -131,6 +131,7 @@ class Drift:
     unit: str = "rad"
     """Of the amplitudes."""
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def drifts(self) -> bool:
         """Whether it changes with amplitude by more than its intervals."""
@@ -141,6 +142,7 @@ class Drift:
         """Whether it is not one number, whatever the reason."""
         return self.probability < PROBABILITY and max(self.values) - min(self.values) >= CHANGE
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def sentence(self) -> str:
         """What it means."""
@@ -167,19 +169,21 @@ class Drift:
 
 
 @dataclass(frozen=True, repr=False)
-class AmplitudeTest(CardDisplay):
+class AmplitudeTest(CardDisplay, Record):
     """The result of :func:`amplitude_test`."""
 
-    windows: tuple[Window, ...]
-    drifts: tuple[Drift, ...]
-    notes: tuple[str, ...] = ()
+    windows: Listed[Window]
+    drifts: Listed[Drift]
+    notes: Listed[str] = ()
     """What could not be tested."""
 
+    @computed_field(alias="friction_in_disguise")  # type: ignore[prop-decorator]
     @property
     def disguised(self) -> bool:
         """Whether any order drifts."""
         return any(d.drifts for d in self.drifts)
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def sentences(self) -> tuple[str, ...]:
         """What it means, in words."""
@@ -203,7 +207,7 @@ class AmplitudeTest(CardDisplay):
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values; angles in radians."""
-        return as_json(AmplitudeBlock, self)
+        return as_json(AmplitudeTest, self)
 
     @classmethod
     def of_json(cls, content: Mapping[str, Any]) -> AmplitudeTest:
@@ -215,9 +219,7 @@ class AmplitudeTest(CardDisplay):
         >>> AmplitudeTest.of_json(test.to_json()) == test
         True
         """
-        block = AmplitudeBlock.model_validate(content)
-        windows = tuple(Window(**dict(w)) for w in block.windows)
-        return cls(windows, tuple(_drifts(windows)), tuple(block.notes))
+        return record_of(cls, content)
 
 
 def amplitude_test(

@@ -68,11 +68,14 @@ NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid 
 """Said of integer orders beside a misfit."""
 
 
+ClaimWord = Literal["fractional", "integer", "undecided"]
+
+
 @dataclass(frozen=True)
 class Claim:
     """One of three words, and sentences."""
 
-    claim: Literal["fractional", "integer", "undecided"]
+    claim: ClaimWord
     reasons: tuple[str, ...]
 
 

@@ -10,23 +10,7 @@ Every structure of :mod:`fracid.selection.ladder` is
 3. **scored on recordings not fitted**: those with ``use = "validate"``, or each in turn (*leave one out*).  There the
    initial state, and what each recording has for itself, such as its rests, are found again; all else is fixed.
 
-**The verdict.**  A structure's error on a recording is the geometric mean of its outputs' RMSE, and over recordings the
-geometric mean again: what counts are ratios, and no output or recording rules by its size.  The best structure with
-orders free is held against the best with orders 1, as many of one kind as of the other:
-
-=========================================================  ============================================================
-held out                                                   verdict
-=========================================================  ============================================================
-lower by 2 % or more, on most recordings                   orders help on n of N held-out recordings, by p %
-no lower, but orders help viscous friction alone, and      orders replace Coulomb friction and lose to it
-viscous + Coulomb with orders 1 predicts better than that
-within 2 %                                                 orders make no difference: the integer-order model predicts
-                                                           as well
-higher                                                     orders fit better and predict worse
-=========================================================  ============================================================
-
-Without held-out recordings Schwarz's criterion has to do, and the verdict says so: what a model gains in sample, it may
-lose elsewhere.
+**The verdict** is that of :mod:`fracid.selection.comparison_verdict`.
 
 **The evidence**, where it is asked for, stands beside (:mod:`fracid.bayes.evidence`): each structure's likelihood,
 averaged over its bounds and priors, as log odds against the most probable one.  No rule above or below reads it.
@@ -45,7 +29,7 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,55 +38,47 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
-from fracid.cards import Card, CardDisplay, listed
-from fracid.errors import Failure, InputError, unknown_name
+from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
-from fracid.figures import Style, draw
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
-from fracid.safety.json_files import json_number
-from fracid.safety.schema import as_json
-from fracid.schemas.comparison import (
-    ComparisonBlock,
+from fracid.safety.schema import as_json, record_of
+from fracid.selection.amplitude import AmplitudeTest, amplitude_test
+from fracid.selection.bic import schwarz
+from fracid.selection.claim import NO_RUN, OrderFound, claim_of
+from fracid.selection.comparison_records import (
+    Comparison,
     EvidenceBlock,
     FittedBlock,
-    LeftOverBlock,
-    RowBlock,
-    ScoreBlock,
-    StartBlock,
+    GivenBlock,
+    OrderOfRow,
+    Row,
+    Score,
+    best_of,
 )
-from fracid.schemas.result import AlternativeBlock
-from fracid.selection.amplitude import AmplitudeTest, amplitude_test
-from fracid.selection.bic import STRONG, schwarz
-from fracid.selection.claim import LACKS, NO_RUN, OrderFound, claim_of
-from fracid.selection.doubts import claimed
+from fracid.selection.comparison_verdict import as_good_as_integer, not_helped, verdict_of
 from fracid.selection.integer_alternatives import integer_alternatives
-from fracid.selection.integer_rival import Alternative, alternative_of, integers_of
+from fracid.selection.integer_rival import Alternative, integers_of
 from fracid.selection.ladder import Ladder, Structure, assignment, ladder
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
 from fracid.signals.correlation import effective_samples
-from fracid.signals.left_over import LeftOver
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
-from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-MARGIN = 0.02
-"""Errors that differ by less than this part are the same."""
+    pass
 
 SAME = 1e-3
 """A cost that is higher by less than this part is as low."""
@@ -112,176 +88,6 @@ GIVEN = "the project as it stands"
 
 WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
-
-
-@dataclass(frozen=True)
-class Score:
-    """How near a structure comes to one recording."""
-
-    rmse: Mapping[str, float]
-    """Per output [its unit]; infinite where the run fails."""
-    fit_percent: Mapping[str, float]
-    """100·(1 − ‖y − ŷ‖/‖y − ȳ‖), per output."""
-    itae: Mapping[str, float]
-    """∫ t|e| dt, per output [its unit times s²]."""
-    failed: str = ""
-    """Why the run fails."""
-
-    @property
-    def error(self) -> float:
-        """The geometric mean of the outputs' RMSE: a number to be held against another structure's."""
-        return float(np.exp(np.mean(np.log(np.maximum([*self.rmse.values()], 1e-300)))))
-
-
-@dataclass(frozen=True)
-class Row:
-    """One structure, fitted and scored."""
-
-    friction: str
-    """``viscous + Coulomb``."""
-    fractional: bool
-    name: str
-    """``viscous + Coulomb, orders free``."""
-    paper: bool
-    """Whether this is the paper's structure."""
-    cost: float
-    """The problem's own, on the fitted recordings; infinite where every run fails."""
-    parameters: int
-    """How many are free, initial states included; what the fitted recordings do not see is not."""
-    bic: float
-    """Schwarz's criterion, less that of the best row."""
-    orders: Mapping[str, tuple[float, tuple[float, ...] | None]]
-    """Each order with its 95 % interval; None for a fixed one, or where there is none."""
-    values: Mapping[str, float]
-    """Every unknown by its name [SI]."""
-    at_bound: tuple[str, ...]
-    """Unknowns that lie at a bound."""
-    in_sample: Mapping[str, Score]
-    """Fitted recording → score."""
-    held_out: Mapping[str, Score]
-    """Recording that was not fitted → score."""
-    outcome: str
-    """How the search ended, and from where it came."""
-    left_over: Mapping[str, LeftOver] = field(default_factory=dict)
-    """Fitted recording and output, in words → what is left over of it."""
-    log_odds: float = math.nan
-    """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN
-    where that was not asked for or cannot be told."""
-
-    @property
-    def fits(self) -> bool:
-        """Whether it follows what it was fitted to; a run that fails does not."""
-        return math.isfinite(self.cost) and all(e.fits for e in self.left_over.values())
-
-    @property
-    def error(self) -> float:
-        """The geometric mean of the held-out errors; infinite where a run fails; NaN without any."""
-        errors = [s.error for s in self.held_out.values()]
-        return float(np.exp(np.mean(np.log(errors)))) if errors else math.nan
-
-
-@dataclass(frozen=True, repr=False)
-class Comparison(CardDisplay):
-    """The result of :func:`compare`."""
-
-    rows: tuple[Row, ...]
-    """From the poorest structure to the richest, each with orders 1 and with orders free."""
-    verdict: str
-    """A sentence or two to act on."""
-    notes: tuple[str, ...]
-    """What was left out or changed."""
-    outputs: tuple[str, ...]
-    effective_samples: float
-    """What the correlated residuals are worth in BIC."""
-    leave_one_out: bool
-    cost_name: str
-    seed: int
-    starts: int
-    amplitude: Mapping[str, AmplitudeTest] = field(default_factory=dict)
-    """Structure → whether its orders drift with amplitude, where that was asked for or the claim needs it."""
-    claim: str = "undecided"
-    """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
-    claim_reasons: tuple[str, ...] = ()
-    """Why, in sentences."""
-    alternative: Alternative | None = None
-    """What of integer order comes nearest to the best fractional structure, where the claim needs it."""
-    units: Mapping[str, str] = field(default_factory=dict)
-    """Output → its unit; rad where it says nothing."""
-
-    def __getitem__(self, name: str) -> Row:
-        """The row of that structure; an InputError names those that there are."""
-        rows = {row.name: row for row in self.rows}
-        if name not in rows:
-            raise unknown_name("structure", name, tuple(rows))
-        return rows[name]
-
-    @property
-    def held_out(self) -> tuple[str, ...]:
-        """Names of the held-out recordings."""
-        return tuple(self.rows[0].held_out)
-
-    def best(self, *, fractional: bool) -> Row:
-        """The best row with orders free, or with orders 1: on held-out recordings, by BIC where there are none."""
-        return _best([row for row in self.rows if row.fractional == fractional])
-
-    @property
-    def doubts(self) -> dict[str, str]:
-        """What speaks against the claim, as :func:`fracid.selection.doubts.doubts` of a fit."""
-        left = self.best(fractional=self.claim == "fractional").left_over.values()
-        return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKS}
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values; angles in radians, what is not finite as null."""
-        return as_json(ComparisonBlock, vars(self) | {
-            "held_out": self.held_out,
-            "best": {"integer": self.best(fractional=False).name, "fractional": self.best(fractional=True).name},
-            "rows": [_row_json(row) for row in self.rows],
-            "amplitude": {name: test.to_json() for name, test in self.amplitude.items()},
-        })  # fmt: skip
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> Comparison:
-        """The same from :meth:`to_json`, or from compare.json."""
-        block = ComparisonBlock.model_validate(content)
-        nearest = None if block.alternative is None else alternative_of(block.alternative)
-        amplitude = {n: AmplitudeTest.of_json(test) for n, test in content["amplitude"].items()}
-        return cls(tuple(map(_row_of, block.rows)), block.verdict, tuple(block.notes), tuple(block.outputs),
-                   block.effective_samples, block.leave_one_out, block.cost_name, block.seed, block.starts,
-                   amplitude, block.claim or "undecided", block.claim_reasons, nearest,
-                   block.units)  # fmt: skip
-
-    def _card(self) -> Card:
-        return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (
-            ("verdict", self.verdict),
-            ("fractional", _row_text(self.best(fractional=True), self.units)),
-            ("integer", _row_text(self.best(fractional=False), self.units)),
-            ("held out", listed(self.held_out)),
-            ("notes", f"{len(self.notes)}: {self.notes[0]}" if self.notes else "none"),
-        ), tuple((row.name, _row_text(row, self.units)) for row in self.rows))  # fmt: skip
-
-    def plot(self, *, style: str | Style = "screen") -> Figure:
-        """RMSE in sample and held out of each rung; see :func:`fracid.plots.ladder`.
-
-        Parameters
-        ----------
-        style : str or Style
-            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
-        """
-        return draw("ladder", self, style=style)
-
-    def table(self) -> list[dict[str, Any]]:
-        """One line for each structure, recording and output, as of ``compare.csv``.
-
-        The RMSE of an angle is ``rmse_deg``, that of any other output ``rmse``, in its ``unit``.
-        """
-        return [line for row in self.rows for line in _lines(row, self.outputs, self.units)]
-
-
-def _row_text(row: Row, units: Mapping[str, str]) -> str:
-    error = f"held out {_errors(row, units)}" if row.held_out else f"cost {row.cost:.4g}"
-    if not math.isfinite(row.bic):
-        return f"{row.name}: {error}"
-    return f"{row.name}: {error}, ΔBIC {row.bic:.4g}".replace("-", "−")
 
 
 def compare(
@@ -384,7 +190,7 @@ def compare(
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
     integers = {n: base.model.integer_order(n) for n in base.orders}
-    return _claimed(study, replace(comparison, verdict=_verdict(comparison, integers)), base)
+    return _claimed(study, replace(comparison, verdict=verdict_of(comparison, integers)), base)
 
 
 def _of_long_recordings(problem: Problem) -> Iterator[str]:
@@ -553,7 +359,7 @@ def _fit_project(
     else:
         best = given.evaluate(given.start)
     values = assignment(given, best.point) if math.isfinite(best.cost) else {}
-    return as_json(StartBlock, {"values": values, "opened": [vars(bound) for bound in opened]})
+    return as_json(GivenBlock, {"values": values, "opened": opened})
 
 
 def _fit_structure(
@@ -704,7 +510,7 @@ def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
-    return as_json(ScoreBlock, Score(fit.rmse, fit.fit_percent, itae))
+    return as_json(Score, Score(fit.rmse, fit.fit_percent, itae))
 
 
 # --- all of them -----------------------------------------------------------------------------------------
@@ -753,7 +559,7 @@ class _Study:
     def substeps(self, rows: Sequence[Row]) -> int:
         """The steps a sample at which the best rows of either kind are quiet."""
         kinds = [[row for row in rows if row.fractional == kind and math.isfinite(row.cost)] for kind in (False, True)]
-        best = [_best(kind) for kind in kinds if kind]
+        best = [best_of(kind) for kind in kinds if kind]
         tasks = [self.task("step", row, _half_widths(row), max(1, self.execution.jobs // 2)) for row in best]
         results = self._run(_choose_step, tasks, "is the step fine enough?")
         return max((int(results[task.key]["substeps"]) for task in tasks), default=1)
@@ -784,9 +590,9 @@ class _Study:
             )) for fold in self.folds
         }  # fmt: skip
         results = self._run_fits([*tasks.values()], again, _fit_project)
-        found = {fold: StartBlock.model_validate(results[task.key]) for fold, task in tasks.items()}
+        found = {fold: record_of(GivenBlock, results[task.key]) for fold, task in tasks.items()}
         self.given = {fold: block.values for fold, block in found.items()}
-        if opened := tuple(OpenedBound(**dict(b)) for b in found[WHOLE].opened):
+        if opened := tuple(found[WHOLE].opened):
             self.origin = self.origin.but(opened=(*self.origin.opened, *opened))
 
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
@@ -856,7 +662,7 @@ class _Study:
         how = self.execution.jobs, self.starts, self.seed
         task = self.task("alternatives", row, _half_widths(row), others, *how)
         content = self._run(_try_alternatives, [task], "integer-order alternatives")[task.key]["alternative"]
-        return None if content is None else alternative_of(AlternativeBlock.model_validate(content))
+        return None if content is None else record_of(Alternative, content)
 
     def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
         """The amplitude test of some structures."""
@@ -864,12 +670,12 @@ class _Study:
         jobs = max(1, self.execution.jobs // max(1, len(names)))
         tasks = {name: self.task("amplitude", comparison[name], jobs) for name in names}
         results = self._run(_test_amplitude, [*tasks.values()], "do the orders drift with amplitude?")
-        return {name: AmplitudeTest.of_json(results[task.key]) for name, task in tasks.items()}
+        return {name: record_of(AmplitudeTest, results[task.key]) for name, task in tasks.items()}
 
 
 def _half_widths(row: Row) -> dict[str, float]:
     """Half the 95 % interval of each order that has one."""
-    return {n: (ends[1] - ends[0]) / 2 for n, (_, ends) in row.orders.items() if ends is not None}
+    return {n: (ends[1] - ends[0]) / 2 for n, o in row.orders.items() if (ends := o.interval95) is not None}
 
 
 def _choose_step(
@@ -906,7 +712,7 @@ def _try_alternatives(
     every = place.fold.ladder.structures
     beside = {s.friction: _from_there(s.problem, others[s.name]) for s in every if s.name in others}
     nearest = integer_alternatives(problem, problem.evaluate(x), half, jobs=jobs, own=beside, starts=starts, seed=seed)
-    return {"alternative": None if nearest is None else as_json(AlternativeBlock, nearest)}
+    return {"alternative": None if nearest is None else as_json(Alternative, nearest)}
 
 
 def _from_there(problem: Problem, values: Mapping[str, float]) -> Problem:
@@ -924,14 +730,15 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         why = f"The best structure with orders 1 has a springpot, {' and '.join(found)}, which is fractional itself."
         how = "What would decide it: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
-    orders = [OrderFound(n, value, math.inf if ends is None else (ends[1] - ends[0]) / 2, integers_of(base, n))
-              for n, (value, ends) in fractional.orders.items() if n not in base.ties]  # fmt: skip
+    widths = _half_widths(fractional)
+    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n))
+              for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else NO_RUN
         return replace(comparison, claim=none.claim, claim_reasons=none.reasons)
-    if predicted := _as_good_as_integer(comparison):
+    if predicted := as_good_as_integer(comparison):
         return replace(comparison, claim="integer", claim_reasons=(predicted,))
-    doubts = [*_not_helped(comparison)]
+    doubts = [*not_helped(comparison)]
     first = claim_of(orders, None, fractional.left_over, doubts, compared=True)
     if first.claim == "undecided" and not doubts and all(e.explained for e in fractional.left_over.values()):
         nearest = study.alternative(comparison, fractional)
@@ -958,27 +765,6 @@ def _springpots(row: Row, problem: Problem) -> list[str]:
             and kinds[n].off > 0.0 and row.values.get(n.replace("_order", ""), 0.0) > 0.0]  # fmt: skip
 
 
-def _as_good_as_integer(comparison: Comparison) -> str:
-    """The verdict where a structure of integer order does as well or better; else nothing."""
-    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
-    if not comparison.held_out:
-        gain = integer.bic - fractional.bic
-        return comparison.verdict if math.isfinite(gain) and gain <= STRONG else ""
-    as_good = math.isfinite(integer.error) and _ratio(fractional, integer) >= 1 - MARGIN
-    return comparison.verdict if as_good else ""
-
-
-def _not_helped(comparison: Comparison) -> Iterator[str]:
-    """What held-out recordings say against the orders, which help on average."""
-    if not comparison.held_out:
-        yield 'No recording was held out (use = "validate").'
-        return
-    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
-    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    if helped <= len(comparison.held_out) / 2 or not math.isfinite(fractional.error):
-        yield f"Orders help on {helped} of {len(comparison.held_out)} held-out recordings only."
-
-
 # --- from results to rows and a verdict --------------------------------------------------------------------
 
 
@@ -987,7 +773,7 @@ def _rows(
     problem: Problem,
 ) -> tuple[tuple[Row, ...], float]:  # fmt: skip
     """The table's rows, and the samples that the residuals of the best in sample are worth."""
-    whole = {s.name: FittedBlock.model_validate(fitted[WHOLE, s.name]) for s in hierarchy.structures}
+    whole = {s.name: record_of(FittedBlock, fitted[WHOLE, s.name]) for s in hierarchy.structures}
     samples = min(whole.values(), key=lambda r: math.inf if r.cost is None else r.cost).samples
     criteria = {n: math.inf if r.squares is None else schwarz(r.squares, r.parameters, samples, problem.cost_function)
                 for n, r in whole.items()}  # fmt: skip
@@ -995,14 +781,15 @@ def _rows(
     rows = []
     for s in hierarchy.structures:
         r = whole[s.name]
-        orders = {n: (_order(s, r.values, n), r.orders.get(s.problem.ties.get(n, n))) for n in s.problem.orders}
+        orders = {
+            n: OrderOfRow(_order(s, r.values, n), r.orders.get(s.problem.ties.get(n, n))) for n in s.problem.orders
+        }
         held_out = {n: score for fold in folds for n, score in
                     fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
         rows.append(Row(
             s.friction, s.fractional, s.name, s.paper, math.inf if r.cost is None else r.cost, r.parameters,
             criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r.values, tuple(r.at_bound),
-            _scores(r.in_sample), _scores({n: ScoreBlock.model_validate(v) for n, v in held_out.items()}),
-            r.outcome, _left_over(r.left_over),
+            r.in_sample, {n: record_of(Score, v) for n, v in held_out.items()}, r.outcome, r.left_over,
         ))  # fmt: skip
     return tuple(rows), samples
 
@@ -1010,178 +797,3 @@ def _rows(
 def _order(s: Structure, values: Mapping[str, float], name: str) -> float:
     root = s.problem.ties.get(name, name)
     return float(values.get(root, s.problem.order_starts[root]))
-
-
-def _scores(blocks: Mapping[str, ScoreBlock]) -> dict[str, Score]:
-    return {n: Score(**dict(block)) for n, block in blocks.items()}
-
-
-def _left_over(blocks: Mapping[str, LeftOverBlock]) -> dict[str, LeftOver]:
-    return {n: LeftOver(**dict(block)) for n, block in blocks.items()}
-
-
-def _best(rows: Sequence[Row]) -> Row:
-    if rows[0].held_out:
-        return min(rows, key=lambda row: (row.error, row.bic))
-    return min(rows, key=lambda row: row.bic)
-
-
-def _verdict(comparison: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
-    """In words; `integers` are the orders' integer values, 1 for those left out."""
-    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
-    if not comparison.held_out:
-        return _verdict_in_sample(integer, fractional)
-    if not math.isfinite(min(integer.error, fractional.error)):
-        return "No structure predicts every held-out recording: their runs fail."
-    ones = _ones(fractional, integers or {})
-    sentences = (
-        _verdict_held_out(comparison, integer, fractional),
-        ones,
-        _paper_beside(comparison, integer, fractional),
-    )
-    return " ".join(sentence for sentence in sentences if sentence)
-
-
-def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
-    ratio, N = _ratio(fractional, integer), len(comparison.held_out)
-    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
-    errors = {row.name: _errors(row, comparison.units) for row in (fractional, integer)}
-    against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
-    few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
-    if ratio < 1 - MARGIN and helped > N / 2:
-        return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
-    if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
-        return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
-    if abs(ratio - 1) <= MARGIN:
-        return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
-    if ratio < 1:
-        return (
-            f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them: {against}.{few}"
-        )
-    if not math.isfinite(ratio):
-        return f"Orders fit better and do not predict: {against}.{few}"
-    return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
-
-
-def _replaced(comparison: Comparison) -> str:
-    """Orders help where viscous friction is alone, but dry friction helps more."""
-    rows = {row.name: row for row in comparison.rows}
-    names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
-    if not all(name in rows for name in names):
-        return ""
-    plain, paper, dry = (rows[name] for name in names)
-    if not (_ratio(paper, plain) < 1 - MARGIN and _ratio(dry, paper) < 1 - MARGIN):
-        return ""
-    units = comparison.units
-    return (
-        f"Orders replace Coulomb friction and lose to it: {_errors(paper, units)} held out with viscous friction and "
-        f"free orders, {_errors(dry, units)} with viscous and Coulomb friction and orders 1."
-    )
-
-
-def _change(ratio: float) -> str:
-    if abs(ratio - 1) <= MARGIN:
-        return "make no difference"
-    return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
-
-
-def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
-    """Where every interval of its free orders holds 1, or what else the model says is integer."""
-    estimates = [(n, value, ends) for n, (value, ends) in row.orders.items() if ends is not None]
-    values = [integers.get(n, 1.0) for n, _, _ in estimates]
-    coverage = [v is not None and ends[0] <= v <= ends[1] for v, (_, _, ends) in zip(values, estimates, strict=True)]
-    if not estimates or not all(coverage):
-        return ""
-    orders = ", ".join(f"{GREEK.get(n, n)} {v:.3f} ± {(ends[1] - ends[0]) / 2:.2g}" for n, v, ends in estimates)
-    what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
-    return f"There the orders are {what} within their intervals ({orders})."
-
-
-def _paper_beside(comparison: Comparison, integer: Row, fractional: Row) -> str:
-    """How the paper's structure does, where it is not the best."""
-    best = integer if _ratio(fractional, integer) > 1 - MARGIN else fractional
-    paper = [row for row in comparison.rows if row.paper and row is not best]
-    if not paper or not _ratio(best, paper[0]) < 1 - MARGIN:
-        return ""
-    if not math.isfinite(paper[0].error):
-        return "The paper's structure (viscous friction, free orders) does not predict every one: a run fails."
-    times = 1 / _ratio(best, paper[0])
-    more = f"{times:.2g} times the error" if times >= 1.5 else f"{100 * (times - 1):.2g} % more error"
-    return f"The paper's structure (viscous friction, free orders) has {more} of {best.name}."
-
-
-def _verdict_in_sample(integer: Row, fractional: Row) -> str:
-    gain = integer.bic - fractional.bic
-    if not math.isfinite(gain):
-        return 'No recording is held out, and there is no criterion for this cost: hold some out (use = "validate").'
-    conclusion = (
-        f"orders explain more in sample (BIC {gain:.3g} lower)" if gain > STRONG else
-        f"orders explain nothing that friction does not (BIC {-gain:+.3g} with them)"
-    )  # fmt: skip
-    return (
-        f"No recording was held out, so this is no proof: {conclusion}, {fractional.name} against {integer.name}. "
-        'Hold some out (use = "validate"), or leave one out in turn (--leave-one-out).'
-    )
-
-
-def _ratio(one: Row, other: Row) -> float:
-    """By what factor one's held-out error is another's."""
-    if not math.isfinite(one.error):
-        return math.inf
-    return 0.0 if not math.isfinite(other.error) else one.error / other.error
-
-
-def _errors(row: Row, units: Mapping[str, str]) -> str:
-    """Its mean held-out RMSE, per output."""
-    if not math.isfinite(row.error):
-        return "a run fails"
-    return ", ".join(f"{n} {with_unit(v, units.get(n, 'rad'), '.2g')}" for n, v in mean_rmse(row.held_out).items())
-
-
-def mean_rmse(scores: Mapping[str, Score]) -> dict[str, float]:
-    """The mean RMSE over recordings, per output [its unit].
-
-    Examples
-    --------
-    >>> mean_rmse({"one": Score({"alpha": 0.0}, {}, {}), "two": Score({"alpha": 0.5}, {}, {})})
-    {'alpha': 0.25}
-    """
-    outputs = next(iter(scores.values())).rmse if scores else {}
-    return {n: float(np.mean([s.rmse[n] for s in scores.values()])) for n in outputs}
-
-
-# --- as JSON and CSV -----------------------------------------------------------------------------------------
-
-
-def _row_json(row: Row) -> dict[str, Any]:
-    orders = {n: {"value": value, "interval95": ends} for n, (value, ends) in row.orders.items()}
-    return as_json(RowBlock, vars(row) | {"error": row.error, "orders": orders})
-
-
-def _row_of(block: RowBlock) -> Row:
-    own = {f.name: getattr(block, f.name) for f in fields(Row)}
-    scores = {"in_sample": _scores(block.in_sample), "held_out": _scores(block.held_out)}
-    orders = {n: (o.value, o.interval95) for n, o in block.orders.items()}
-    return Row(**own | scores | {"left_over": _left_over(block.left_over), "orders": orders})
-
-
-def _in_unit(rmse: float, itae: float, unit: str) -> dict[str, Any]:
-    """Columns for angles, which readers of the file know, and columns with their unit for all else."""
-    if unit == "rad":
-        return {"rmse_deg": json_number(math.degrees(rmse)), "itae_rad_s2": json_number(itae)}
-    return {"rmse": json_number(rmse), "itae": json_number(itae), "unit": unit}
-
-
-def _lines(row: Row, outputs: Sequence[str], units: Mapping[str, str]) -> Iterator[dict[str, Any]]:
-    for use, scores in (("fit", row.in_sample), ("held out", row.held_out)):
-        for recording, s in scores.items():
-            for output in outputs:
-                yield {
-                    "friction": row.friction, "orders": "free" if row.fractional else "1", "recording": recording,
-                    "use": use, "output": output,
-                    **_in_unit(s.rmse[output], s.itae[output], units.get(output, "rad")),
-                    "fit_percent": json_number(s.fit_percent[output]),
-                    "parameters": row.parameters, "bic_above_best": json_number(row.bic),
-                    "log_odds": json_number(row.log_odds), "failed": s.failed,
-                    **{f"order_{n}": value for n, (value, _) in row.orders.items()},
-                }  # fmt: skip

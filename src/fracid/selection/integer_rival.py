@@ -25,8 +25,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from fracid.errors import Failure
 from fracid.estimation.climbing import without
@@ -35,7 +37,7 @@ from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
-from fracid.schemas.result import AlternativeBlock
+from fracid.safety.schema import Infinite, Listed, Record, Unknown
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
@@ -57,15 +59,18 @@ OFF = 1e-3
 """Orders nearer to their integer value than this are integer."""
 
 
+GAIN = Field(alias="bic_gain_of_the_fractional_model")
+
+
 @dataclass(frozen=True)
-class Trial:
+class Trial(Record):
     """One thing of integer order that was tried in place of the orders."""
 
     name: str
     """``friction``, ``a delay of alpha``."""
-    cost: float
+    cost: Infinite
     """Infinite where it was not tried, for something else contradicts the orders already."""
-    gain: float
+    gain: Annotated[Infinite, GAIN]
     """BIC of it minus that of the fractional fit."""
     as_well: bool = False
     """Whether it explains the recordings as well as the orders do."""
@@ -77,14 +82,14 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class FiniteMemory:
+class FiniteMemory(Record):
     """What a few relaxations do in the place of the orders (:mod:`fracid.selection.finite_memory`)."""
 
     relaxations: int
     """Of each order."""
-    cost: float
+    cost: Infinite
     """Infinite where no run of it ends."""
-    gain: float
+    gain: Annotated[Infinite, GAIN]
     """BIC of it minus that of the fractional fit."""
     settles: bool = True
     """Whether no time constant is at its limit, and nothing but noise is left."""
@@ -96,30 +101,30 @@ class FiniteMemory:
 
 
 @dataclass(frozen=True)
-class Alternative:
+class Alternative(Record):
     """The integer-order model that comes nearest, beside the fractional one that was asked for."""
 
     structure: str
     """In words."""
-    orders: tuple[str, ...]
+    orders: Listed[str]
     """The orders that were found off their integer values, and those tied to them."""
-    cost: float
+    cost: Infinite
     """Its cost, beside :attr:`fracid.fit.Fit.cost`."""
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Unknown]
     """The friction that it finds beside what was free already, and what else it has [SI]; empty where all was free."""
-    gain: float
+    gain: Annotated[Infinite, GAIN]
     """BIC of this one minus that of the fractional fit; above 10 the fractional one has it."""
-    effective_samples: float
+    effective_samples: Unknown
     """What the correlated residuals are worth."""
     warning: str = ""
     """A sentence, where the fractional model does not win."""
-    trials: tuple[Trial, ...] = ()
+    trials: Listed[Trial] = ()
     """All that was tried."""
-    values: Mapping[str, float] = field(default_factory=dict, compare=False)
+    values: Annotated[Mapping[str, float], Field(exclude=True)] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
     settles: bool = True
     """Whether it is at no limit of its own, and leaves nothing but noise."""
-    memories: tuple[FiniteMemory, ...] = ()
+    memories: Listed[FiniteMemory] = ()
     """One relaxation, two, three in the place of the orders, up to the first that does as well; empty where something
     else does, or contradicts the orders."""
 
@@ -140,13 +145,6 @@ def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Al
     trials = tuple(replace(t, cost=scaled(t.cost)) for t in nearest.trials)
     memories = tuple(replace(m, cost=scaled(m.cost)) for m in nearest.memories)
     return replace(nearest, cost=scaled(nearest.cost), trials=trials, memories=memories)
-
-
-def alternative_of(block: AlternativeBlock) -> Alternative:
-    """The record of what a file has."""
-    trials = tuple(Trial(**dict(trial)) for trial in block.trials)
-    memories = tuple(FiniteMemory(**dict(m)) for m in block.memories)
-    return Alternative(**dict(block) | {"trials": trials, "memories": memories})
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.limits import opened, with_bound, with_ranges
+from fracid.safety.schema import Record
 from fracid.selection.bic import STRONG, schwarz
 from fracid.signals.correlation import effective_samples
 
@@ -35,7 +36,7 @@ LOWER = 1e-3
 
 
 @dataclass(frozen=True)
-class OpenedBound:
+class OpenedBound(Record):
     """One bound that was opened."""
 
     name: str

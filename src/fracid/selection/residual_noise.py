@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -50,6 +51,6 @@ def _left_over(
     if not left.explained:
         at = longest_stretch(np.isfinite(residual))
         motion = np.hstack([simulated, e.inputs]) if len(e.inputs) == len(measured) else simulated
-        left = left._replace(coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))
+        left = replace(left, coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))
     moves = np.ptp(measured[counts]) > 0.0
-    return left._replace(fit=fit_percent(measured[counts], fitted[counts])) if moves else left
+    return replace(left, fit=fit_percent(measured[counts], fitted[counts])) if moves else left

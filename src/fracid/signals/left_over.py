@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from fracid.arrays import FloatArray
+from fracid.safety.schema import Infinite, Record
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch
 from fracid.signals.resolution import resolution
 
@@ -29,10 +32,11 @@ NOTHING = 1e-5
 """Part of the motion below which it is arithmetic."""
 
 
-class LeftOver(NamedTuple):
+@dataclass(frozen=True)
+class LeftOver(Record):
     """The size and the correlation of a residual."""
 
-    rms: float
+    rms: Infinite
     """In the output's unit."""
     floor: float
     """What the encoder's rounding leaves of a motion, a step over √12; 0 where no step is seen."""
@@ -42,7 +46,7 @@ class LeftOver(NamedTuple):
     """Whether it is in standard deviations that the recording has; its floor is then one of them."""
     fit: float = 100.0
     """Of the motion, 100·(1 − residual/motion) [%]."""
-    coloured: bool = False
+    coloured: Annotated[bool, Field(exclude=True)] = False
     """Whether it is correlated as noise is, alike wherever the motion goes (:mod:`fracid.signals.coloured`)."""
 
     @property

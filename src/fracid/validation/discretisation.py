@@ -31,6 +31,7 @@ from fracid.findings import Finding
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
+from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
 
@@ -48,20 +49,20 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class Discretisation:
+class Discretisation(Record):
     """What the step and the scheme do to the result."""
 
-    cost: float
+    cost: Infinite
     """With the method and step of the fit."""
-    cost_half_step: float
+    cost_half_step: Infinite
     """The same unknowns at half the step."""
-    cost_second_order: float
+    cost_second_order: Infinite
     """The same unknowns with pi2 at half the step."""
-    orders: Mapping[str, float]
+    orders: Mapping[str, Unknown]
     """The orders refined with pi2 at half the step, all other unknowns with them; empty for a user's own cost."""
-    shift: Mapping[str, float]
+    shift: Mapping[str, Unknown]
     """How far that moved them."""
-    largest: float = 0.0
+    largest: Unknown = 0.0
     """The largest shift of an unknown, in CI half-widths."""
     warning: str = ""
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""

@@ -41,7 +41,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +60,7 @@ from fracid.problem import Problem
 from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable
-from fracid.safety.schema import Block, as_json
-from fracid.schemas.study import CellBlock, FailedBlock, RepetitionBlock, StatisticsBlock, StudyBlock
+from fracid.safety.schema import as_json
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import integer_alternative, is_off
 from fracid.solver.methods import METHODS
@@ -70,8 +69,16 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
 from fracid.twins.encoder import encoder, simulated
-from fracid.units import with_unit
 from fracid.validation.after_search import noisy_start
+from fracid.validation.study_records import (
+    Cell,
+    FailedBlock,
+    RepetitionBlock,
+    Statistics,
+    StudyBlock,
+    binomial95,
+    label_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,127 +91,6 @@ ENOUGH = 20
 
 BIASED = 0.5
 """A bias above this part of the spread is what spoils a coverage."""
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """One unknown in one cell."""
-
-    name: str
-    unit: str
-    truth: float
-    estimates: int
-    """Repetitions that found a value."""
-    bias: float | None
-    """Mean estimate less the truth [unit]; None without estimates."""
-    spread: float | None
-    """Standard deviation of the estimates [unit]; None below two."""
-    claimed: float | None
-    """Root mean square of the standard errors [unit]; None where there was none."""
-    intervals: int
-    """Repetitions that gave a 95 % interval."""
-    held: int
-    """Those whose interval holds the truth."""
-
-    @property
-    def coverage(self) -> float | None:
-        """The share of intervals that hold the truth."""
-        return self.held / self.intervals if self.intervals else None
-
-    @property
-    def coverage95(self) -> tuple[float, float] | None:
-        """The exact binomial 95 % interval of the coverage."""
-        return binomial95(self.held, self.intervals) if self.intervals else None
-
-    @property
-    def bias_error(self) -> float | None:
-        """Standard error of the bias [unit]."""
-        return None if self.spread is None else self.spread / math.sqrt(self.estimates)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(StatisticsBlock, self)
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One level of noise with one resolution."""
-
-    level: float
-    """Standard deviation of the noise [rad]."""
-    resolution: float
-    """A step of the encoder [rad]; 0 for none."""
-    repetitions: int
-    failures: Mapping[str, int]
-    """Why no minimum was found → how often."""
-    stopped_short: int
-    """Repetitions whose search ended above the cost of the truth."""
-    evaluations: float
-    """Of the cost, mean of a repetition."""
-    fractional: int | None
-    """Repetitions whose orders would be called fractional; None where that was not asked."""
-    unknowns: Mapping[str, Statistics]
-    unit: str = "rad"
-    """Of level and resolution: that of the scored outputs."""
-
-    @property
-    def counts(self) -> float | None:
-        """The encoder's counts a turn; None for no encoder, and where no angle is measured."""
-        return 2 * math.pi / self.resolution if self.resolution and self.unit == "rad" else None
-
-    @property
-    def failed(self) -> int:
-        """Repetitions without a minimum."""
-        return sum(self.failures.values())
-
-    @property
-    def label(self) -> str:
-        """In words: ``0.1° of noise, 4096 counts``."""
-        return _label(self.level, self.resolution, self.unit)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(CellBlock, self)
-
-
-@dataclass(frozen=True)
-class SavedStudy:
-    """What noise.json keeps of a study: enough to draw it again."""
-
-    names: tuple[str, ...]
-    """Names of the unknowns."""
-    cost_name: str
-    cells: tuple[Cell, ...]
-    optimiser: str
-    seeds: int
-    """Repetitions a cell."""
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> SavedStudy:
-        """From the content of noise.json."""
-        block = StudyBlock.model_validate(content)
-        cells = tuple(map(_cell_of, block.cells))
-        return cls(tuple(block.truth), block.cost_name, cells, block.optimiser, block.seeds)
-
-    def plot(self, *, style: str | Style = "screen") -> Figure:
-        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
-
-        Parameters
-        ----------
-        style : str or Style
-            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
-        """
-        return draw("noise_levels", self, style=style)
-
-
-def _cell_of(block: CellBlock) -> Cell:
-    unknowns = {n: Statistics(n, **_own(Statistics, s)) for n, s in block.unknowns.items()}
-    return Cell(**_own(Cell, block) | {"unknowns": unknowns})
-
-
-def _own(record: Any, block: Block) -> dict[str, Any]:
-    """What of a block is a record's own."""
-    return {f.name: getattr(block, f.name) for f in fields(record) if f.name in type(block).model_fields}
 
 
 @dataclass(frozen=True, repr=False)
@@ -485,7 +371,7 @@ class Plan:
     @property
     def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
         numbers = range(1, self.seeds + 1)
-        return [(cell, k, f"{_label(*cell)}, repetition {k}") for cell in self.cells for k in numbers]
+        return [(cell, k, f"{label_of(*cell)}, repetition {k}") for cell in self.cells for k in numbers]
 
     def run(
         self, *, executor: str = "threads", jobs: int = 1, journal: Journal | None = None,
@@ -533,22 +419,6 @@ def planned(
         optimiser_from_name(optimiser)
     how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival}
     return Plan(problem, _checked_truth(problem, x), cells, seeds, seed, how)
-
-
-def binomial95(hits: int, trials: int) -> tuple[float, float]:
-    """The exact 95 % interval of a share [CP]_.
-
-    Examples
-    --------
-    >>> low, high = binomial95(47, 50)
-    >>> round(low, 3), round(high, 3)
-    (0.835, 0.987)
-    """
-    from scipy.special import betaincinv
-
-    low = betaincinv(hits, trials - hits + 1, 0.025) if hits else 0.0
-    high = betaincinv(hits + 1, trials - hits, 0.975) if hits < trials else 1.0
-    return float(low), float(high)
 
 
 # --- one repetition ----------------------------------------------------------------------------------
@@ -656,11 +526,11 @@ def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) 
     errors = np.array([r["standard_errors"][name] for r in good if r["standard_errors"][name] is not None])
     intervals = [r["intervals"][name] for r in good if r["intervals"][name] is not None]
     return Statistics(
-        name, unit, truth, len(values),
+        unit, truth, len(values),
         float(np.mean(values) - truth) if len(values) else None,
         float(np.std(values, ddof=1)) if len(values) > 1 else None,
         float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
-        len(intervals), sum(low <= truth <= high for low, high in intervals),
+        len(intervals), sum(low <= truth <= high for low, high in intervals), name,
     )  # fmt: skip
 
 
@@ -693,11 +563,6 @@ def _why(cell: Cell, s: Statistics) -> str:
     if cell.stopped_short > 0.1 * cell.repetitions:
         return f"{text}: the search stopped short in {cell.stopped_short})"
     return f"{text})"
-
-
-def _label(level: float, resolution: float, unit: str = "rad") -> str:
-    steps = f"{2 * math.pi / resolution:.6g} counts" if resolution and unit == "rad" else with_unit(resolution, unit)
-    return f"{with_unit(level, unit, '.6g')} of noise, {steps if resolution else 'no rounding'}"
 
 
 # --- what cannot be ----------------------------------------------------------------------------------

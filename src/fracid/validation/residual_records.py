@@ -1,14 +1,15 @@
-"""The records of a residual analysis: whiteness, spectrum, normality, variance, level."""
+"""The records of a residual analysis: whiteness, spectrum, normality, variance, level; and residuals.json."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from fracid.cards import Card, CardDisplay
-from fracid.safety.schema import as_json
-from fracid.schemas.residuals import AnalysisBlock
+from fracid.safety.schema import Block, Number, Record, Unknown, as_json
 
 SHORT = 30
 """Samples below which nothing is asked."""
@@ -26,7 +27,7 @@ NAN = math.nan
 
 
 @dataclass(frozen=True)
-class Whiteness:
+class Whiteness(Record):
     """Whether the residual is correlated in time, and how much of it counts."""
 
     sentence: str
@@ -35,81 +36,81 @@ class Whiteness:
     """No correlation is seen, or too little to matter."""
     lags: int = 0
     """Of the Ljung-Box test."""
-    statistic: float = NAN
+    statistic: Unknown = NAN
     """Its Q."""
-    p_value: float = NAN
+    p_value: Unknown = NAN
     """On all samples; of whiteness itself, so it needs no thinning."""
-    lag_one: float = NAN
+    lag_one: Unknown = NAN
     """Correlation of neighbours."""
-    correlation_time: float = NAN
+    correlation_time: Unknown = NAN
     """T [s]."""
-    effective_samples: float = NAN
+    effective_samples: Unknown = NAN
     """As many independent ones would know as much."""
     thinning: int = 0
     """k: the tests below have every k-th sample."""
     thinned_samples: int = 0
-    thinned_p_value: float = NAN
+    thinned_p_value: Unknown = NAN
     """Of Ljung-Box on the thinned residual: a small one says that it is not thin enough."""
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Record):
     """A frequency that stands out."""
 
-    frequency: float
+    frequency: Unknown
     """[Hz]"""
-    share: float
+    share: Unknown
     """Of the power, within a tenth of the frequency, less what white noise has there."""
     harmonic: int | None
     """Which multiple of the swing's frequency it is, 1 to 5; None if it is none."""
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class Spectrum(Record):
     """At which frequencies the residual has its power."""
 
     sentence: str
     """What it means and what to do."""
-    swing: float | None = None
+    swing: Number = None
     """Where the fitted motion has its peak [Hz]; None if it does not swing."""
-    slow_share: float = NAN
+    slow_share: Unknown = NAN
     """Of the power, slower than :attr:`slow_below`."""
-    slow_below: float = NAN
+    slow_below: Unknown = NAN
     """A third of the swing, or three periods a record [Hz]."""
-    peak: float = NAN
+    peak: Unknown = NAN
     """The strongest frequency above that [Hz]."""
-    peak_share: float = NAN
+    peak_share: Unknown = NAN
     """Its share of the power."""
     line: Line | None = None
     """The strongest frequency, if it stands out."""
-    swing_share: float = NAN
+    swing_share: Annotated[float, Field(exclude=True)] = NAN
     """Of the power, in the band of the swing, beyond what white noise has there."""
 
 
 @dataclass(frozen=True)
-class Normality:
+class Normality(Record):
     """Whether the residual is distributed normally."""
 
     sentence: str
     """What it means and what to do."""
-    ppcc: float = NAN
+    ppcc: Unknown = NAN
     """Of all samples: 1 for normal."""
-    skewness: float = NAN
-    excess_kurtosis: float = NAN
+    skewness: Unknown = NAN
+    excess_kurtosis: Unknown = NAN
     """0 for normal; −1.2 for rounding, −1.5 for a sine, 3 for Laplace's."""
-    anderson_darling: float = NAN
+    anderson_darling: Unknown = NAN
     """A² of the thinned residual."""
-    p_value: float = NAN
+    p_value: Unknown = NAN
     """Of A²; NaN where too few samples are independent."""
 
 
 @dataclass(frozen=True)
-class Contrast:
+class Contrast(Record):
     """The residual's spread where something is large, beside that where it is small."""
 
-    ratio: float = NAN
+    ratio: Unknown = NAN
     """rms about the mean in the upper third, divided by that in the lower."""
-    p_value: float = NAN
+    p_value: Unknown = NAN
     """On the thinned residual; where it is too short, of F with as many degrees of freedom as samples count."""
 
     @property
@@ -124,7 +125,7 @@ class Contrast:
 
 
 @dataclass(frozen=True)
-class Variance:
+class Variance(Record):
     """Whether the residual scatters alike throughout."""
 
     sentence: str
@@ -143,25 +144,25 @@ class Variance:
 
 
 @dataclass(frozen=True)
-class Level:
+class Level(Record):
     """How large the residual is, beside the encoder."""
 
     sentence: str
     """What it means and what to do."""
-    mean: float = NAN
+    mean: Unknown = NAN
     """[rad]"""
-    rms: float = NAN
+    rms: Unknown = NAN
     """[rad]"""
-    encoder_step: float | None = None
+    encoder_step: Number = None
     """[rad]; None if there is none, or none is seen."""
-    steps: float = NAN
+    steps: Unknown = NAN
     """rms in steps of the encoder."""
-    floor: float = NAN
+    floor: Unknown = NAN
     """What rounding alone leaves, step/√12 [rad]."""
 
 
 @dataclass(frozen=True, repr=False)
-class ResidualAnalysis(CardDisplay):
+class ResidualAnalysis(CardDisplay, Record):
     """What :func:`residual_analysis` found."""
 
     recording: str
@@ -173,7 +174,7 @@ class ResidualAnalysis(CardDisplay):
     """Looked at: the longest stretch without a gap."""
     missing: int
     """Samples that were not: without a simulated value, or beyond a gap of such."""
-    step: float
+    step: Unknown
     """Between samples [s]."""
     whiteness: Whiteness
     spectrum: Spectrum
@@ -213,4 +214,11 @@ class ResidualAnalysis(CardDisplay):
         >>> nothing.to_json()["whiteness"]["p_value"] is None, nothing.sentences
         (True, {'whiteness': 'none'})
         """
-        return as_json(AnalysisBlock, self)
+        return as_json(ResidualAnalysis, self)
+
+
+class ResidualsBlock(Block):
+    """residuals.json: the analyses of a run, recording → output → analysis."""
+
+    notes: list[str]
+    recordings: dict[str, dict[str, ResidualAnalysis]]

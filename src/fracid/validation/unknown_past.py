@@ -49,7 +49,7 @@ from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import as_json
-from fracid.schemas.result import CutBlock
+from fracid.schemas.scatter import CutBlock
 from fracid.units import GREEK
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from fracid.bayes.evidence import require_evidence
 from fracid.models.friction import RUNGS
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import fault_of
-from fracid.schemas.comparison import AmplitudeBlock, EvidenceBlock, StartBlock, fault_of_fitted
-from fracid.schemas.result import AlternativeBlock
-from fracid.selection.comparison import GIVEN, Comparison, compare
+from fracid.selection.amplitude import AmplitudeTest
+from fracid.selection.comparison import GIVEN, compare
+from fracid.selection.comparison_records import Comparison, EvidenceBlock, GivenBlock, fault_of_fitted
+from fracid.selection.integer_rival import Alternative
 from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
@@ -152,13 +153,13 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
 
     def fault(key: str, result: Any) -> str:
         if key.startswith("amplitude |"):
-            return fault_of(result, AmplitudeBlock)
+            return fault_of(result, AmplitudeTest)
         if key.startswith("evidence |"):
             return fault_of(result, EvidenceBlock)
         if key.startswith(GIVEN):
-            return fault_of(result, StartBlock)
+            return fault_of(result, GivenBlock)
         if key.startswith("alternatives |"):
-            return "" if result.get("alternative") is None else fault_of(result["alternative"], AlternativeBlock)
+            return "" if result.get("alternative") is None else fault_of(result["alternative"], Alternative)
         if key.startswith("step |"):
             return "" if isinstance(result.get("substeps"), int) and result["substeps"] >= 1 else "no steps a sample"
         there = fault_of_fitted(result, problem.outputs)

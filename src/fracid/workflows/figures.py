@@ -28,9 +28,10 @@ if TYPE_CHECKING:
     from fracid.models import Model
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
-    from fracid.selection.comparison import Comparison
-    from fracid.validation.monte_carlo import NoiseStudy, SavedStudy
+    from fracid.selection.comparison_records import Comparison
+    from fracid.validation.monte_carlo import NoiseStudy
     from fracid.validation.residual_analyses import Analyses, Residuals
+    from fracid.validation.study_records import SavedStudy
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""

@@ -20,11 +20,11 @@ from fracid.problem.project import Project
 from fracid.runs.environment import versions
 from fracid.runs.folder import open_folder
 from fracid.runs.saved import SavedRun
-from fracid.schemas.study import fault_of_repetition
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
+from fracid.validation.study_records import fault_of_repetition
 from fracid.workflows.figures import of_study, saved
 from fracid.workflows.records import command_of, csv_text, json_document, write_files
 from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit, run_or_project

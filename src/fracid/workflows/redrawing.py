@@ -17,14 +17,12 @@ from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.project import load_project
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Block, read_as
-from fracid.schemas.comparison import ComparisonBlock
+from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.profiles import ProfilesBlock
-from fracid.schemas.study import StudyBlock
-from fracid.selection.comparison import Comparison
+from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
-from fracid.validation.monte_carlo import SavedStudy
+from fracid.validation.study_records import SavedStudy, StudyBlock
 from fracid.workflows.figures import (
     Figures,
     of_comparison,
@@ -118,7 +116,7 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
     """All that can be drawn of what lies there."""
     refuse_links(folder)
     if (folder / "compare.json").exists():
-        content = _read(folder / "compare.json", ComparisonBlock, "fracid compare PROJECT")
+        content = _read(folder / "compare.json", Comparison, "fracid compare PROJECT")
         return of_comparison(Comparison.of_json(content), style)
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
         content = _read(folder / "noise.json", StudyBlock, "fracid noise RUN")
@@ -159,9 +157,9 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
             yield f"linear-{posture}", system.plot(posture, style=style)
 
 
-def _read(path: Path, block: type[Block], wrote: str) -> Any:
+def _read(path: Path, kind: type[Block | Record], wrote: str) -> Any:
     """A JSON file of the folder, which must be there."""
     try:
-        return read_as(path, block, wrote)
+        return read_as(path, kind, wrote)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or 'it is no plain file'}.") from None

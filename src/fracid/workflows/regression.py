@@ -14,10 +14,10 @@ from fracid.problem import Free, Problem
 from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
+from fracid.regression.linear import RegressionResultBlock, RegressionsBlock
 from fracid.regression.rows import swing_of, terms_of
 from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.safety.schema import as_json
-from fracid.schemas.regression import RegressionResultBlock, RegressionsBlock
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files

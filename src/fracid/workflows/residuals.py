@@ -10,12 +10,11 @@ from fracid.cards import Card
 from fracid.errors import unknown_name
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import as_json
-from fracid.schemas.residuals import ResidualsBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.validation.residual_analyses import Analyses, first_part
-from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_records import ResidualAnalysis, ResidualsBlock
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.figures import of_tests, saved
 from fracid.workflows.records import json_document, write_files
@@ -102,8 +101,7 @@ def run_residuals(
         }  # fmt: skip
     folder = source if out is None else Path(out)
     watching.stage("figures")
-    found = {name: {n: a.to_json() for n, a in outputs.items()} for name, outputs in analyses.items()}
-    record = as_json(ResidualsBlock, {"notes": loaded_run.notes, "recordings": found})
+    record = as_json(ResidualsBlock, {"notes": loaded_run.notes, "recordings": analyses})
     write_files(folder, {FinishedResiduals.FILE: json_document(record)})
     figures = saved(of_tests(tested, loaded_run.resolutions, analyses), folder)
     watching.stage("")

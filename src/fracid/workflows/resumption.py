@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError, NotTrusted
+from fracid.fit import ResultBlock
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of, read_as
-from fracid.schemas.result import ResultBlock
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer

@@ -1,27 +1,28 @@
-"""Which description each file has, and its JSON Schema."""
+"""Which description each file has, and its JSON Schema: ``python -m fracid.runs.json_schemas [FILE]``."""
 
 from __future__ import annotations
 
 import json
+import sys
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from fracid.errors import unknown_name
-from fracid.safety.schema import Block
-from fracid.schemas.comparison import ComparisonBlock
+from fracid.errors import InputError, unknown_name
+from fracid.fit import ResultBlock
+from fracid.regression.linear import RegressionResultBlock
+from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.profiles import LikelihoodBlock
-from fracid.schemas.regression import RegressionResultBlock
-from fracid.schemas.residuals import ResidualsBlock
-from fracid.schemas.result import ResultBlock
-from fracid.schemas.study import StudyBlock
+from fracid.selection.comparison_records import Comparison
+from fracid.validation.residual_records import ResidualsBlock
+from fracid.validation.study_records import StudyBlock
 
-FILES: dict[str, type[Block]] = {
+FILES: dict[str, type[Block | Record]] = {
     "result.json": ResultBlock,
     "residuals.json": ResidualsBlock,
     "profiles.json": LikelihoodBlock,
     "regression.json": RegressionResultBlock,
-    "compare.json": ComparisonBlock,
+    "compare.json": Comparison,
     "noise.json": StudyBlock,
     "posterior.json": PosteriorBlock,
 }
@@ -51,6 +52,13 @@ def json_schema(file: str = "result.json") -> str:
     """
     if file not in FILES:
         raise unknown_name("file", file, FILES)
-    schema = FILES[file].model_json_schema(schema_generator=WithoutTitles)
+    schema = described(FILES[file]).json_schema(schema_generator=WithoutTitles)
     head = {"$schema": WithoutTitles.schema_dialect, "title": f"{file} of fracid"}
     return json.dumps(schema | head, indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    try:
+        sys.stdout.write(json_schema(*sys.argv[1:2]))
+    except InputError as error:
+        sys.exit(f"error: {error}")

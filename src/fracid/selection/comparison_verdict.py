@@ -1,0 +1,158 @@
+"""What a comparison says of the orders, in words.
+
+A structure's error on a recording is the geometric mean of its outputs' RMSE, and over recordings the
+geometric mean again: what counts are ratios, and no output or recording rules by its size.  The best structure with
+orders free is held against the best with orders 1, as many of one kind as of the other:
+
+=========================================================  ============================================================
+held out                                                   verdict
+=========================================================  ============================================================
+lower by 2 % or more, on most recordings                   orders help on n of N held-out recordings, by p %
+no lower, but orders help viscous friction alone, and      orders replace Coulomb friction and lose to it
+viscous + Coulomb with orders 1 predicts better than that
+within 2 %                                                 orders make no difference: the integer-order model predicts
+                                                           as well
+higher                                                     orders fit better and predict worse
+=========================================================  ============================================================
+
+Without held-out recordings Schwarz's criterion has to do, and the verdict says so: what a model gains in sample, it may
+lose elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from fracid.selection.bic import STRONG
+from fracid.selection.comparison_records import Comparison, Row, held_out_errors
+from fracid.units import GREEK
+
+MARGIN = 0.02
+"""Errors that differ by less than this part are the same."""
+
+
+def verdict_of(comparison: Comparison, integers: Mapping[str, float | None] | None = None) -> str:
+    """In words; `integers` are the orders' integer values, 1 for those left out."""
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    if not comparison.held_out:
+        return _verdict_in_sample(integer, fractional)
+    if not math.isfinite(min(integer.error, fractional.error)):
+        return "No structure predicts every held-out recording: their runs fail."
+    ones = _ones(fractional, integers or {})
+    sentences = (
+        _verdict_held_out(comparison, integer, fractional),
+        ones,
+        _paper_beside(comparison, integer, fractional),
+    )
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
+    ratio, N = ratio_of(fractional, integer), len(comparison.held_out)
+    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
+    errors = {row.name: held_out_errors(row, comparison.units) for row in (fractional, integer)}
+    against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
+    few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
+    if ratio < 1 - MARGIN and helped > N / 2:
+        return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
+    if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
+        return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
+    if abs(ratio - 1) <= MARGIN:
+        return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
+    if ratio < 1:
+        return (
+            f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them: {against}.{few}"
+        )
+    if not math.isfinite(ratio):
+        return f"Orders fit better and do not predict: {against}.{few}"
+    return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
+
+
+def _replaced(comparison: Comparison) -> str:
+    """Orders help where viscous friction is alone, but dry friction helps more."""
+    rows = {row.name: row for row in comparison.rows}
+    names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
+    if not all(name in rows for name in names):
+        return ""
+    plain, paper, dry = (rows[name] for name in names)
+    if not (ratio_of(paper, plain) < 1 - MARGIN and ratio_of(dry, paper) < 1 - MARGIN):
+        return ""
+    ordered, dried = (held_out_errors(row, comparison.units) for row in (paper, dry))
+    return (
+        f"Orders replace Coulomb friction and lose to it: {ordered} held out with viscous friction and free orders, "
+        f"{dried} with viscous and Coulomb friction and orders 1."
+    )
+
+
+def _change(ratio: float) -> str:
+    if abs(ratio - 1) <= MARGIN:
+        return "make no difference"
+    return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
+
+
+def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
+    """Where every interval of its free orders holds 1, or what else the model says is integer."""
+    found = {n: (o.value, o.interval95) for n, o in row.orders.items() if o.interval95 is not None}
+    values = [integers.get(n, 1.0) for n in found]
+    coverage = [v is not None and low <= v <= high for v, (_, (low, high)) in zip(values, found.values(), strict=True)]
+    if not found or not all(coverage):
+        return ""
+    orders = ", ".join(f"{GREEK.get(n, n)} {v:.3f} ± {(high - low) / 2:.2g}" for n, (v, (low, high)) in found.items())
+    what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
+    return f"There the orders are {what} within their intervals ({orders})."
+
+
+def _paper_beside(comparison: Comparison, integer: Row, fractional: Row) -> str:
+    """How the paper's structure does, where it is not the best."""
+    best = integer if ratio_of(fractional, integer) > 1 - MARGIN else fractional
+    paper = [row for row in comparison.rows if row.paper and row is not best]
+    if not paper or not ratio_of(best, paper[0]) < 1 - MARGIN:
+        return ""
+    if not math.isfinite(paper[0].error):
+        return "The paper's structure (viscous friction, free orders) does not predict every one: a run fails."
+    times = 1 / ratio_of(best, paper[0])
+    more = f"{times:.2g} times the error" if times >= 1.5 else f"{100 * (times - 1):.2g} % more error"
+    return f"The paper's structure (viscous friction, free orders) has {more} of {best.name}."
+
+
+def _verdict_in_sample(integer: Row, fractional: Row) -> str:
+    gain = integer.bic - fractional.bic
+    if not math.isfinite(gain):
+        return 'No recording is held out, and there is no criterion for this cost: hold some out (use = "validate").'
+    conclusion = (
+        f"orders explain more in sample (BIC {gain:.3g} lower)" if gain > STRONG else
+        f"orders explain nothing that friction does not (BIC {-gain:+.3g} with them)"
+    )  # fmt: skip
+    return (
+        f"No recording was held out, so this is no proof: {conclusion}, {fractional.name} against {integer.name}. "
+        'Hold some out (use = "validate"), or leave one out in turn (--leave-one-out).'
+    )
+
+
+def ratio_of(one: Row, other: Row) -> float:
+    """By what factor one's held-out error is another's."""
+    if not math.isfinite(one.error):
+        return math.inf
+    return 0.0 if not math.isfinite(other.error) else one.error / other.error
+
+
+def as_good_as_integer(comparison: Comparison) -> str:
+    """The verdict where a structure of integer order does as well or better; else nothing."""
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    if not comparison.held_out:
+        gain = integer.bic - fractional.bic
+        return comparison.verdict if math.isfinite(gain) and gain <= STRONG else ""
+    as_good = math.isfinite(integer.error) and ratio_of(fractional, integer) >= 1 - MARGIN
+    return comparison.verdict if as_good else ""
+
+
+def not_helped(comparison: Comparison) -> Iterator[str]:
+    """What held-out recordings say against the orders, which help on average."""
+    if not comparison.held_out:
+        yield 'No recording was held out (use = "validate").'
+        return
+    integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
+    helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
+    if helped <= len(comparison.held_out) / 2 or not math.isfinite(fractional.error):
+        yield f"Orders help on {helped} of {len(comparison.held_out)} held-out recordings only."

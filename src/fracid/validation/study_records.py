@@ -1,0 +1,224 @@
+"""The records of a noise study, and its files: noise.json, and the lines of its journal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, computed_field
+
+from fracid.figures import Style, draw
+from fracid.findings import Finding
+from fracid.safety.schema import Block, Coherent, Interval, Number, Record, as_json, fault_of, lacking, record_of
+from fracid.units import with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Statistics(Record):
+    """One unknown in one cell."""
+
+    unit: str
+    truth: float
+    estimates: int
+    """Repetitions that found a value."""
+    bias: Number
+    """Mean estimate less the truth [unit]; None without estimates."""
+    spread: Number
+    """Standard deviation of the estimates [unit]; None below two."""
+    claimed: Number
+    """Root mean square of the standard errors [unit]; None where there was none."""
+    intervals: int
+    """Repetitions that gave a 95 % interval."""
+    held: int
+    """Those whose interval holds the truth."""
+    name: Annotated[str, Field(exclude=True)] = ""
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def coverage(self) -> float | None:
+        """The share of intervals that hold the truth."""
+        return self.held / self.intervals if self.intervals else None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def coverage95(self) -> tuple[float, float] | None:
+        """The exact binomial 95 % interval of the coverage."""
+        return binomial95(self.held, self.intervals) if self.intervals else None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def bias_error(self) -> float | None:
+        """Standard error of the bias [unit]."""
+        return None if self.spread is None else self.spread / math.sqrt(self.estimates)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return as_json(Statistics, self)
+
+
+@dataclass(frozen=True)
+class Cell(Record):
+    """One level of noise with one resolution."""
+
+    level: float
+    """Standard deviation of the noise [rad]."""
+    resolution: float
+    """A step of the encoder [rad]; 0 for none."""
+    repetitions: int
+    failures: Mapping[str, int]
+    """Why no minimum was found → how often."""
+    stopped_short: int
+    """Repetitions whose search ended above the cost of the truth."""
+    evaluations: float
+    """Of the cost, mean of a repetition."""
+    fractional: int | None
+    """Repetitions whose orders would be called fractional; None where that was not asked."""
+    unknowns: Mapping[str, Statistics]
+    unit: str = "rad"
+    """Of level and resolution: that of the scored outputs."""
+
+    @computed_field(alias="counts_per_turn")  # type: ignore[prop-decorator]
+    @property
+    def counts(self) -> float | None:
+        """The encoder's counts a turn; None for no encoder, and where no angle is measured."""
+        return 2 * math.pi / self.resolution if self.resolution and self.unit == "rad" else None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def failed(self) -> int:
+        """Repetitions without a minimum."""
+        return sum(self.failures.values())
+
+    @property
+    def label(self) -> str:
+        """In words: ``0.1° of noise, 4096 counts``."""
+        return label_of(self.level, self.resolution, self.unit)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return as_json(Cell, self)
+
+
+@dataclass(frozen=True)
+class SavedStudy:
+    """What noise.json keeps of a study: enough to draw it again."""
+
+    names: tuple[str, ...]
+    """Names of the unknowns."""
+    cost_name: str
+    cells: tuple[Cell, ...]
+    optimiser: str
+    seeds: int
+    """Repetitions a cell."""
+
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> SavedStudy:
+        """From the content of noise.json."""
+        block = record_of(StudyBlock, content)
+        cells = tuple(replace(c, unknowns={n: replace(s, name=n) for n, s in c.unknowns.items()}) for c in block.cells)
+        return cls(tuple(block.truth), block.cost_name, cells, block.optimiser, block.seeds)
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
+
+        Parameters
+        ----------
+        style : str or Style
+            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+        """
+        return draw("noise_levels", self, style=style)
+
+
+def binomial95(hits: int, trials: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share [CP]_.
+
+    Examples
+    --------
+    >>> low, high = binomial95(47, 50)
+    >>> round(low, 3), round(high, 3)
+    (0.835, 0.987)
+    """
+    from scipy.special import betaincinv
+
+    low = betaincinv(hits, trials - hits + 1, 0.025) if hits else 0.0
+    high = betaincinv(hits + 1, trials - hits, 0.975) if hits < trials else 1.0
+    return float(low), float(high)
+
+
+def label_of(level: float, resolution: float, unit: str = "rad") -> str:
+    """A level of noise and a step of rounding, in words."""
+    steps = f"{2 * math.pi / resolution:.6g} counts" if resolution and unit == "rad" else with_unit(resolution, unit)
+    return f"{with_unit(level, unit, '.6g')} of noise, {steps if resolution else 'no rounding'}"
+
+
+# --- the files ---------------------------------------------------------------------------------------------
+
+
+class StudyBlock(Coherent):
+    """What noise does to the estimates."""
+
+    model: str = ""
+    truth: dict[str, float]
+    method: str = ""
+    cost_name: str = Field(alias="cost")
+    outputs: list[str] = Field([])
+    optimiser: str
+    seeds: int
+    seed: int | None = None
+    cells: list[Cell]
+    sentences: list[str] = Field([])
+    findings: list[Finding] = Field([])
+    repetitions: dict[str, dict[str, Any]] = Field({})
+
+    def incoherence(self) -> str:
+        """Cells of other unknowns, and counts that cannot be."""
+        if not self.cells:
+            return "it has no cell"
+        if any(set(cell.unknowns) != set(self.truth) for cell in self.cells):
+            return "the unknowns of its cells are others"
+        counts = (u for cell in self.cells for u in cell.unknowns.values())
+        possible = all(0 <= u.held <= u.intervals <= u.estimates for u in counts)
+        return "" if possible else "its counts are not possible"
+
+
+class RepetitionBlock(Block):
+    """A repetition that found a minimum, as the journal has it."""
+
+    evaluations: int
+    cost_of_truth: Number
+    failure: Literal[""]
+    cost: float
+    values: dict[str, float]
+    standard_errors: dict[str, Number]
+    intervals: dict[str, Interval | None]
+    fractional: bool | None
+
+
+class FailedBlock(Block):
+    """A repetition that found none."""
+
+    evaluations: int
+    cost_of_truth: Number
+    failure: str
+    cost: None
+
+
+def fault_of_repetition(content: Any, names: Iterable[str]) -> str:
+    """Where a repetition is not one of a study with these unknowns, in words.
+
+    Examples
+    --------
+    >>> found = {"evaluations": 3, "cost_of_truth": 0.1, "failure": "", "cost": 0.1, "values": {},
+    ...          "standard_errors": {}, "intervals": {}, "fractional": None}
+    >>> fault_of_repetition(found, ["mu"])
+    'values has no mu'
+    """
+    if isinstance(content, dict) and content.get("failure"):
+        return fault_of(content, FailedBlock)
+    of_each = ("values", "standard_errors", "intervals")
+    return fault_of(content, RepetitionBlock) or lacking({key: content[key] for key in of_each}, names)
