@@ -9,7 +9,7 @@ import pytest
 
 import fracid
 from fracid.bayes import laplace
-from fracid.schemas.files import json_schema
+from fracid.runs.json_schemas import json_schema
 from program import run
 
 
