@@ -140,7 +140,7 @@ def test_a_project_with_a_force_goes_all_the_way(tmp_path, capsys):
     assert saved.result["parameters"]["bias_force"]["unit"] == "N"
     assert saved.result["recordings"]["pull"]["samples"] == SAMPLES - 41
     export = export_run(saved, tmp_path / "out")
-    assert any("force is a function of them, which it does not have" in note for note in export.notes)
+    assert any("force is a function of them, which it lacks" in note for note in export.notes)
     assert any("without delay, gain, bias and lowpass of force" in note for note in export.notes)
     assert program.run(capsys, "resid", run, "--trust")[0] == 0
     with pytest.raises(InputError, match="has a delay, gain, bias or lowpass, which a simulated recording does not"):
