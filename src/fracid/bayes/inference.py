@@ -61,7 +61,7 @@ def posterior(
     problem : Problem, Project, Fit or SavedRun
     x : array, shape (n_unknowns,), optional
         The minimum of its cost; a fit's own, or the problem's start, if left out.
-    method : {"laplace", "nested", "dynesty"}
+    method : {"laplace", "nested"}
         Laplace's approximation corrected by importance sampling: seconds, and k̂ says whether to trust it.  Nested
         sampling: minutes, for bent posteriors and those of several peaks; it needs ``pip install 'fracid[posterior]'``.
     draws : int
@@ -145,7 +145,7 @@ def _nested(
             f"Nested sampling draws from the prior, and {' and '.join(unbounded)} has no bounds: give it a lower and "
             "an upper one, or a prior = { mean = ..., sd = ... }."
         )
-    sample = nested_sample(likelihood, prior, sampler=method, draws=draws, seed=seed, execution=execution)
+    sample = nested_sample(likelihood, prior, draws=draws, seed=seed, execution=execution)
     return Posterior(
         problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights, sample.log_evidence,
         sample.evidence_error, likelihood.samples, likelihood.degrees, sample.simulations, seed, prior=prior,

@@ -1,19 +1,13 @@
-"""Nested sampling: posteriors that are bent, cut or of several peaks, and the evidence, by packages made for it.
+"""Nested sampling: posteriors that are bent, cut or of several peaks, and the evidence, by nautilus [L]_.
 
-===========  =================================================================================================
-``nested``   nautilus [L]_: importance nested sampling, its regions drawn by neural networks
-``dynesty``  dynesty [S]_: dynamic nested sampling, slower, to check the former; one point after the other
-===========  =================================================================================================
-
-Both draw from the whole prior, not from a neighbourhood of the minimum.  Both are optional (``pip install
-'fracid[posterior]'``) and imported here alone.  They ask for log likelihoods batch by batch; each batch is simulated on
-threads and goes into the journal, and as everything else follows from the seed, a resumed run replays the journal and
-ends the same, to the bit, for any number of threads.
+It draws from the whole prior, not from a neighbourhood of the minimum, its regions drawn by neural networks.  The
+package is optional (``pip install 'fracid[posterior]'``) and imported here alone.  It asks for log likelihoods batch by
+batch; each batch is simulated on threads and goes into the journal, and as everything else follows from the seed, a
+resumed run replays the journal and ends the same, to the bit, for any number of threads.
 
 References
 ----------
 .. [L] J. Lange, MNRAS 525 (2023) 3181.
-.. [S] J. Speagle, MNRAS 493 (2020) 3132.
 """
 
 from __future__ import annotations
@@ -38,9 +32,6 @@ LIVE = 500
 NETWORKS = 4
 """Of nautilus, for each region."""
 
-LIVE_DYNESTY = 250
-"""Of dynesty."""
-
 BATCH = 100
 """Points that nautilus asks for at once, whatever the number of threads."""
 
@@ -48,7 +39,7 @@ SHARE = 25
 """Of them in one task."""
 
 NOTHING = -1e100
-"""The log likelihood of a run that fails: both samplers want a number."""
+"""The log likelihood of a run that fails: nautilus wants a number."""
 
 REMAINDER = 0.01
 """Part of the evidence in the live points at which exploring ends."""
@@ -70,9 +61,8 @@ class NestedSample:
 
 
 def nested_sample(
-    likelihood: Likelihood, prior: BoxPrior, *, sampler: str = "nested", draws: int, seed: int,
-    execution: Execution | None = None,
-) -> NestedSample:  # fmt: skip
+    likelihood: Likelihood, prior: BoxPrior, *, draws: int, seed: int, execution: Execution | None = None
+) -> NestedSample:
     """Draw from the whole prior by nested sampling.
 
     Parameters
@@ -80,7 +70,6 @@ def nested_sample(
     likelihood : Likelihood
     prior : BoxPrior
         Proper.
-    sampler : {"nested", "dynesty"}
     draws : int
         Effective draws at least.
     seed : int
@@ -96,10 +85,9 @@ def nested_sample(
     at_least("draws", draws, 1)
     if execution.executor != "threads":
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
-    batches = _Batches(likelihood, f"{sampler}, {draws} draws, seed {seed}", execution)
-    run = _by_nautilus if sampler == "nested" else _by_dynesty
+    batches = _Batches(likelihood, f"nested, {draws} draws, seed {seed}", execution)
     with one_blas_thread():  # sums split over threads round differently
-        return run(batches, prior, draws, seed)
+        return _by_nautilus(batches, prior, draws, seed)
 
 
 class _Batches:
@@ -114,33 +102,23 @@ class _Batches:
     def __call__(self, points: FloatArray) -> FloatArray:
         """Of points of shape (n_points, n), shape (n_points,)."""
         self.count += 1
-        values = self._one(points) if len(points) == 1 else self._several(points)
+        parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
+        tasks = [Task(f"{self.name}, batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
+        values = [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
         self.simulations += len(points)
         if self.progress is not None:
             self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))
         return np.array([NOTHING if v is None else v for v in values])
-
-    def _several(self, points: FloatArray) -> list[float | None]:
-        parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
-        tasks = [Task(f"{self.name}, batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
-        return [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
-
-    def _one(self, points: FloatArray) -> list[float | None]:
-        """The same of a single point, on this thread: a pool of threads would take longer than the simulation."""
-        key, journal = f"{self.name}, batch {self.count}, 0", self.execution.journal
-        if journal is not None and key in journal.done:
-            return list(journal.done[key])
-        values = log_likelihoods(self.likelihood, points)
-        if journal is not None:
-            journal.append(key, values)
-        return values
 
 
 def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> NestedSample:
     try:
         from nautilus import Sampler
     except ImportError:
-        raise _missing("nautilus") from None
+        raise InputError(
+            "Nested sampling needs nautilus, which is not installed: type pip install 'fracid[posterior]', or leave "
+            "out --method."
+        ) from None
     n = len(prior.lower)
     inflated, one = _at_least_two(prior.from_unit, batches, n)
     sampler: Any = Sampler(inflated, one, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
@@ -148,7 +126,10 @@ def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> N
     sampler.run(f_live=REMAINDER, n_eff=draws, verbose=False)
     points, log_weights, _ = sampler.posterior()
     log_weights = log_weights - np.logaddexp.reduce(log_weights)
-    return _sample(points[:, :n], log_weights, float(sampler.log_z), 1 / math.sqrt(float(sampler.n_eff)), batches)
+    some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
+    kept = log_weights[some]
+    return NestedSample(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
+                        1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
 
 
 def _at_least_two(from_unit: Any, batches: _Batches, n: int) -> tuple[Any, Any]:
@@ -160,33 +141,3 @@ def _at_least_two(from_unit: Any, batches: _Batches, n: int) -> tuple[Any, Any]:
         np.concatenate([from_unit(u[:1]), u[1:]]),
         lambda x: batches(x[:, :1]),
     )  # fmt: skip
-
-
-def _by_dynesty(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> NestedSample:
-    try:
-        from dynesty import NestedSampler
-    except ImportError:
-        raise _missing("dynesty") from None
-    n = len(prior.lower)
-    sampler: Any = NestedSampler(lambda x: float(batches(x[None])[0]), prior.from_unit, n,
-                                 nlive=max(LIVE_DYNESTY, draws // 8), rstate=np.random.default_rng(seed))  # fmt: skip
-    sampler.run_nested(dlogz=REMAINDER, print_progress=False)
-    result = sampler.results
-    log_weights = result.logwt - np.logaddexp.reduce(result.logwt)
-    return _sample(result.samples, log_weights, float(result.logz[-1]), float(result.logzerr[-1]), batches)
-
-
-def _sample(
-    points: FloatArray, log_weights: FloatArray, log_evidence: float, error: float, batches: _Batches
-) -> NestedSample:
-    """Without the draws whose runs fail, or whose weight is nothing."""
-    some = log_weights > math.log(np.finfo(float).tiny)
-    kept = log_weights[some]
-    return NestedSample(points[some], kept - np.logaddexp.reduce(kept), log_evidence, error, batches.simulations)
-
-
-def _missing(package: str) -> InputError:
-    return InputError(
-        f"Nested sampling needs {package}, which is not installed: type pip install 'fracid[posterior]', or leave out "
-        "--method."
-    )

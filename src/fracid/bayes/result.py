@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 METHODS = {
     "laplace": "Laplace's approximation, corrected by Pareto-smoothed importance sampling",
     "nested": "nested sampling by nautilus",
-    "dynesty": "nested sampling by dynesty",
 }
 """How a posterior is drawn, by name."""
 

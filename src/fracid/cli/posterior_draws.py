@@ -48,10 +48,7 @@ def posterior(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
     method: Annotated[
         str,
-        named(
-            "laplace, corrected by importance sampling; nested or dynesty, nested sampling.",
-            one_of("laplace", "nested", "dynesty"),
-        ),
+        named("laplace, corrected by importance sampling; nested, nested sampling.", one_of("laplace", "nested")),
     ] = "laplace",
     draws: Annotated[int, option("N", "Simulations of laplace; effective draws of nested sampling.", min=100)] = 2000,
     executor: Annotated[str | None, named("threads or processes, for the method laplace.", key_of("executors"))] = None,

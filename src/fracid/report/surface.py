@@ -1,4 +1,4 @@
-"""A surface over two values as SVG, for paper and where no script runs: the picture that ``planes.js`` draws.
+"""A surface over two values as SVG, for paper and where no script runs: what ``planes.js`` draws, but for the inset.
 
 Its colours grow with the logarithm of how far the cost rises above its least, so that both the valley's floor and its
 walls are seen.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, cos, hypot, log, pi, sin
+from math import cos, log, pi, sin
 from typing import Any
 
 import numpy as np
@@ -30,11 +30,6 @@ DECADES = 1e-4
 
 CIVIDIS = ("00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74", "c3b369", "e1cc55", "fee838")
 """As in ``planes.js``."""
-
-LETTER = 7.0
-"""Of a line's word, its width [px]."""
-INSET, EDGE, AIR = 0.3, 6.0, 8.0
-"""The whole search: its part of the surface's width and height, its place and the room in it [px]."""
 
 
 @dataclass(frozen=True)
@@ -123,12 +118,9 @@ def surface_still(surface: Surface) -> Markup:
     """
     x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT if surface.bar else WIDTH - 10)
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
-    corner = _corner(surface, x, y)
-    lines, words = _lines(surface, x, y, corner)
-    parts = [*_colours(surface, x, y), *lines, *_integers(surface, x, y), *_axes(surface, x, y),
-             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y), *words,
-             *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9),
-             *(corner.drawn(surface) if corner else ())]  # fmt: skip
+    parts = [*_colours(surface, x, y), *_integers(surface, x, y), *_axes(surface, x, y),
+             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y),
+             *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9)]  # fmt: skip
     name = escape(f"{surface.what} over {surface.names[0]} and {surface.names[1]}")
     opened = f'<svg class="still surface" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{name}">'
     return Markup(opened + "".join(parts) + "</svg>")  # the names are escaped
@@ -145,17 +137,6 @@ def _colour(share: float) -> str:
     return "#" + "".join(f"{round(a + (at - i) * (b - a)):02x}" for a, b in zip(*ends, strict=True))
 
 
-def _contours(surface: Surface, x: Axis, y: Axis) -> Any:
-    """Places [px] of equal share of the colours, from 0 to 1."""
-    from contourpy import FillType, LineType, contour_generator
-
-    low, high = surface.scale.low, surface.scale.high
-    share = np.log(np.maximum(np.where(np.isfinite(surface.height), surface.height, high), low) / low) / log(high / low)
-    masked = np.ma.array(share.T, mask=~np.isfinite(surface.height.T))
-    return contour_generator(x.at(surface.first), y.at(surface.second), masked, name="serial",
-                             fill_type=FillType.OuterOffset, line_type=LineType.Separate)  # fmt: skip
-
-
 def _d(places: FloatArray, close: str = "") -> str:
     """A path, its steps in tenths of a pixel."""
     first, *steps = np.diff(np.rint(10 * places).astype(int), axis=0, prepend=0).tolist()
@@ -163,42 +144,24 @@ def _d(places: FloatArray, close: str = "") -> str:
 
 
 def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
-    """A band over the one below it, which it overlaps, or seams would show; grey where no run ended."""
+    """A band over the one below it, which it overlaps, or seams would show; grey where no run ended; lines on top."""
+    from contourpy import FillType, LineType, contour_generator
+
+    low, high = surface.scale.low, surface.scale.high
+    share = np.log(np.maximum(np.where(np.isfinite(surface.height), surface.height, high), low) / low) / log(high / low)
+    masked = np.ma.array(share.T, mask=~np.isfinite(surface.height.T))
+    contours: Any = contour_generator(x.at(surface.first), y.at(surface.second), masked, name="serial",
+                                      fill_type=FillType.OuterOffset, line_type=LineType.Separate)  # fmt: skip
     yield f'<rect class="failed" x="{x.start}" y="{y.end}" width="{x.end - x.start}" height="{y.start - y.end}"/>'
-    contours = _contours(surface, x, y)
     for k in range(BANDS):
         shapes, offsets = contours.filled(k / BANDS if k else -1.0, np.inf)
         rings = [shape[a:b] for shape, at in zip(shapes, offsets, strict=True) for a, b in pairwise(at)]
         if rings:
             d = "".join(_d(ring, "z") for ring in rings)
             yield f'<path fill="{_colour((k + 0.5) / BANDS)}" fill-rule="evenodd" transform="scale(.1)" d="{d}"/>'
-
-
-def _lines(surface: Surface, x: Axis, y: Axis, corner: Corner | None) -> tuple[list[str], list[str]]:
-    """The lines, and their words: at the right end, or at the left, where there is room, within the frame."""
-    contours = _contours(surface, x, y)
-    taken: list[tuple[float, float]] = []
-    low, high = surface.scale.low, surface.scale.high
-    drawn, words = [], []
-    for at, label in surface.scale.levels:
-        lines = contours.lines(log(at / low) / log(high / low))
-        if not lines:
-            continue
-        d = "".join(_d(line) for line in lines)
-        drawn.append(f'<path class="level" transform="scale(.1)" d="{d}"/>')
-        points = np.concatenate(lines)
-        if np.ptp(points[:, 0]) < 50:
-            continue
-        ends = [points[points[:, 0].argmax()].tolist(), points[points[:, 0].argmin()].tolist()]
-        free = [end for end in ends if not (corner and corner.covers(*end))]
-        place = next((p for p in free if all(hypot(p[0] - a, p[1] - b) >= 24 for a, b in taken)), None)
-        if place:
-            taken.append(place)
-            px, py = place
-            late = px + LETTER * len(label) > x.end
-            left, base = (min(px, x.end) - 4 if late else px + 2), min(py + 12, y.start - 5)
-            words.append(text_at(left, base, label, ' class="level"', "end" if late else "start"))
-    return drawn, words
+    for at, _ in surface.scale.levels:
+        if lines := contours.lines(log(at / low) / log(high / low)):
+            yield f'<path class="level" transform="scale(.1)" d="{"".join(map(_d, lines))}"/>'
 
 
 def _axes(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
@@ -258,58 +221,3 @@ def _star(x: float, y: float, size: float) -> str:
     turns = [(size if k % 2 == 0 else 0.4 * size, k * pi / 5 - pi / 2) for k in range(10)]
     d = "L".join(f"{x + r * cos(turn):.1f} {y + r * sin(turn):.1f}" for r, turn in turns)
     return f'<path class="best" d="M{d}z"/>'
-
-
-# --- the whole search, in the corner where the surface is highest -------------------------------------
-
-
-@dataclass(frozen=True)
-class Corner:
-    """The inset with all that was tried."""
-
-    x: Axis
-    y: Axis
-
-    def covers(self, px: float, py: float) -> bool:
-        """Whether a word that begins there would be hidden."""
-        x, y = self.x, self.y
-        return x.start - AIR - 40 < px < x.end + AIR + 4 and y.end - AIR - 16 < py < y.start + AIR + 4
-
-    def drawn(self, surface: Surface) -> Iterator[str]:
-        """The path of the search, where in it the surface lies, and the best."""
-        x, y = self.x, self.y
-        assert surface.tried is not None
-        points = [_at((_within(a, x), _within(b, y)), x, y) for a, b in surface.tried]
-        width, height = x.end - x.start + 2 * AIR, y.start - y.end + 2 * AIR
-        place = f'x="{x.start - AIR:.1f}" y="{y.end - AIR:.1f}" width="{width:.1f}" height="{height:.1f}"'
-        yield f'<rect class="inset" {place}/>'
-        yield f'<path class="way" d="M{"L".join(f"{a:.1f} {b:.1f}" for a, b in points)}"/>'
-        yield f'<path class="been" d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in points)}"/>'
-        (left, right), (low, high) = (
-            [float(axis.at(_within(v, axis))) for v in (ends[0], ends[-1])]
-            for ends, axis in ((surface.first, x), (surface.second, y))
-        )
-        yield f'<path class="frame" d="M{left:.1f} {low:.1f}H{right:.1f}V{high:.1f}H{left:.1f}z"/>'
-        yield _star(*_at([_within(v, axis) for v, axis in zip(surface.best, (x, y), strict=True)], x, y), 5)
-
-
-def _within(value: float, axis: Axis) -> float:
-    return min(max(value, axis.low), axis.high)
-
-
-def _corner(surface: Surface, x: Axis, y: Axis) -> Corner | None:
-    """None where the search stayed on the surface."""
-    tried = surface.tried
-    if tried is None or not surface.left:
-        return None
-    n, m = (ceil(count / 3) for count in surface.height.shape)
-    high = np.where(np.isfinite(surface.height), surface.height, np.inf)
-    thirds = [(slice(n), slice(-n, None)), (slice(m), slice(-m, None))]
-    places = ((0, 1), (1, 1), (0, 0), (1, 0))
-    i, j = max(places, key=lambda place: float(high[thirds[0][place[0]], thirds[1][place[1]]].mean()))
-    wide, tall = INSET * (x.end - x.start), INSET * (y.start - y.end)
-    left = x.end - wide - EDGE if i else x.start + EDGE
-    top = y.end + EDGE if j else y.start - tall - EDGE
-    (low, least), (most, greatest) = tried.min(axis=0), tried.max(axis=0)
-    return Corner(Axis(low, max(most, low + 1e-12), left + AIR, left + wide - AIR),
-                  Axis(least, max(greatest, least + 1e-12), top + tall - AIR, top + AIR))  # fmt: skip
