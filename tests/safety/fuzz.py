@@ -21,6 +21,9 @@ message is one printable line.  Anything else is a failure:
 ``search`` goes on from a project: the checks before a search, and its first steps, as ``fracid fit`` takes them; every
 :data:`WHOLE_FITS`-th goes on to the end of :func:`fracid.identify`, as a file of JSON.
 
+Formats that a package reads in a process of its own are read in the child, under the same limit of memory and a shorter
+one of time: where fracid says that reading ended the process, or took too much, the child is ``stopped``, as it should.
+
 The inputs are run in child processes that hold to these limits; one that dies is replaced, and the input that killed
 it is told.  Counts and failures are kept in ``runs/fuzz/READER.json``, beside a digest of the readers' source:
 when that changes counting begins anew, and the old counts are kept as a total.
@@ -47,9 +50,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import READERS, input_of, swings
+from fuzz_inputs import PACKAGED, READERS, answer_here, input_of, swings
 
 __all__ = ["Tally", "fuzz", "judge"]
 
@@ -90,13 +94,14 @@ def judge(reader: str, number: int, folder: Path) -> str:
             outcome = f"! {type(error).__name__}: {error} {_where(error)}"
         else:
             outcome = "taken"
-    return f"! warning: {heard[0].message}" if heard else outcome
+    return f"! warning: {heard[0].message}" if heard and reader not in PACKAGED else outcome
 
 
 def _read(reader: str, number: int, file: Path) -> None:
     """Read the file in one of the ways that a caller may."""
     from fracid.problem.project import project_from_text
     from fracid.recording import load_recording
+    from fracid.recording.readers import packages as readers
 
     if reader in ("project", "search"):
         # what load_project does, but that all bytes are a text
@@ -110,7 +115,8 @@ def _read(reader: str, number: int, file: Path) -> None:
         {"columns": {"alpha": {"column": 1, "unit": "deg"}}, "time": 0},
         {"columns": {"alpha": "alpha"}, "time": {"rate": 100}},
     ]
-    recording = load_recording(file, **ways[number // 3 % len(ways)])
+    with mock.patch.object(readers, "answer_apart", answer_here):
+        recording = load_recording(file, **ways[number // 3 % len(ways)])
     _assert_whole(recording)
     json.dumps(recording.report.to_dict(), allow_nan=False)
     assert recording.report.verdict.isprintable()
@@ -197,7 +203,8 @@ def _child(reader: str, numbers: range, at: mmap.mmap, results: int, folder: Pat
     for seed in range(12):
         judge(reader, seed, folder)  # imports, compiles
     mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (mapped + 4 * MEMORY, mapped + 4 * MEMORY))
+    most = mapped + (MEMORY if reader in PACKAGED else 4 * MEMORY)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
     idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
@@ -208,7 +215,7 @@ def _child(reader: str, numbers: range, at: mmap.mmap, results: int, folder: Pat
             signal.setitimer(signal.ITIMER_PROF, _limit(reader, number))
             outcome = judge(reader, number, folder)
             signal.setitimer(signal.ITIMER_PROF, 0)
-            if (size := os.lseek(quiet, 0, os.SEEK_CUR)) > said:
+            if (size := os.lseek(quiet, 0, os.SEEK_CUR)) > said and reader not in PACKAGED:
                 outcome, said = f"! wrote: {os.pread(quiet, 200, said).decode('utf-8', 'replace')}", size
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - idle
             if used > MEMORY:
@@ -315,7 +322,11 @@ def _one_child(reader: str, numbers: range, end: float, at: mmap.mmap, folder: P
     # those between the last report and the death are run again by the next child, but for the last
     tally.add(
         number,
-        f"! more than {_limit(reader, number):g} s of processor time" if died == "SIGPROF" else f"! died by {died}",
+        "stopped"
+        if reader in PACKAGED
+        else f"! more than {_limit(reader, number):g} s of processor time"
+        if died == "SIGPROF"
+        else f"! died by {died}",
     )
     return _again_without(reader, range(reached, number), folder, tally, at, end, number)
 
@@ -340,6 +351,7 @@ SOURCES = {
     "npz": ("numpy_files", "content", "arrays", "table"),
     "hdf5": ("hdf5", "content", "arrays", "table"),
     "parquet": ("parquet", "content", "arrays", "table"),
+    **dict.fromkeys(PACKAGED, ("packages", "records", "content", "arrays", "table")),
     "json": ("records", "content", "arrays", "table"),
     "project": ("../../problem/project",),
     "search": ("../../problem/project", "../../problem/unknowns", "../../estimation/search"),

@@ -26,16 +26,20 @@ import json
 import random
 import re
 import struct
+import sys
 import zipfile
 import zlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-__all__ = ["READERS", "input_of", "swings"]
+sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
+from logs import answer_here, db3, mcap, mdf, tdms, xlsx
+
+__all__ = ["PACKAGED", "READERS", "answer_here", "input_of", "swings"]
 
 EXTREMES = (0, 1, 2, 7, 8, 127, 128, 255, 256, 4096, 65535, 65536, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**63 - 1)
 T = np.arange(40) / 100
@@ -175,6 +179,67 @@ def _json(rng: random.Random) -> bytes:
             continue
         at = rng.choice(numbers)
         raw = raw[: at.start()] + rng.choice(JSON_VALUES).encode() + raw[at.end() :]
+    return raw
+
+
+def _xlsx_seeds() -> list[bytes]:
+    rows = [["t [s]", "theta [counts]", "alpha"], *zip(T, THETA, ALPHA, strict=True)]
+    sheets = [{"Data": rows}, {"About": [["a rig"], ["of mine"]], "Data & more": [["title"], *rows]}]
+    return [xlsx(of, packing) for of in sheets for packing in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)]
+
+
+def _tdms_seeds() -> list[bytes]:
+    rate = {"wf_increment": 0.01, "wf_start_offset": 0.0, "unit_string": "V"}
+    kinds = [
+        {"t": T, "alpha": ALPHA},
+        {"alpha": (ALPHA, rate), "n": (THETA.astype(np.int16), rate), "who": ["me"] * 40},
+    ]
+    return [*(tdms({"log": kind}) for kind in kinds), tdms({"a": kinds[0], "b": kinds[1]})]
+
+
+def _mdf_seeds() -> list[bytes]:
+    groups = [(T, {"alpha": (ALPHA, "rad"), "n": (THETA.astype(np.int16), "")}), (T[::10], {"u": (ALPHA[::10], "V")})]
+    kinds: list[dict[str, object]] = [{}, {"compression": 1}, {"compression": 2}]
+    return [*(mdf(groups, **kind) for kind in kinds), mdf(groups, "4.20"), mdf(groups, "3.30"), mdf(groups[:1], "2.14")]
+
+
+def _mcap_seeds() -> list[bytes]:
+    from mcap.writer import CompressionType
+
+    commands = [(0.1, 1.0), (0.2, 2.0)]
+    return [mcap(T, ALPHA, some, compression=kind) for some in ([], commands) for kind in CompressionType]
+
+
+def _db3_seeds() -> list[bytes]:
+    return [db3(T, ALPHA, [(0.1, 1.0)], definitions=known) for known in (False, True)]
+
+
+PACKAGED = {
+    "xlsx": ((".xlsx",), _xlsx_seeds),
+    "tdms": ((".tdms",), _tdms_seeds),
+    "mdf": ((".mf4", ".mdf"), _mdf_seeds),
+    "mcap": ((".mcap",), _mcap_seeds),
+    "db3": ((".db3",), _db3_seeds),
+}
+
+
+def _of_package(name: str, rng: random.Random) -> bytes:
+    """Bytes changed; of a workbook half of them within a sheet, which is then packed again."""
+    seeds = _seeds(name)
+    raw = rng.choice(seeds)
+    if name == "xlsx" and rng.random() < 0.5:
+        with zipfile.ZipFile(io.BytesIO(raw)) as packed:
+            members = {m: packed.read(m) for m in packed.namelist()}
+        at = rng.choice([*members])
+        for _ in range(_times(rng)):
+            members[at] = _changed(members[at], rng, [*members.values()])
+        file = io.BytesIO()
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+            for member, content in members.items():
+                packed.writestr(zipfile.ZipInfo(member), content)
+        return file.getvalue()
+    for _ in range(_times(rng)):
+        raw = _changed(raw, rng, seeds)
     return raw
 
 
@@ -605,6 +670,7 @@ READERS: dict[str, tuple[tuple[str, ...], Callable[[], list[bytes]], Callable[[r
     "hdf5": ((".h5", ".hdf5"), _hdf5_seeds, _hdf5),
     "parquet": ((".parquet",), _parquet_seeds, _parquet),
     "json": ((".json", ".jsonl"), _json_seeds, _json),
+    **{name: (endings, seeds, partial(_of_package, name)) for name, (endings, seeds) in PACKAGED.items()},
     "project": ((".toml",), _project_seeds, _project),
     "search": ((".toml",), _project_seeds, _search),
 }

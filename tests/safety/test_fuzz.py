@@ -12,7 +12,7 @@ import fuzz
 import fuzz_equations
 import fuzz_folders
 from fracid.errors import DataError, InputError
-from fuzz_inputs import READERS, input_of
+from fuzz_inputs import PACKAGED, READERS, input_of
 
 QUICK = sorted(set(READERS) - {"project"})  # that one compiles first
 
@@ -24,13 +24,21 @@ def test_an_input_is_found_again_by_its_number(reader):
     assert len({raw for _, raw in inputs}) > 150
 
 
-@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("reader", sorted(set(READERS) - set(PACKAGED)))
 def test_some_inputs_are_taken_and_most_are_refused_in_a_line(reader, tmp_path):
     fuzz._lay_out(reader, tmp_path)
     outcomes = [fuzz.judge(reader, number, tmp_path) for number in range(20 if reader == "search" else 60)]
     assert [o for o in outcomes if o.startswith("!")] == []
     assert outcomes.count("taken") > 0
     assert outcomes.count("InputError") + outcomes.count("DataError") > len(outcomes) / 6
+
+
+@pytest.mark.parametrize("reader", PACKAGED)
+def test_what_a_package_reads_is_taken_or_refused_in_a_line_or_stopped(reader):
+    tally, _ = fuzz.fuzz(reader, range(36), 300)  # a few dozen; tests/safety/fuzz.py has thousands
+    assert tally.failures == {}
+    assert tally.outcomes["taken"] > 0
+    assert sum(tally.outcomes.values()) == 36
 
 
 def broken(how):

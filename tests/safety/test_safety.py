@@ -53,6 +53,7 @@ ALLOWED = {
         "exec",
     ): "the text of a tree that a whitelist read: numbers, its own names and functions of mathematics",
     ("export/compilers.py", "subprocess.run"): "the C compiler of this system, over text that fracid wrote of a tree",
+    ("safety/apart.py", "subprocess.run"): "Python itself, on a function of fracid's own: it reads what may end it",
     ("tasks/job.py", "pickle.loads"): "what this process's own pool, or the scheduler that the caller named, sends",
 }
 """File and call → why it may stay."""

@@ -44,7 +44,11 @@ if TYPE_CHECKING:
 )
 def check(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet .json")
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet .json .xlsx .tdms .mf4 .mdf .mcap .db3",
+        ),
     ],
     column: Annotated[
         list[str] | None,

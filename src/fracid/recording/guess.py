@@ -137,7 +137,8 @@ def guessed_units(recording: Recording, *, named: bool) -> dict[str, tuple[dict[
             roles = _roles(recording)
         except InputError:  # nothing moves
             return {}
-    return {n: (fields, why) for n, fields, why in _with_units(recording, roles).values() if n in recording.assumed}
+    units = _with_units(recording, roles).values()
+    return {n: (fields, why) for n, fields, why in units if n in recording.assumed or "fill" in fields}
 
 
 def _angles(recording: Recording) -> list[str]:

@@ -51,7 +51,7 @@ def load_recording(
     Parameters
     ----------
     path : str or Path
-        The file: text, .mat, .npz, .npy, HDF5, Parquet or JSON.
+        The file: text, .mat, .npz, .npy, HDF5, Parquet, JSON, Excel, TDMS, MDF or a bag of ROS 2.
     columns : mapping, optional
         Signal name to column, or to the fields of a :class:`Channel`.  None guesses; the report says what.
     time : mapping, optional
@@ -245,12 +245,14 @@ def _guesses(
     recording: Recording, table: Table, channels: Mapping[str, Channel], named: bool
 ) -> dict[str, tuple[dict[str, Any], str]]:
     """Signal → the fields that its numbers speak for, and the sentence on them; none where they are radians."""
-    return {
-        n: (fields, f"{n} has no unit: taken to be {why}.")
-        for n, (fields, why) in guessed_units(recording, named=named).items()
-        if fields.get("unit") != recording.units[n]
-        and (not (header := table.units[table.find(channels[n].column)]) or header.lower() in COUNTING)
-    }
+    guesses = {}
+    for n, (fields, why) in guessed_units(recording, named=named).items():
+        header = table.units[table.find(channels[n].column)]
+        if fields.get("unit") != recording.units[n] and (not header or header.lower() in COUNTING):
+            guesses[n] = fields, f"{n} has no unit: taken to be {why}."
+        elif "fill" in fields and channels[n].fill is None:
+            guesses[n] = {"fill": fields["fill"]}, f"{n} is taken to be {why}."
+    return guesses
 
 
 def _state(path: Path) -> tuple[int, int] | None:

@@ -29,7 +29,8 @@ from fracid.safety.json_files import json_of
 
 Kind = Literal["project", "recording", "run", "study"]
 
-RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet", ".json", ".jsonl")
+RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet", ".json", ".jsonl",
+              ".xlsx", ".tdms", ".mf4", ".mdf", ".mcap", ".db3")  # fmt: skip
 """Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
 
 STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior"}

@@ -9,6 +9,8 @@ ending               read as
 .npz .npy            NumPy
 .h5 .hdf5            HDF5; groups are walked
 .parquet             Parquet, needs ``pip install 'fracid[parquet]'``
+.xlsx .tdms .mdf     by packages, which are extras (:mod:`fracid.recording.readers.packages`)
+.mf4 .mcap .db3
 .json .jsonl         records or columns (:mod:`fracid.recording.readers.records`)
 ===================  =============================================================
 
@@ -31,13 +33,14 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
 from fracid.recording.readers.arrays import AFTER_COMMA, choose, name_and_unit
-from fracid.recording.readers.content import Content
+from fracid.recording.readers.content import Content, LeftOut
 from fracid.recording.readers.hdf5 import read_hdf5
 from fracid.recording.readers.matlab import is_hdf5, read_mat
 from fracid.recording.readers.numpy_files import read_npy, read_npz
+from fracid.recording.readers.packages import FORMATS, read_by_package
 from fracid.recording.readers.parquet import read_parquet
 from fracid.recording.readers.records import read_json
-from fracid.recording.readers.text import MOST_COLUMNS, read_text
+from fracid.recording.readers.text import MOST_COLUMNS, TextTable, parse_text, read_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
 
@@ -210,9 +213,12 @@ def _without_empty_columns(table: Table) -> Table:
 
 def _text(path: Path, variable: str | None) -> Table:
     _no_variable(path, variable)
-    text = read_text(path)
+    return _of_text(read_text(path), path.name)
+
+
+def _of_text(text: TextTable, source: str) -> Table:
     names, units = zip(*map(name_and_unit, text.names, text.units, range(len(text.names))), strict=True)
-    return Table(text.values, names, units, path.name, text.header, notes=text.notes)
+    return Table(text.values, names, units, source, text.header, notes=text.notes)
 
 
 def _no_variable(path: Path, variable: str | None) -> None:
@@ -244,6 +250,27 @@ def _json(path: Path, variable: str | None) -> Table:
     return replace(_arrays(lambda _: content)(path, variable), notes=notes)
 
 
+def _workbook(path: Path, variable: str | None) -> Table:
+    """Read the sheet of that name, else the first one with numbers."""
+    sheets = {name: other.text for name, other in read_by_package(path).items() if isinstance(other, LeftOut)}
+    if variable is not None and variable not in sheets:
+        raise InputError(
+            f"{path.name} has no sheet {ascii_short(variable)}. It has: {', '.join(map(ascii_short, sheets))}."
+        )
+    refused = DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
+    for sheet in sheets if variable is None else [variable]:
+        source = f"{path.name}:{printable(sheet)}" if len(sheets) > 1 else path.name
+        try:
+            table = _of_text(parse_text(sheets[sheet], source), source)
+        except DataError as error:
+            refused = error
+        else:
+            others = ", ".join(ascii_short(name) for name in sheets if name != sheet)
+            note = f"The sheet {ascii_short(sheet)} is read, and not {others}; to take another, type variable = NAME."
+            return replace(table, notes=(*table.notes, note)) if others and variable is None else table
+    raise refused
+
+
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _text),
     ".mat": _arrays(_mat),
@@ -252,4 +279,6 @@ READERS: dict[str, Callable[[Path, str | None], Table]] = {
     **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
     ".parquet": _parquet,
     **dict.fromkeys((".json", ".jsonl"), _json),
+    **{ending: _arrays(read_by_package) for ending in FORMATS},
+    ".xlsx": _workbook,
 }
