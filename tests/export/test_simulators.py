@@ -15,7 +15,8 @@ from fracid.export.identified import Identified
 STEPS, STEP = 1000, 2e-3
 RIGS = {
     "pendulum": ({"drag_angle": 1e-4, "b_angle": 1e-3, "angle_rest": 0.1}, {"angle": 1.0}, 0.02),
-    "joint": ({"gravity": 0.1, "spring_angle": 0.05, "angle_rest": 0.1, "level": 0.2, "drag_angle": 1e-3}, {}, 0.1),
+    "joint": ({"gravity": 0.1, "spring_angle": 0.05, "angle_rest": 0.1, "level": 0.2, "drag_angle": 1e-3, "mass": 0.2,
+               "length": 0.08}, {}, 0.1),
     "cart-pole": ({}, {"angle": 0.6}, 2.0),
     "two-mass": ({}, {}, 0.1),
     "rotary-pendulum": ({"b_theta": 1e-2, "b_alpha": 2e-4, "drag_alpha": 1e-5, "cable_stiffness": 1e-2,
@@ -56,6 +57,11 @@ def test_dry_friction_is_one_in_mujoco_too_and_its_error_is_said():
 
 def test_a_rotary_pendulum_whose_arm_points_the_other_way_moves_alike():
     assert off(found("rotary-pendulum", C3=-4e-3)) < 1e-4
+
+
+def test_a_servos_loop_and_friction_that_grows_with_the_load_are_said_to_be_left_out():
+    rig = simulators.rig_of(found("joint", gain=0.3, load_angle=0.1), "MuJoCo")
+    assert [text.rpartition(" [")[2] for text in rig.lost] == ["position-loop].", "load-friction]."]
 
 
 def test_a_fractional_order_is_refused_with_what_to_type():

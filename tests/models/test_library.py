@@ -42,13 +42,20 @@ def cart_pole(x, u, p):
 def joint(x, u, p):
     """With presliding as :func:`fracid.models.joints.presliding` has it, and the springpot's state y."""
     angle, rate, z, y = x
-    out, f, s = np.zeros(1), p["coulomb_angle"], p["stiction_angle"]
+    duty = np.clip(p["gain"] * (u["goal"] - angle), -p["duty_limit"], p["duty_limit"])
+    k, most = p["torque_constant"], p["current_limit"]
+    current = np.clip((p["supply"] * duty - k * rate) / p["resistance"], -most, most) * (u["torque_enable"] > 0.5)
+    drive = u["torque"] + p["torque_per_volt"] * u["voltage"] + k * current
+    pull = (p["gravity"] + p["mass"] * 9.80665 * p["length"]) * math.sin(angle - p["angle_rest"] - p["level"])
+    load = (p["load_angle"] + p["load_directional_angle"]) * abs(drive) + p["load_angle"] * abs(pull)
+    out, f, s = np.zeros(1), p["coulomb_angle"] + load, p["stiction_angle"]
     dry = presliding(np.array([z]), out, 0, rate, f, s, p["stribeck_speed_angle"], p["presliding_angle"],
                      p["presliding_damping_angle"])  # fmt: skip
     turn = angle - p["angle_rest"]
-    torque = u["torque"] + p["torque_per_volt"] * u["voltage"] - p["gravity"] * math.sin(turn - p["level"])
-    torque -= p["spring_angle"] * turn + (p["b_angle"] + p["back_emf"] + p["drag_angle"] * abs(rate)) * rate
-    return rate, (torque - dry - p["springpot_angle"] * y) / p["J"], out[0], rate
+    torque = (
+        drive - pull - p["spring_angle"] * turn - (p["b_angle"] + p["back_emf"] + p["drag_angle"] * abs(rate)) * rate
+    )
+    return rate, (torque - dry - p["springpot_angle"] * y) / (p["J"] + p["mass"] * p["length"] ** 2), out[0], rate
 
 
 def two_mass(x, u, p):
@@ -286,3 +293,46 @@ def test_what_means_nothing_for_a_model_is_refused():
         fracid.models.model_from_name("tanks", rig="srv02-rotpen")
     with pytest.raises(fracid.InputError, match="acts only with presliding_angle"):
         fracid.model("joint", presliding_damping_angle=0.1)
+
+
+def lifted(**more):
+    """A servo that lifts, holds and drops a mass."""
+    servo = {"mass": 0.5, "gain": 0.6, "torque_per_volt": 0.0, "J": 2e-3, "b_angle": 0.01, "coulomb_angle": 0.01,
+             "load_angle": 0.1, "load_directional_angle": 0.2}  # fmt: skip
+    model = fracid.model("joint", **servo | more)
+    time = np.arange(0.0, 4.0, 0.005)
+    goal = np.where(time < 3.0, 1.2 * np.sin(2.0 * time), 0.0)
+    columns = {"goal": goal, "torque_enable": (time < 3.0).astype(float)}
+    inputs = np.column_stack([columns.get(n, 0.0 * time) for n in model.inputs])
+    return model, fracid.simulate(
+        model, initial={}, step=0.005, end=3.995, inputs=inputs, method="bdf2", between="hold"
+    )
+
+
+def test_a_servo_that_lets_go_drops_its_mass_and_no_current_brakes_it():
+    model, run = lifted(load_angle=0.0, load_directional_angle=0.0, coulomb_angle=0.0, b_angle=0.0)
+    p, late = {q.name: q.value for q in model.parameters}, run.time > 3.05
+    angle, rate = run.states[late, :2].T
+    energy = 0.5 * (p["J"] + 0.5 * 0.1**2) * rate**2 - 0.5 * 9.80665 * 0.1 * np.cos(angle)
+    assert np.ptp(energy) < 0.02 * np.ptp(0.5 * 9.80665 * 0.1 * np.cos(angle))
+
+
+def test_friction_that_grows_with_the_load_stands_still_where_coulomb_friction_slides():
+    _, light = lifted(load_angle=0.0, load_directional_angle=0.0)
+    _, heavy = lifted(load_angle=0.6, load_directional_angle=0.3)
+    swings = [np.ptp(run.states[run.time > 3.5, 0]) for run in (light, heavy)]
+    assert swings[1] < 0.5 * swings[0]
+
+
+def test_the_current_and_the_duty_of_a_servo_have_their_limits():
+    kt = 0.3
+    for limits, torque in (
+        ({}, kt * 7.4 / 3.0),
+        ({"duty_limit": 0.5}, kt * 3.7 / 3.0),
+        ({"current_limit": 0.1}, kt * 0.1),
+    ):
+        model = fracid.model("joint", gain=100.0, b_angle=0.0, **limits)
+        out = np.zeros(2)
+        u = [{"goal": 1.0, "torque_enable": 1.0}.get(n, 0.0) for n in model.inputs]
+        model.rhs(0.0, np.zeros(2), np.array(u), model.parameter_vector(), out)
+        assert out[1] == pytest.approx(torque / model.parameter("J").value)

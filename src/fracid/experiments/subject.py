@@ -134,7 +134,7 @@ class Subject:
         }  # fmt: skip
         moment = space.moment if c.release else 0.0
         return Experiment(
-            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, off=pattern.off,
+            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, constants=pattern.constants,
             units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
             between=dict.fromkeys(model.inputs, "hold") if c.voltage is not None else {},
             release_time=Free(0.0, -moment, moment) if moment else 0.0,

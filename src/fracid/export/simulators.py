@@ -147,9 +147,9 @@ def rig_of(model: Identified, target: str) -> Rig:
 
 def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:
     """Constants that are not 0 and in no formula."""
-    table, silent = _table()["lost"], tuple(_table()["silent"]["names"])
+    table, silent = _table()["lost"], tuple(f"{n}_" for n in _table()["silent"]["names"])
     for q in model.constants.values():
-        if q.value == 0.0 or q.name in used or q.name.startswith(silent):
+        if q.value == 0.0 or q.name in used or f"{q.name}_".startswith(silent):
             continue
         code, what = next((why for name, why in table.items() if q.name.startswith(name)), ("unknown", "such a term"))
         yield f"{q.name} = {q.value:.6g} {q.unit} is left out: {target} has no {what} [{code}]."

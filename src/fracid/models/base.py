@@ -243,6 +243,8 @@ class Model(CardDisplay):
     input_rates: Mapping[str, str] = field(default_factory=dict)
     """Input → the input of which it is the rate, such as the speed of a position that was recorded: it is the slope of
     the lines between its samples where no column of its own is given."""
+    input_defaults: Mapping[str, float] = field(default_factory=dict)
+    """Input → its value in a recording that has other inputs and not this; 0 where it says nothing."""
     drive: str = ""
     """The parameter that makes a torque of the input; "" where there is none."""
     seen_in: Mapping[str, str] = field(default_factory=dict)

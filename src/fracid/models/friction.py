@@ -70,6 +70,8 @@ VISCOUS = Friction("viscous", power=1)
 
 COULOMB = Friction("Coulomb", power=0, begins=2e-3)
 
+LOAD = Friction("load", most=1.0, begins=0.1)
+
 PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True, jumps=True)
 
 LUGRE = Friction("LuGre", climbed=True)
@@ -91,12 +93,25 @@ STRIBECK_SPEED = replace(LUGRE, off=0.1, most=10.0, entries=(0.05, 0.5))
 SPRINGPOT_ORDER = replace(SPRINGPOT, off=0.5, most=0.99, entries=(0.3, 0.7))
 
 BY_NAME = {
-    "b_": VISCOUS, "coulomb_": COULOMB, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
+    "b_": VISCOUS, "coulomb_": COULOMB, "load_directional_": replace(LOAD, begins=0.0, signed=True),
+    "load_": LOAD, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
     "stribeck_speed_": STRIBECK_SPEED, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING, "play_": PLAY,
     "springpot_order_": SPRINGPOT_ORDER, "springpot_": SPRINGPOT,
 }  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""
 
-RUNGS = ("viscous", "Coulomb", "drag", "cable", "tilt", "presliding", "LuGre", "play", "springpot", "elastic arm")
+RUNGS = (
+    "viscous",
+    "Coulomb",
+    "load",
+    "drag",
+    "cable",
+    "tilt",
+    "presliding",
+    "LuGre",
+    "play",
+    "springpot",
+    "elastic arm",
+)
 """Every model's first rungs, from the ground up; a model's own follow.  What is climbed to comes last: where the spring
 of a cable is missing, presliding is found in its place."""

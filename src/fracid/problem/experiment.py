@@ -65,8 +65,8 @@ class Experiment(CardDisplay):
     """Outputs before the first sample, from rest on, up to one step before it [rad], shape (n_past, n_outputs)."""
     past_inputs: FloatArray | None = None
     """Inputs then, shape (n_past, n_inputs), or one row for all; None for no inputs."""
-    off: tuple[str, ...] = ()
-    """Switches that are off, such as ``amplifier``: the parameters that go by them do not act."""
+    constants: Mapping[str, float] = field(default_factory=dict)
+    """Parameter → its value in this recording, whatever holds for all: a mass that was hung on, a gain that was set."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
@@ -344,7 +344,8 @@ def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tupl
     measured = np.column_stack([recording.signals[name] for name in outputs])
     if not any(name in recording.signals for name in model.inputs):
         return measured, np.zeros((1, len(model.inputs)))
-    columns = [recording.signals.get(name, np.zeros(len(measured))) for name in model.inputs]
+    unsaid = model.input_defaults
+    columns = [recording.signals.get(n, np.full(len(measured), unsaid.get(n, 0.0))) for n in model.inputs]
     return measured, np.ascontiguousarray(np.column_stack(columns))
 
 

@@ -137,6 +137,8 @@ class _Equations:
                 u[:, i] = signals[name] if raw else smooth(signals[name])
             elif model.input_rates.get(name) in signals:
                 u[:, i] = np.gradient(signals[model.input_rates[name]], step)
+            else:
+                u[:, i] = model.input_defaults.get(name, 0.0)
         edge = 0 if raw else min(int(np.ceil(4 * width)), n // 4)
         self.simulated = [i for i in range(len(model.states)) if i not in known]
         every = max(1, (n - 2 * edge) // (STEPS if self.simulated else SAMPLES))

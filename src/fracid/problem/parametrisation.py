@@ -169,7 +169,7 @@ class Parametrisation:
             orders[state] = 1.0 - parameters[nu]
         for state, i in self._springpots:
             orders[state] = 1.0 - x[i]
-        parameters[list(self._switched_off[e.name])] = 0.0
+        parameters[self._constants[e.name][0]] = self._constants[e.name][1]
         if e.sensors and self.initial_state in ("measured", "held"):
             found = [i for i, n in enumerate(self.model.states) if isinstance(e.initial.get(n), Free)]
             taken = self._initial_guess(e, parameters)
@@ -217,11 +217,10 @@ class Parametrisation:
         }
 
     @cached_property
-    def _switched_off(self) -> dict[str, tuple[int, ...]]:
-        """For each recording the parameters that do not act in it."""
-        rows = enumerate(self.model.parameters)
-        switches = [(i, row.switch) for i, row in rows if row.switch]
-        return {e.name: tuple(i for i, switch in switches if switch in e.off) for e in self.experiments}
+    def _constants(self) -> dict[str, tuple[list[int], list[float]]]:
+        """For each recording which parameters it knows for itself, and their values."""
+        names = self.model.parameter_names
+        return {e.name: ([names.index(n) for n in e.constants], [*e.constants.values()]) for e in self.experiments}
 
     @cached_property
     def _places(self) -> tuple[tuple[int, list[int]], ...]:

@@ -97,7 +97,8 @@ class Problem(CardDisplay):
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
         values = {p.name: p.value for p in self.model.parameters} | dict(self.parameters)
-        on = (n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0)
+        on = {n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0}
+        on |= {n for e in self.experiments for n, v in e.constants.items() if v != 0.0}
         object.__setattr__(self, "model", self.model.equipped(on))
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
@@ -305,7 +306,12 @@ def alternative_of(
     2
     """
     experiments = tuple(
-        replace(e, initial={n: v for n, v in e.initial.items() if n in model.states}) for e in problem.experiments
+        replace(
+            e,
+            initial={n: v for n, v in e.initial.items() if n in model.states},
+            constants={n: v for n, v in e.constants.items() if n in model.parameter_names},
+        )
+        for e in problem.experiments
     )
     return replace(problem, model=model, orders=orders, parameters=parameters, per_recording=(),
                    experiments=experiments, memo=None)  # fmt: skip

@@ -193,6 +193,8 @@ class _Recording(_Table):
     history: _History | None = None
     amplifier: Literal["on", "off"] | None = None
     """Whether the motor brakes by its back-EMF; off where nothing is said."""
+    parameters: dict[str, float] = {}
+    """What is known in this recording alone: a mass that was hung on, a gain that was set."""
     mask: list[list[float]] = []
     """From when to when samples are not scored, on the recording's own clock [s]."""
 
@@ -425,7 +427,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
             release_time=_release_time(r.name, s),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
-            mask=s.mask, off=_switched_off(r.name, s.amplifier, model),
+            mask=s.mask, constants=_constants(r.name, s, model),
         )
         for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
     ]  # fmt: skip
@@ -679,13 +681,17 @@ def _load(
     return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
 
 
-def _switched_off(recording: str, amplifier: str | None, model: Model) -> tuple[str, ...]:
-    """The switches of a model that are off in a recording: the amplifier's, where it does not say that it is on."""
-    switches = tuple(dict.fromkeys(p.switch for p in model.parameters if p.switch))
-    if amplifier is not None and "amplifier" not in switches:
-        raise InputError(f"{recording}: amplifier = {amplifier!r}, but no parameter of the model {model.name} goes by "
-                         "an amplifier: leave it out.")  # fmt: skip
-    return tuple(name for name in switches if name != "amplifier" or amplifier != "on")
+def _constants(recording: str, spec: _Recording, model: Model) -> dict[str, float]:
+    """What a recording knows for itself; what goes by its amplifier is 0 where it does not say that this is on."""
+    switches = {p.name: p.switch for p in model.parameters if p.switch}
+    if spec.amplifier is not None and "amplifier" not in switches.values():
+        raise InputError(f"{recording}: amplifier = {spec.amplifier!r}, but no parameter of the model {model.name} "
+                         "goes by an amplifier: leave it out.")  # fmt: skip
+    for name in spec.parameters:
+        if name not in model.parameter_names:
+            raise unknown_name(f"parameter of {recording}", name, model.parameter_names)
+    off = {n: 0.0 for n, switch in switches.items() if switch != "amplifier" or spec.amplifier != "on"}
+    return off | spec.parameters
 
 
 def _name(spec: _Recording) -> str:

@@ -8,6 +8,7 @@ rung                            what is free beside the constants     parameters
 ==============================  ====================================  ==================================================
 viscous                         :math:`b\,v`                          ``b_…``
 viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_…``
+… + load                        :math:`f` grows with the load   ``load_…``
 … + drag                        :math:`d\,v|v|` too                   ``drag_…``
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
 … + presliding                  :math:`σ_0 z` in tanh's place         ``presliding_…``: Dahl's model
@@ -54,7 +55,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.climbing import embedded
 from fracid.models import Model
-from fracid.models.friction import BY_NAME, RUNGS
+from fracid.models.friction import BY_NAME, LOAD, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction, moving
 from fracid.solver.methods import METHODS
@@ -66,7 +67,8 @@ OWN = "as in the project"
 """What the friction of the project's own structure is called."""
 
 BUILT_IN = ("viscous", "Coulomb", "drag", "cable", "presliding", "LuGre")
-"""The rungs that are climbed where nobody says: each fit takes longer than the one below."""
+"""The rungs that are climbed where nobody says, and load where the model has it: each fit takes longer than the one
+below."""
 
 ORDER = Free(1.0, 0.5, 1.2)
 """The range of an order that the problem gives none."""
@@ -233,8 +235,9 @@ def ladder(
             )
         return Ladder(_marked((*found, *beside), given), tuple(notes), given)
     notes += _not_1(problem)
-    chosen = {*(BUILT_IN if rungs is None else rungs)}
-    names, missing = _rungs(problem, keep, chosen | {k.rung for k in problem.model.friction.values()} - {*RUNGS})
+    own = {k.rung for k in problem.model.friction.values()}
+    chosen = {*BUILT_IN, *(own & {LOAD.rung})} if rungs is None else {*rungs}
+    names, missing = _rungs(problem, keep, chosen | own - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
     blind |= _offsets(problem, [n for rung in names.values() for n in rung])

@@ -281,7 +281,8 @@ class Twin(CardDisplay):
                 times, values = given[of]
                 slopes = np.diff(values) / np.diff(times)
                 given[rate] = (times, np.append(slopes, slopes[-1:]))
-        return given
+        unsaid = {n: v for n, v in self.model.input_defaults.items() if given and n not in given}
+        return given | {n: (np.zeros(1), np.full(1, v)) for n, v in unsaid.items()}
 
     def _driven(self, steps: int, h: float) -> Driven | None:
         """u on the grid of the run, with a past from its beginning on."""

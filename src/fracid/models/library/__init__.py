@@ -9,6 +9,7 @@ of t.  ``[model]`` is a project's; what it has beside is
 ``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in
                     equations ``hanging`` is 1 or −1 then
 ``input_rates``     input → the input of which it is the rate
+``input_defaults``  input → its value where others are recorded and it is not
 ``begins``          state → the output near whose first sample it begins
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
@@ -86,7 +87,7 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
     model = replace(
         model, zero=zero, angles=angles, about=table["about"], source=table["source"],
-        **{n: spec[n] for n in ("input_rates", "integer_orders") if n in spec},
+        **{n: spec[n] for n in ("input_rates", "input_defaults", "integer_orders") if n in spec},
     )  # fmt: skip
     return model.with_parameters(**parameters)
 
