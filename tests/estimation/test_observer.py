@@ -123,7 +123,7 @@ def test_sample_by_sample_is_the_same_as_all_at_once(watch):
 
 def test_inputs_in_lines_and_held_ones_go_as_fracid_takes_them_at_a_finer_step_too():
     joint, t = fracid.model("joint"), STEP * np.arange(400)
-    u = np.column_stack([0.2 * np.sin(5 * t), 0 * t])
+    u = np.outer(0.2 * np.sin(5 * t), [name == "torque" for name in joint.inputs])
     for kind in ("line", "hold"):
         e = fracid.Experiment("twin", STEP, np.zeros((400, 1)), u, between=dict.fromkeys(joint.inputs, kind))
         problem = fracid.Problem(joint, (e,), {"mu": 1.0}, initial_state="held", substeps=2)
@@ -162,7 +162,7 @@ def test_an_arm_that_nothing_holds_is_not_observed_from_the_pendulum():
 
 def test_presliding_and_channels_are_refused():
     joint = fracid.model("joint").with_parameters(coulomb_angle=0.1, presliding_angle=0.01)
-    e = fracid.Experiment("twin", STEP, np.zeros((50, 1)), np.zeros((1, 2)))
+    e = fracid.Experiment("twin", STEP, np.zeros((50, 1)), np.zeros((1, len(fracid.model("joint").inputs))))
     problem = fracid.Problem(joint, (e,), {"mu": 1.0}, initial_state="held")
     with pytest.raises(InputError, match="z forgets within a step"):
         observer(SimpleNamespace(problem=problem, x=problem.start))

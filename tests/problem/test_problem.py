@@ -696,6 +696,7 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"outputs": ("beta", "theta")}, "unknown output 'beta'.*theta, alpha"),
         ({"outputs": ()}, "outputs is empty: score at least one of theta, alpha"),
         ({"outputs": ("alpha",)}, r"swing: measured has the shape \(501, 2\); expected .* 1 outputs: alpha"),
+        ({"experiments": (replace(twin(), inputs=np.zeros((501, 2))),)}, r"shape \(501, 2\); expected .* of: voltage"),
         ({"per_recording": ("theta_rest",)}, "per_recording names 'theta_rest', which is not free; type theta_rest = "),
         ({"initial_state": "estimated"}, "unknown initial_state 'estimated': did you mean estimate"),
         ({"weights": "noisy"}, "unknown weights 'noisy': did you mean noise"),

@@ -177,6 +177,11 @@ def _check_experiments(p: Parametrisation) -> None:
                 f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
                 f"{len(p.outputs)} outputs: {', '.join(p.outputs)}."
             )
+        if p.model.inputs and e.all_inputs.shape[1] != len(p.model.inputs):
+            raise InputError(
+                f"{e.name}: inputs has the shape {e.inputs.shape}; expected a column for each of: "
+                f"{', '.join(p.model.inputs)}."
+            )
         _check_sensors(p, e)
         _check_past(p, e)
         _check_release(p, e)
