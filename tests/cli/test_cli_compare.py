@@ -116,6 +116,26 @@ def test_the_run_folder_holds_numbers_table_and_figures(made):
         assert (made / "run" / "figures" / name).stat().st_size > 1000
 
 
+def test_the_best_structure_is_a_project_that_fits_as_well_from_where_it_was_found(made):
+    record = json.loads((made / "run" / "compare.json").read_text(encoding="utf-8"))
+    (best,) = (s for s in record["structures"] if s["name"] == record["best"]["integer"])
+    project = fracid.load_project(made / "run" / "best.toml")
+    assert [r.path.name for r in project.recordings] == ["high.csv", "low.csv"]
+    assert project.problem.cost(project.problem.start) == pytest.approx(best["cost"], rel=1e-6)
+    assert project.problem.orders == {"lambda": 1.0, "mu": 1.0}
+
+
+def test_the_curves_of_every_structure_are_those_of_its_score(made):
+    record = json.loads((made / "run" / "compare.json").read_text(encoding="utf-8"))
+    found = json.loads((made / "run" / "curves.json").read_text(encoding="utf-8"))
+    assert list(found["recordings"]) == ["low", "high"]  # held out ones first
+    for structure in record["structures"]:
+        for name, scores in (structure["in_sample"] | structure["held_out"]).items():
+            error = np.subtract(found["recordings"][name]["measured"]["alpha"],
+                                found["structures"][structure["name"]][name]["alpha"])  # fmt: skip
+            assert np.sqrt(np.mean(error**2)) == pytest.approx(scores["rmse"]["alpha"], rel=1e-2)
+
+
 def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folder):
     before = (folder / "run" / "compare.json").read_text(encoding="utf-8")
     code, out, err = run(

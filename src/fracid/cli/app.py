@@ -359,6 +359,14 @@ def print_figures(console: Any, paths: Iterable[Path]) -> None:
         print_entry(console, "figures", f"{folder}: {', '.join(stems)}")
 
 
+def print_study(console: Any, files: Mapping[str, Path | None], figures: Iterable[Path]) -> None:
+    """Print where a study left what it found: heading → file, those of None left out; then its figures."""
+    for heading, path in files.items():
+        if path is not None:
+            print_entry(console, heading, str(path))
+    print_figures(console, figures)
+
+
 def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str] | None = None) -> None:
     """Print what is claimed of the rig, what speaks against it, and why; green only where nothing does."""
     from rich.markup import escape

@@ -26,7 +26,7 @@ from fracid.cli.app import (
     one_place,
     option,
     print_claim,
-    print_figures,
+    print_study,
     say,
     say_next,
     several,
@@ -102,8 +102,8 @@ def compare(
     else:
         console = new_console()
         _show(finished, console)
-        why = "after writing the best structure into its file: residuals, intervals, report"
-        say_next(console, (typed("fit", project, trust=trust), why))
+        best = (typed("fit", finished.best, trust=trust), "the best structure: residuals, intervals, report")
+        say_next(console, *[best] * (finished.best is not None))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)
 
@@ -133,9 +133,8 @@ def _show(finished: FinishedComparison, console: Console) -> None:
             say(console, escape(sentence), "  ", 2)
     if comparison.verdict not in comparison.claim_reasons:  # those stand above the tables
         say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
-    for what, path in (("result", finished.path), ("table", finished.table)):
-        console.print(f"{what:8} {escape(str(path))}", soft_wrap=True)
-    print_figures(console, finished.figures)
+    print_study(console, {"result": finished.path, "table": finished.table, "best": finished.best,
+                          "page": finished.page}, finished.figures)  # fmt: skip
 
 
 def _print_structures(console: Console, comparison: Comparison) -> None:

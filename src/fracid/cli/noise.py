@@ -23,7 +23,7 @@ from fracid.cli.app import (
     numbers,
     one_place,
     option,
-    print_figures,
+    print_study,
     say,
     say_next,
     typed,
@@ -122,9 +122,8 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
     for sentence in study.sentences():
         mark = "" if sentence.endswith("can be believed.") else "[yellow]![/yellow] "
         say(console, escape(sentence), mark, 2 if mark else 0)
-    console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
-    console.print(f"table    {escape(str(finished.table))}", soft_wrap=True)
-    print_figures(console, finished.figures)
+    files = {"result": finished.path, "table": finished.table, "page": finished.page}
+    print_study(console, files, finished.figures)
     say_next(console, after)
 
 

@@ -22,6 +22,7 @@ from fracid.cli.app import (
     named,
     numbers,
     option,
+    print_study,
     say_next,
     several,
     typed,
@@ -173,5 +174,6 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
     if len(plan.alone or {}) > 1:
         alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
         console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
-    console.print(f"sheet    {escape(str(finished.folder / 'sheet.txt'))}", soft_wrap=True)
+    files = {"sheet": finished.folder / "sheet.txt", "page": finished.folder / "plan.html"}
+    print_study(console, files, finished.files)
     say_next(console, after)

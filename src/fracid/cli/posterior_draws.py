@@ -22,6 +22,7 @@ from fracid.cli.app import (
     natural_width,
     one_place,
     option,
+    print_study,
     say,
     say_next,
     typed,
@@ -108,10 +109,8 @@ def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Co
         console.print(f"log evidence {evidence:.2f} ± {error:.2g} nats, relative to the greatest likelihood.")
     for note in drawn.notes:
         console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    console.print(f"result   {escape(str(finished.path))}", soft_wrap=True)
-    console.print(f"draws    {escape(str(finished.draws))}", soft_wrap=True)
-    for figure in (path for path in finished.figures if path.suffix == ".png"):
-        console.print(f"figure   {escape(str(figure))}", soft_wrap=True)
+    files = {"result": finished.path, "draws": finished.draws, "page": finished.page}
+    print_study(console, files, finished.figures)
     say_next(console, *after)
 
 

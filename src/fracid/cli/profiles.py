@@ -19,7 +19,7 @@ from fracid.cli.app import (
     command,
     named,
     option,
-    print_figures,
+    print_study,
     say,
     say_next,
     typed,
@@ -107,8 +107,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
         if verdict.sentence != "identifiable" and verdict.kind != "forgotten":
             mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
             say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
-    console.print(f"result   {escape(str(analysis.path))}", soft_wrap=True)
-    print_figures(console, analysis.figures)
+    print_study(console, {"result": analysis.path, "page": analysis.page}, analysis.figures)
     say_next(console, after)
 
 

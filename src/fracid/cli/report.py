@@ -15,18 +15,19 @@ from fracid.tasks.display import shown
 @command(
     "fracid report runs/rig  [dim]# writes runs/rig/report.html[/dim]",
     "fracid report runs/rig --open  [dim]# and opens it in the browser[/dim]",
+    "fracid report runs/rig-compare  [dim]# of compare, design, posterior, profile or noise: its page again[/dim]",
     "fracid report runs  [dim]# of a folder of runs: runs/index.html, all of them side by side[/dim]",
     "fracid report runs/rig --out rig.html  [dim]# one file: send it to whom you like[/dim]",
     "fracid profile runs/rig && fracid report runs/rig  [dim]# with the profiles[/dim]",
 )
 def report(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder, or a folder of runs.")],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a fit or a study, or a folder of runs.")],
     out: Annotated[Path | None, option("FILE", "Output file \\[default: report.html in the folder].", "--out")] = None,
     open_: Annotated[bool, flag("--open", "Open the page in the browser.")] = False,
     trust: Trust = False,
     jobs: Jobs = CORES,
 ) -> None:
-    """Write a run as one HTML page that opens offline.
+    """Write a fit, or a study, as one HTML page that opens offline.
 
     Verdict, data, equations, values, curves, residuals, and the rig in motion.  The page is one file and loads nothing
     from the network.  Profiles and the ladder of structures are on it where fracid profile and fracid compare wrote

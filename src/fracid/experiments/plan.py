@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import Field, computed_field
+
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError
@@ -18,6 +20,7 @@ from fracid.figures import Style, draw
 from fracid.fit import Fit
 from fracid.quantiles import NORMAL_95
 from fracid.runs.saved import SavedRun
+from fracid.safety.schema import Block, Number, Record, as_json
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -28,7 +31,7 @@ MOST_ROWS = 3
 
 
 @dataclass(frozen=True)
-class Value:
+class Value(Record):
     """A free value, with what is known of it now and what is to be expected.
 
     Examples
@@ -39,11 +42,12 @@ class Value:
 
     value: float
     unit: str
-    standard_error: float | None
+    standard_error: Number
     """To be expected after the plan; None where the plan does not show it."""
-    standard_error_now: float | None
+    standard_error_now: Number
     """Of what has been recorded, predicted in the same way; None where that does not show it."""
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def interval95(self) -> tuple[float, float] | None:
         """To be expected after the plan."""
@@ -52,10 +56,20 @@ class Value:
         half = NORMAL_95 * self.standard_error
         return self.value - half, self.value + half
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return {"value": self.value, "unit": self.unit, "standard_error": self.standard_error,
-                "interval95": self.interval95, "standard_error_now": self.standard_error_now}  # fmt: skip
+
+class PlanBlock(Block):
+    """plan.json: the experiments to do next, and what to expect of them."""
+
+    subject: str = Field(alias="for")
+    criterion: str
+    of: list[str]
+    experiments: list[dict[str, Any]]
+    expected: dict[str, Value]
+    gain: dict[str, Number]
+    candidates: int
+    excluded: int
+    distances: dict[str, float] | None
+    alone: dict[str, float] | None
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,15 +128,11 @@ class Plan(CardDisplay):
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the landscape, as plain values."""
-        return {
-            "for": self.subject.name, "criterion": self.criterion, "of": list(self.of),
+        return as_json(PlanBlock, vars(self) | {
+            "for": self.subject.name,
             "experiments": [c.to_json() | {"text": str(c)} for c in self.experiments],
-            "expected": {n: v.to_json() for n, v in self.expected.items()},
             "gain": {n: g if math.isfinite(g) else None for n, g in self.gain_over().items()},
-            "candidates": self.candidates, "excluded": self.excluded,
-            "distances": None if self.distances is None else dict(self.distances),
-            "alone": None if self.alone is None else dict(self.alone),
-        }  # fmt: skip
+        })  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Draw the expected interval against angle of release and duration."""

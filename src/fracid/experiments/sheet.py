@@ -31,6 +31,7 @@ from fracid.experiments.space import Candidate, DesignSpace
 from fracid.experiments.subject import Subject
 from fracid.figures import draw
 from fracid.problem import Free
+from fracid.problem.toml_text import toml_value
 from fracid.problem.unknowns import Value, start_of
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
@@ -184,7 +185,7 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
     head = own or {"name": p.model.name, **({"zero": p.model.zero} if p.model.zero else {}), **actuation}
     yield f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."
     yield "[model]"
-    yield from (f"{k} = {_text(v)}" for k, v in head.items())
+    yield from (f"{k} = {toml_value(v)}" for k, v in head.items())
     if ".py:" in str(head["name"]):
         yield "# copy that file beside this one"
     yield "\n[model.parameters]"
@@ -202,41 +203,30 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
         yield f"\n[[recording]]  # {c}"
         yield f'name = "{k}: {f"{c.release:g}°" if c.release else c.voltage}"\nfile = "recording-{k}.csv"'
         if hidden := {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs}:
-            yield f"initial = {_text(hidden)}"
+            yield f"initial = {toml_value(hidden)}"
         signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
         missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
         time = {} if "time" in signals else {"time": {"column": 0}}
-        yield from (f"{n} = {_text(v)}" for n, v in {**time, **signals, **missing}.items())
+        yield from (f"{n} = {toml_value(v)}" for n, v in {**time, **signals, **missing}.items())
         if c.voltage is not None:
             name = p.model.inputs[0]
             column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
-            yield f"{name} = {_text({**column, 'between': 'hold'})}"
+            yield f"{name} = {toml_value({**column, 'between': 'hold'})}"
             if "amplifier" in known:
-                yield f"amplifier = {_text(known['amplifier'])}"
+                yield f"amplifier = {toml_value(known['amplifier'])}"
         else:
             yield 'from = "release"'
             if moment := plan.space.moment:
-                yield f"release_time = {_text({'start': 0.0, 'lower': -moment, 'upper': moment})}"
-    yield f'\n[fit]\noutputs = {_text(list(outputs))}\ninitial_state = "{plan.space.initial_state}"'
-    yield f"weights = {_text(p.weights)}\nmethod = {_text(p.method)}"
+                yield f"release_time = {toml_value({'start': 0.0, 'lower': -moment, 'upper': moment})}"
+    yield f'\n[fit]\noutputs = {toml_value(list(outputs))}\ninitial_state = "{plan.space.initial_state}"'
+    yield f"weights = {toml_value(p.weights)}\nmethod = {toml_value(p.method)}"
     if p.per_recording:
-        yield f"per_recording = {_text(list(p.per_recording))}"
+        yield f"per_recording = {toml_value(list(p.per_recording))}"
 
 
 def _value(value: Value) -> str:
     """A number, a range, or another's name."""
     if isinstance(value, Free):
         ends = {"start": value.start, "lower": value.lower, "upper": value.upper}
-        return _text({k: v for k, v in ends.items() if math.isfinite(v)})
-    return _text(start_of(value)) if isinstance(value, float | int) else _text(value.to)
-
-
-def _text(value: Any) -> str:
-    """A value in TOML's words."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{k} = {_text(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_text, value)) + "]"
-    if isinstance(value, float):
-        return repr(float(f"{value:.12g}"))
-    return json.dumps(value, ensure_ascii=False)
+        return toml_value({k: v for k, v in ends.items() if math.isfinite(v)})
+    return toml_value(start_of(value)) if isinstance(value, float | int) else toml_value(value.to)

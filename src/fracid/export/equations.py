@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from fracid._version import __version__
 from fracid.models.joints import Complement
 from fracid.models.written.equations import equations_of
+from fracid.problem.toml_text import toml_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,10 +49,10 @@ def toml_model(model: Model, parameters: Mapping[str, float], orders: Mapping[st
         "definitions": [f"{n} = {quoted(text)}" for n, text in definitions.items()],
         "equations": [f"{n} = {{ equals = {quoted(text)}, order = {_order(q)} }}"
                       for (n, text), q in zip(equations.items(), model.orders, strict=True)],
-        "outputs": [f"{_key(n)} = {quoted(states[i])}" for n, i in model.output_states.items()],
+        "outputs": [f"{toml_key(n)} = {quoted(states[i])}" for n, i in model.output_states.items()],
         "parameters": [f"{p.name} = {{ value = {float(parameters[p.name])!r}, unit = {quoted(p.unit)} }}"
                        for p in model.parameters],
-        "orders": [f"{_key(n)} = {float(orders[n])!r}" for n in model.order_names],
+        "orders": [f"{toml_key(n)} = {float(orders[n])!r}" for n in model.order_names],
     }  # fmt: skip
     inputs = ", ".join(f"{n} = {quoted(model.input_units.get(n, ''))}" for n in model.inputs)
     head = [f"# Written by fracid {__version__} from {' '.join(run_name.split())}.", "[model]",
@@ -63,7 +64,3 @@ def toml_model(model: Model, parameters: Mapping[str, float], orders: Mapping[st
 
 def _order(q: str | float | Complement) -> str:
     return json.dumps(str(q)) if isinstance(q, str | Complement) else repr(float(q))
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)

@@ -48,6 +48,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import RIGS, rotary_pendulum
+from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
 from fracid.recording.dropout import Dropout, dropouts, without_dropouts
@@ -662,10 +663,10 @@ def toml_file(
     if variable:
         yield toml_line("variable", variable, "# the array in the file")
     if time:
-        yield f"time = {toml_table(time)}"
+        yield f"time = {toml_value(time)}"
     else:
         yield from (f"# {line}" for line in recording.report.reading if line.startswith("Time "))
-    yield from (f"{name} = {toml_table(fields)}" for name, fields in columns.items())
+    yield from (f"{name} = {toml_value(fields)}" for name, fields in columns.items())
 
 
 def toml_line(key: str, value: str, comment: str) -> str:
@@ -689,18 +690,3 @@ def toml_range(name: str, start: float, lower: float, upper: float, comment: str
     """
     table = f"{name} = {{ start = {start:.4g}, lower = {lower:.3g}, upper = {upper:.3g} }}"
     return f"{table:<70}# {comment}"
-
-
-def toml_table(fields: Mapping[str, Any]) -> str:
-    """Return a table in one line.
-
-    Examples
-    --------
-    >>> toml_table({"column": 2, "unit": "deg"})
-    '{ column = 2, unit = "deg" }'
-    """
-
-    def said(value: Any) -> str:
-        return json.dumps(value, ensure_ascii=False) if not isinstance(value, float) else repr(value)
-
-    return "{ " + ", ".join(f"{key} = {said(value)}" for key, value in fields.items()) + " }"

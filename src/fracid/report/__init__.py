@@ -9,6 +9,7 @@
     charts     a chart as data and as SVG; whiskers: a value with its interval
     rig        how large the moving pendulum is drawn, and its still
     page       all of it into page.html.j2, with page.css and the scripts inline; frame: what every page is made with
+    study      what compare, design, posterior, profile and noise found, from their records
     index      all runs of a folder side by side, and the links between their pages
 
 Each chart, and the rig, is there as SVG: on paper, in an archive and without a script the page shows all that it says.

@@ -95,11 +95,14 @@ def own_file(name: str) -> str:
     return "\n" + own_text(f"report/{name}").strip() + "\n"
 
 
-def policy(styles: list[Markup], scripts: list[Markup]) -> str:
-    """Content-Security-Policy: these styles and scripts, by their hashes, and nothing from anywhere."""
+def policy(styles: list[Markup], scripts: list[Markup], *, images: bool = False) -> str:
+    """Content-Security-Policy: these styles and scripts, by their hashes, and nothing from anywhere.
+
+    With `images` those that the page holds itself, too.
+    """
 
     def hashes(texts: list[Markup]) -> str:
         return " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(t.encode()).digest()).decode()}'" for t in texts)
 
-    allowed = f"style-src {hashes(styles)}; script-src {hashes(scripts)}"
+    allowed = f"style-src {hashes(styles)}; script-src {hashes(scripts)}{'; img-src data:' * images}"
     return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"

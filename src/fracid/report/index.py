@@ -241,7 +241,7 @@ def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
     template = environment_of_pages().get_template("index.html.j2")
     return template.render(
         title=f"{len(runs)} runs in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
-        script=script, generator=Markup(GENERATOR), policy=policy([*own, dark], [script]),
+        scripts=[script], generator=Markup(GENERATOR), policy=policy([*own, dark], [script]),
     )  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Iterator, Mapping
@@ -25,12 +24,12 @@ from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
 from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
+from fracid.report.study import in_script, ladder_of, studies_of, write_study
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.safety.door import write_text
-from fracid.safety.json_files import plain
 from fracid.selection.doubts import in_motion, unsaid
 
 if TYPE_CHECKING:
@@ -73,12 +72,13 @@ def write_report(
     trust: bool = False,
     residuals: Residuals | None = None,
 ) -> Path:
-    """Write the report of a run: one HTML file that opens offline; of a folder of runs, an index of them.
+    """Write the page of a run or of a study, one HTML file that opens offline; of a folder of runs, an index of them.
 
     Parameters
     ----------
     folder : str or Path
-        Of the run, with its result.json.  ``profiles.json`` and ``compare.json`` are shown where they are there.
+        Of the run, with its result.json, or of a study (:mod:`fracid.report.study`).  ``profiles.json`` and
+        ``compare.json`` are shown where they are there.
     fit, project : Fit and Project, optional
         As just identified, which saves reading them back.
     plane : CostPlane, optional
@@ -113,6 +113,9 @@ def write_report(
     folder = Path(folder)
     if out is None and not (folder / "result.json").exists() and runs_of(folder):
         return write_index(folder)
+    studies = studies_of(folder) if out is None else []
+    if studies and not (folder / "result.json").exists():
+        return [write_study(folder, file) for file in studies][-1]
     path = folder / REPORT if out is None else Path(out)
     text = report_page(_material(folder, fit, project, plane, jobs, trust, residuals))
     with writing(f"The report {path}", "Give another: --out FILE."):
@@ -175,7 +178,6 @@ def report_page(material: Material) -> str:
 
 
 def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
-    """JSON that cannot leave its element: ``<`` is written as an escape, and NaN as null."""
     content = {
         "recordings": traces(material),
         "charts": {name: chart.to_json() for name, chart in charts.items()},
@@ -184,8 +186,7 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
         "profiles": _profiles(material),
         "explore": explore(material),
     }
-    text = json.dumps(plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
+    return in_script(content)
 
 
 def _rig(material: Material) -> dict[str, Any] | None:
@@ -538,21 +539,11 @@ def _memory(text: str) -> str:
 
 
 def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[str, Any] | None:
-    """The table of ``fracid compare``: a row a structure, its errors by recording."""
+    """The table of ``fracid compare``, and which of its recordings are not those of the fit."""
     if compared is None or "structures" not in compared:
         return None
-    first = compared["structures"][0]
-    kinds = [("in_sample", "fitted"), ("held_out", "held out")]
-    columns = [(kind, label, recording) for kind, label in kinds for recording in first[kind]]
-    best = set(compared["best"].values())
-    rows = [
-        {**s, "best": s["name"] in best, "errors": [s[kind].get(recording) for kind, _, recording in columns]}
-        for s in compared["structures"]
-    ]
     hashes = compared.get("data_sha256", {})
-    others = [name for name, sha256 in hashes.items() if fitted.get(name, sha256) != sha256]
-    judged_by = "the error on held-out recordings" if first["held_out"] else "BIC"
-    return {**compared, "columns": columns, "rows": rows, "others": others, "judged_by": judged_by}
+    return ladder_of(compared) | {"others": [n for n, sha256 in hashes.items() if fitted.get(n, sha256) != sha256]}
 
 
 def _typed(folder: Path, environment: Mapping[str, Any]) -> str:

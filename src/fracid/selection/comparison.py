@@ -51,6 +51,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
+from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import schwarz
@@ -64,6 +65,7 @@ from fracid.selection.comparison_records import (
     Row,
     Score,
     best_of,
+    drawn,
 )
 from fracid.selection.comparison_verdict import as_good_as_integer, not_helped, verdict_of
 from fracid.selection.integer_alternatives import integer_alternatives
@@ -385,6 +387,10 @@ def _fit_structure(
             "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
             "squares": None, "samples": 2.0,
         })  # fmt: skip
+    predicted = {e.name: _predicted(structure, values, e, jobs) for e in others}
+    every = {e.name: (e, r) for e, r in zip(problem.experiments, errors, strict=True)} | {
+        name: (e, r) for name, (_, e, r) in predicted.items() if not isinstance(r, Failure)
+    }
     precision = uncertainty(problem, best.point, jobs=jobs)
     intervals = (
         [] if isinstance(precision, Failure) else [precision.interval(best.point, i) for i in range(len(values))]
@@ -400,8 +406,9 @@ def _fit_structure(
         "at_bound": at_bound,
         "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
         "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
-        "held_out": {e.name: _predicted(structure, values, e, jobs) for e in others},
+        "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
         "left_over": leftovers(problem, best.point),
+        "curves": {name: _curves(problem, e, r, len(every)) for name, (e, r) in every.items()},
         "outcome": outcome,
     })  # fmt: skip
 
@@ -489,8 +496,10 @@ def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **optio
     return refined(problem, x, jobs, watch, **({"tolerance": 1e-5} | options)).best
 
 
-def _predicted(structure: Structure, values: Mapping[str, float], e: Experiment, jobs: int) -> dict[str, Any]:
-    """The score on a recording that was not fitted, its own unknowns found again."""
+def _predicted(
+    structure: Structure, values: Mapping[str, float], e: Experiment, jobs: int
+) -> tuple[Problem, Experiment, FloatArray | Failure]:
+    """The errors on a recording that was not fitted, its own unknowns found again."""
     alone = structure.on(values, e)
     x = alone.start
     if alone.names and alone.cost_function.loss is None:
@@ -498,7 +507,13 @@ def _predicted(structure: Structure, values: Mapping[str, float], e: Experiment,
     elif alone.names:
         x = growing(alone, x, jobs, Watch()).best.point
     errors = alone.errors(x)
-    return _score(alone, e, errors if isinstance(errors, Failure) else errors[0])
+    return alone, e, errors if isinstance(errors, Failure) else errors[0]
+
+
+def _curves(problem: Problem, e: Experiment, error: FloatArray, recordings: int) -> dict[str, list[float | None]]:
+    some = drawn(e.time.size, recordings)
+    simulated = (e.measured - e.in_units(error))[some].T.tolist()
+    return {n: [json_number(float(f"{v:.5g}")) for v in y] for n, y in zip(problem.outputs, simulated, strict=True)}
 
 
 def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict[str, Any]:
@@ -786,10 +801,13 @@ def _rows(
         }
         held_out = {n: score for fold in folds for n, score in
                     fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
+        curves = {**r.curves} | {n: curve for fold, names in folds.items()
+                                 for n, curve in fitted.get((fold, s.name), {}).get("curves", {}).items()
+                                 if n in names}  # fmt: skip
         rows.append(Row(
             s.friction, s.fractional, s.name, s.paper, math.inf if r.cost is None else r.cost, r.parameters,
             criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r.values, tuple(r.at_bound),
-            r.in_sample, {n: record_of(Score, v) for n, v in held_out.items()}, r.outcome, r.left_over,
+            r.in_sample, {n: record_of(Score, v) for n, v in held_out.items()}, r.outcome, r.left_over, curves,
         ))  # fmt: skip
     return tuple(rows), samples
 

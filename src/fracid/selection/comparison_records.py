@@ -23,10 +23,12 @@ from fracid.safety.schema import (
     AS_NULL,
     WRITING,
     Block,
+    Coherent,
     Infinite,
     Interval,
     Listed,
     Number,
+    Numbers,
     Record,
     Unknown,
     as_json,
@@ -49,6 +51,13 @@ Missed = Annotated[
     float, BeforeValidator(partial(from_json, otherwise=-math.inf), json_schema_input_type=float | None), AS_NULL
 ]
 """A fit in per cent: null of a constant output that is missed."""
+
+
+CURVE = 900
+"""Samples of a curve that is kept, at most."""
+
+Curves = Mapping[str, Mapping[str, Listed[Number]]]
+"""Recording → output → what a structure simulates, at the samples of :func:`drawn` [its unit]."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +118,8 @@ class Row(Record):
     """How the search ended, and from where it came."""
     left_over: Mapping[str, LeftOver] = field(default_factory=dict)
     """Fitted recording and output, in words → what is left over of it."""
+    curves: Annotated[Curves, Field(exclude=True)] = field(default_factory=dict, compare=False, repr=False)
+    """Its simulation of every recording that it is scored on; in curves.json."""
     log_odds: Unknown = math.nan
     """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN
     where that was not asked for or cannot be told."""
@@ -262,6 +273,17 @@ def held_out_errors(row: Row, units: Mapping[str, str]) -> str:
     return ", ".join(f"{n} {with_unit(v, units.get(n, 'rad'), '.2g')}" for n, v in mean_rmse(row.held_out).items())
 
 
+def drawn(samples: int, recordings: int) -> slice:
+    """The samples of a recording that its curves are drawn with: fewer where there are many recordings.
+
+    Examples
+    --------
+    >>> drawn(20_001, 2), drawn(20_001, 60)
+    (slice(None, None, 23), slice(None, None, 223))
+    """
+    return slice(None, None, -(-samples // max(60, 6 * CURVE // max(6, recordings))))
+
+
 def mean_rmse(scores: Mapping[str, Score]) -> dict[str, float]:
     """The mean RMSE over recordings, per output [its unit].
 
@@ -317,6 +339,31 @@ class GivenBlock(Block):
     opened: list[OpenedBound] = Field([])
 
 
+class RecordedBlock(Block):
+    """What was measured, at the samples of the curves."""
+
+    time: Numbers
+    measured: dict[str, list[Number]]
+
+
+class CurvesBlock(Coherent):
+    """The content of curves.json."""
+
+    recordings: dict[str, RecordedBlock]
+    structures: dict[str, Curves]
+
+    def incoherence(self) -> str:
+        """Curves of other recordings, or of other samples."""
+        for name, found in self.structures.items():
+            for recording, curves in found.items():
+                beside = self.recordings.get(recording)
+                if beside is None or any(
+                    len(y) != len(beside.time) for y in (*curves.values(), *beside.measured.values())
+                ):
+                    return f"the curves of {short_text(name)} are others"
+        return ""
+
+
 class FittedBlock(Block):
     """The fit of a structure, as the journal of a comparison has it."""
 
@@ -330,6 +377,7 @@ class FittedBlock(Block):
     in_sample: dict[str, Score]
     held_out: dict[str, Score]
     left_over: dict[str, LeftOver] = Field({})
+    curves: Curves = Field({})
     outcome: str
 
 

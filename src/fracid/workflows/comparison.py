@@ -5,20 +5,36 @@ Every fit goes into the folder's journal as it ends, and the same call goes on f
 
 from __future__ import annotations
 
+import json
+import os
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.bayes.evidence import require_evidence
+from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
+from fracid.problem.toml_text import toml_document
+from fracid.problem.unknowns import Free, Tied, Value
+from fracid.report.study import write_study
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
-from fracid.safety.schema import fault_of
+from fracid.safety.schema import as_json, fault_of
+from fracid.safety.user_code import is_own
 from fracid.selection.amplitude import AmplitudeTest
 from fracid.selection.comparison import GIVEN, compare
-from fracid.selection.comparison_records import Comparison, EvidenceBlock, GivenBlock, fault_of_fitted
+from fracid.selection.comparison_records import (
+    Comparison,
+    CurvesBlock,
+    EvidenceBlock,
+    GivenBlock,
+    drawn,
+    fault_of_fitted,
+)
 from fracid.selection.integer_rival import Alternative
-from fracid.selection.ladder import ladder
+from fracid.selection.ladder import Ladder, ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
@@ -32,7 +48,10 @@ from fracid.workflows.study import Finished, folder_of, header_of, journal_of, r
 if TYPE_CHECKING:
     from fracid.problem.project import Project
 
-TABLE = "compare.csv"
+TABLE, CURVES, BEST = "compare.csv", "curves.json", "best.toml"
+
+MOST_RECORDINGS = 12
+"""Whose curves are kept, held out ones first."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,6 +67,12 @@ class FinishedComparison(Finished):
     def table(self) -> Path:
         """Path of compare.csv."""
         return self.folder / TABLE
+
+    @property
+    def best(self) -> Path | None:
+        """Path of best.toml: the project with the best structure and its values; None where no run of it ends."""
+        path = self.folder / BEST
+        return path if path.exists() else None
 
 
 def run_comparison(
@@ -125,11 +150,68 @@ def run_comparison(
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     watching.stage("figures")
-    table, result = csv_text(comparison.table()), json_document(record)
-    write_files(folder, {"project.toml": project.text, TABLE: table, FinishedComparison.FILE: result})
+    write_files(folder, {
+        "project.toml": project.text, TABLE: csv_text(comparison.table()),
+        CURVES: json.dumps(_curves(project, comparison), separators=(",", ":")),
+        FinishedComparison.FILE: json_document(record), **_best(project, hierarchy, comparison, folder),
+    })  # fmt: skip
     figures = saved(of_comparison(comparison), folder)
+    write_study(folder, FinishedComparison.FILE)
     watching.stage("")
     return FinishedComparison(folder, figures, record, project, comparison)
+
+
+def _curves(project: Project, comparison: Comparison) -> dict[str, Any]:
+    """Each recording beside what the structures simulate of it, where the page can draw them all."""
+    base, others = to_compare(project.problem, project.validation)
+    every = {e.name: e for e in (*base.experiments, *others)}
+    shown = [*dict.fromkeys((*comparison.held_out, *every))][:MOST_RECORDINGS]
+    some = {n: drawn(every[n].time.size, len(every)) for n in shown if n in every}
+    found = {row.name: {n: row.curves[n] for n in shown if n in row.curves} for row in comparison.rows}
+    return as_json(CurvesBlock, {
+        "recordings": {n: {
+            "time": (every[n].time - every[n].time[0])[at],
+            "measured": dict(zip(base.outputs, every[n].measured[at].T, strict=True)),
+        } for n, at in some.items()},
+        "structures": found,
+    })  # fmt: skip
+
+
+def _best(project: Project, hierarchy: Ladder, comparison: Comparison, folder: Path) -> dict[str, str]:
+    """The project with the structure that the claim is for, its search to begin at what was found."""
+    row = comparison.best(fractional=comparison.claim == "fractional")
+    found = hierarchy[row.name].problem
+    if found.model.name != project.problem.model.name or not isfinite(row.cost):
+        return {}
+    tables = tomllib.loads(project.text)
+    model = tables.setdefault("model", {})
+    kinds = {"parameters": found.parameters, "orders": found.orders}
+    for kind, values in kinds.items():
+        given = model.get(kind, {})
+        new = {n: v for n, v in values.items()
+               if n in given or n in row.values or v != project.problem.parameters.get(n)}  # fmt: skip
+        model[kind] = given | {n: _written(given.get(n), v, row.values.get(n)) for n, v in new.items()}
+    way = os.path.relpath(project.path.resolve().parent, folder.resolve()).replace(os.sep, "/")
+    places = [(r, "file") for r in tables["recording"]]
+    code = [(model, "name"), (tables.get("fit", {}), "cost"), *((a, "model") for a in tables.get("alternative", []))]
+    places += [(table, key) for table, key in code if is_own(table.get(key, ""))]
+    for table, key in places:
+        table[key] = table[key] if Path(table[key]).is_absolute() else f"{way}/{table[key]}"
+    head = f"# {row.name}: the structure that fracid compare found best, with its values.\n"
+    return {BEST: head + toml_document(tables)}
+
+
+def _written(given: Any, value: Value, found: float | None) -> Any:
+    """A parameter as a project file has it: its range about what was found."""
+    kept = (
+        {k: v for k, v in given.items() if k in ("unit", "prior", "scale", "hard")} if isinstance(given, dict) else {}
+    )
+    if isinstance(value, Tied):
+        return value.to
+    if isinstance(value, Free):
+        start = min(max(value.start if found is None else found, value.lower), value.upper)
+        return {"start": start, "lower": value.lower, "upper": value.upper, **kept}
+    return {"value": float(value), "unit": kept["unit"]} if "unit" in kept else float(value)
 
 
 def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
 from fracid.models import RIGS, Model, rotary_pendulum
 from fracid.problem.project import Project
+from fracid.report.study import write_study
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
@@ -98,7 +99,8 @@ def run_design(
             robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
         )  # fmt: skip
     folder = folder_of(out, Path(source), "design")
-    return FinishedDesign(plan, folder, plan.write(folder))
+    files = plan.write(folder)
+    return FinishedDesign(plan, folder, (*files, write_study(folder, "plan.json")))
 
 
 def _loaded(source: str | Path, friction: bool, trust: bool) -> SavedRun | Project | Model:

@@ -16,6 +16,7 @@ import numpy as np
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, unknown_name, writing
+from fracid.report.study import write_study
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, open_folder
 from fracid.runs.saved import SavedRun, load_run
@@ -116,7 +117,9 @@ def run_posterior(
                 saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
             )
     record = drawn.to_json() | {"source": str(run)}
-    return FinishedPosterior(folder, _written(drawn, record, folder), record, drawn)
+    figures = _written(drawn, record, folder)
+    write_study(folder, FinishedPosterior.FILE)
+    return FinishedPosterior(folder, figures, record, drawn)
 
 
 def _header(saved: SavedRun) -> dict[str, Any]:

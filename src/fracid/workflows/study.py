@@ -49,6 +49,11 @@ class Finished(CardDisplay):
         """Path of the JSON file."""
         return self.folder / self.FILE
 
+    @property
+    def page(self) -> Path:
+        """Path of the page, which opens offline."""
+        return self.path.with_suffix(".html")
+
 
 def run_or_project(source: Path, trust: bool, observer: Observer = SILENT) -> SavedRun | Project:
     """Load a run from its folder, or a project from its file.

@@ -1,0 +1,68 @@
+"""Project files as text: values in TOML's words."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def toml_value(value: Any) -> str:
+    """A value in TOML's words, a table in one line.
+
+    Examples
+    --------
+    >>> toml_value({"start": 0.1, "unit": "N m", "free": True})
+    '{ start = 0.1, unit = "N m", free = true }'
+    """
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(float(f"{value:.12g}"))
+    return json.dumps(value, ensure_ascii=False)
+
+
+def toml_document(tables: Mapping[str, Any]) -> str:
+    """A file of tables, lists of tables, and tables in tables.
+
+    Examples
+    --------
+    >>> print(toml_document({"model": {"name": "joint", "orders": {"mu": 0.9}}, "recording": [{"file": "a.csv"}]}))
+    [model]
+    name = "joint"
+    <BLANKLINE>
+    [model.orders]
+    mu = 0.9
+    <BLANKLINE>
+    [[recording]]
+    file = "a.csv"
+    <BLANKLINE>
+    """
+    return "\n\n".join("\n".join(part) for name, table in tables.items() for part in _parts(name, table)) + "\n"
+
+
+def _parts(name: str, table: Any) -> Iterator[list[str]]:
+    if isinstance(table, list):
+        yield from ([f"[[{name}]]", *_lines(own)] for own in table)
+        return
+    within = {k: v for k, v in table.items() if isinstance(v, Mapping)}
+    yield [f"[{name}]", *_lines({k: v for k, v in table.items() if k not in within})]
+    yield from ([f"[{name}.{toml_key(k)}]", *_lines(v)] for k, v in within.items())
+
+
+def _lines(table: Mapping[str, Any]) -> Iterator[str]:
+    return (f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items())
+
+
+def toml_key(name: str) -> str:
+    """A key, in quotes where it needs them.
+
+    Examples
+    --------
+    >>> toml_key("b_alpha"), toml_key("release 92°")
+    ('b_alpha', '"release 92°"')
+    """
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)

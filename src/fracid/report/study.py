@@ -1,0 +1,330 @@
+"""The page of a study: what compare, design, posterior, profile or noise found, from the record that it wrote.
+
+One template for all: the answer first, figures, numbers, how to reproduce it.  :data:`STUDIES` says of each file what
+its page takes from it; of a comparison the curves of every structure can be chosen.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from math import log10
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from fracid.errors import InputError, writing
+from fracid.experiments.plan import PlanBlock
+from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.samples import base64_floats
+from fracid.report.sentences import counted, letter, number
+from fracid.safety.door import bytes_of, text_of, write_text
+from fracid.safety.json_files import plain
+from fracid.safety.schema import Block, Record, as_json, read_as
+from fracid.schemas.draws import PosteriorBlock
+from fracid.schemas.profiles import ProfilesBlock
+from fracid.schemas.run_record import EnvironmentBlock
+from fracid.selection.comparison_records import Comparison, CurvesBlock
+from fracid.units import GREEK, shown_unit, with_unit
+from fracid.validation.monte_carlo import ENOUGH
+from fracid.validation.study_records import StudyBlock, label_of
+
+LARGEST_FIGURE = 2**19
+"""Of a drawing on a page [bytes]; of a larger one its pixels are shown."""
+
+LADDER_WIDTH = 150
+"""Of the errors of a structure, drawn in its row [px]."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a record says, in the words of its page."""
+
+    answer: str
+    good: bool = True
+    said: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    values: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
+    """Caption → estimates."""
+    tables: Mapping[str, list[dict[str, str]]] = field(default_factory=dict)
+    """Caption → rows, heading → cell."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What the page of a file is made of."""
+
+    heading: str
+    command: str
+    record: type[Block | Record]
+    found: Callable[[Mapping[str, Any]], Found]
+    figures: Mapping[str, str]
+    """File names without their ending, * for any text → captions."""
+    texts: tuple[str, ...] = ()
+    """Files that the page shows."""
+
+
+def _compared(record: Mapping[str, Any]) -> Found:
+    comparison = Comparison.of_json(record)
+    memories = comparison.alternative.memories if comparison.alternative else ()
+    relaxations = [
+        {"in the place of the orders": f"{m.relaxations} relaxation{'s' * (m.relaxations > 1)} each",
+         "ΔBIC against the orders": counted(m.gain), "as good": "yes" if m.as_well else "no"} for m in memories
+    ]  # fmt: skip
+    against = comparison.doubts.values()
+    sentence = {"fractional": "Fractional: the orders are needed.",
+                "integer": "Integer: no evidence of fractional dynamics.",
+                "undecided": "Undecided whether it is fractional."}[comparison.claim]  # fmt: skip
+    reasons = dict.fromkeys((*comparison.claim_reasons, comparison.verdict))
+    return Found(
+        " ".join((sentence, *(f"But {why}." for why in against))), comparison.claim != "undecided" and not against,
+        tuple(reasons), (f"{len(comparison.rows)} structures", f"cost {comparison.cost_name}",
+                         f"seed {comparison.seed}"),
+        comparison.notes, {}, {"What an order is worth": relaxations} if relaxations else {},
+    )  # fmt: skip
+
+
+def _planned(record: Mapping[str, Any]) -> Found:
+    count = len(record["experiments"])
+    gains = record["gain"]
+    narrower = {n: f"95 % interval narrower by a factor of {number(g, '.3g')}" for n, g in gains.items() if g}
+    rows = [_row(n, v, says=narrower.get(n, "")) for n, v in record["expected"].items()]
+    plan = [{"experiment": str(k), "what to do": str(c["text"])} for k, c in enumerate(record["experiments"], 1)]
+    away = {"Distance of the integer-order alternatives": [
+        {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
+    ]} if record.get("distances") else {}  # fmt: skip
+    return Found(
+        f"{count} experiment{'s' * (count > 1)} for {record['for']}.", True, (),
+        (f"{record['candidates']} candidates", f"criterion {record['criterion']}"), (),
+        {"Values to expect after the plan": rows}, {"Experiments": plan} | away,
+    )  # fmt: skip
+
+
+def _drawn(record: Mapping[str, Any]) -> Found:
+    rows = [_row(n, {**v, "value": v["median"]}, f"{v['prior']['kind']} prior") for n, v in record["unknowns"].items()]
+    evidence = record["log_evidence"]
+    facts = (record["method"], f"{counted(record['effective_draws'])} effective draws", f"seed {record['seed']}")
+    said = () if evidence is None else (f"Log evidence, relative to the greatest likelihood: {number(evidence)} ± "
+                                        f"{number(record['evidence_error'], '.2g')} nats.",)  # fmt: skip
+    return Found(record["sentence"], record["trusted"], said, facts, tuple(record["notes"]),
+                 {"Posterior: medians and central 95 % intervals": rows})  # fmt: skip
+
+
+def _profiled(record: Mapping[str, Any]) -> Found:
+    rows = []
+    for name, p in record["profiles"].items():
+        ends, known = p["interval95"], p["verdict"] == "two-sided"
+        low, high = ("none" if v is None else number(v, ".4g") for v in ends)
+        reason = p["sentence"] if None not in ends else f"{p['sentence']}; from {low} to {high}"
+        rows.append(_row(name, {**p, "interval95": None if None in ends else ends}, reason="" if known else reason,
+                         verdict="identifiable" if known else p["verdict"]))  # fmt: skip
+    open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
+    answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else "Every 95 % interval is closed."
+    return Found(answer, not open_, (), (f"cost {record['cost']['name']}",), tuple(record["notes"]),
+                 {"Profile likelihood: values and 95 % intervals": rows})  # fmt: skip
+
+
+def _disturbed(record: Mapping[str, Any]) -> Found:
+    rows = [
+        {"noise and encoder": label_of(c["level"], c["resolution"], c.get("unit", "rad")), "unknown": letter(n),
+         "truth": number(s["truth"]), "bias": number(s["bias"], ".2g"), "spread": number(s["spread"], ".2g"),
+         "standard error": number(s["claimed"], ".2g"), "unit": s["unit"],
+         "intervals with the truth": f"{s['held']} of {s['intervals']}"}
+        for c in record["cells"] for n, s in c["unknowns"].items()
+    ]  # fmt: skip
+    first, *others = record["sentences"] or ["No unknown was estimated."]
+    good = not record["findings"] and record["seeds"] >= ENOUGH
+    facts = (record["model"], record["optimiser"], f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
+    return Found(first, good, tuple(others), facts, (), {}, {"Bias, spread and coverage": rows})
+
+
+STUDIES = {
+    "compare.json": Study("Comparison of structures", "compare", Comparison, _compared, {
+        "ladder": "RMSE by friction model", "amplitude-*": "Orders over the amplitude of the swing",
+    }, ("best.toml",)),
+    "plan.json": Study("Plan of the next experiments", "design", PlanBlock, _planned, {
+        "expected": "Expected curves with their 95 % band", "intervals": "Expected interval over release and duration",
+    }, ("sheet.txt", "next.toml", "next-clamped.toml")),
+    "posterior.json": Study("Posterior", "posterior", PosteriorBlock, _drawn, {
+        "posterior": "Posterior of each parameter and each pair",
+        "posterior-predictive": "Simulations with draws of the posterior",
+    }),
+    "profiles.json": Study("Profile likelihood", "profile", ProfilesBlock, _profiled, {
+        "profiles": "Rise of the cost where a value is held and all others are refitted",
+    }),
+    "noise.json": Study("Effect of noise and encoder", "noise", StudyBlock, _disturbed, {
+        "noise": "Bias, spread and coverage over the level of noise",
+    }),
+}  # fmt: skip
+"""By the file that the command writes; its page is called like that, with .html."""
+
+
+def _row(
+    name: str, e: Mapping[str, Any], says: str = "", verdict: str = "identifiable", reason: str = ""
+) -> dict[str, Any]:
+    """As the macro of the report's estimates takes it."""
+    return {"name": name, "says": says, "value": e["value"], "unit": e["unit"], "interval95": e["interval95"],
+            "free": True, "identifiable": verdict, "reason": reason}  # fmt: skip
+
+
+def studies_of(folder: Path) -> list[str]:
+    """The records of studies that a folder has."""
+    return [file for file in STUDIES if (folder / file).is_file() and not (folder / file).is_symlink()]
+
+
+def write_study(folder: str | Path, file: str) -> Path:
+    """Write the page of a study beside its record.
+
+    Parameters
+    ----------
+    folder : str or Path
+    file : str
+        A key of :data:`STUDIES`.
+
+    Raises
+    ------
+    InputError
+        If the record is damaged, or the page cannot be written.
+
+    Examples
+    --------
+    >>> write_study("nowhere", "compare.json")
+    Traceback (most recent call last):
+    fracid.errors.InputError: nowhere holds no compare.json. Write it: fracid compare.
+    """
+    folder, study = Path(folder), STUDIES[file]
+    try:
+        record = read_as(folder / file, study.record, f"fracid {study.command}")
+        record |= as_json(study.record, record)  # with what it may leave out
+    except OSError:
+        raise InputError(f"{folder} holds no {file}. Write it: fracid {study.command}.") from None
+    page = (folder / file).with_suffix(".html")
+    with writing(f"The page {page}"):
+        write_text(page, _page(folder, file, study, record))
+    return page
+
+
+def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
+    found, environment = study.found(record), {}
+    with suppress(OSError, InputError):
+        environment = read_as(folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
+    words = environment.get("command") or []
+    command = words if words[:1] == [study.command] else [study.command, record.get("source") or _source(folder)]
+    ladder = ladder_of(record) if file == "compare.json" else None
+    data = _curves(folder, record) if ladder else None
+    own, dark = styles()
+    names = ("theme.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
+    scripts = [Markup(own_file(name)) for name in names]  # fracid's own
+    return (
+        environment_of_pages()
+        .get_template("study.html.j2")
+        .render(
+            title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
+            file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
+            ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
+            figures=list(_figures(folder, study.figures)), texts=dict(_texts(folder, study.texts)), styles=own,
+            dark=dark, scripts=scripts, policy=policy([*own, dark], scripts, images=True),
+        )
+    )  # fmt: skip
+
+
+def _source(folder: Path) -> str:
+    """The run that a study without a command of its own is of."""
+    of_run = (place for place in (folder, folder.resolve().parent) if (place / "result.json").exists())
+    return next((place.name for place in of_run), "PROJECT")
+
+
+def in_script(content: Any) -> Markup:
+    """JSON that cannot leave its element: ``<`` is written as an escape, and NaN as null."""
+    text = json.dumps(plain(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
+
+
+def _figures(folder: Path, captions: Mapping[str, str]) -> Iterator[dict[str, str]]:
+    """The study's drawings as addresses that hold them: an image runs no script and loads nothing."""
+    for pattern, caption in captions.items():
+        for path in sorted((folder / "figures").glob(f"{pattern}.svg")):
+            for file, kind in ((path, "svg+xml"), (path.with_suffix(".png"), "png")):
+                with suppress(OSError, ValueError):
+                    content = base64.b64encode(bytes_of(file, LARGEST_FIGURE)).decode()
+                    yield {"source": f"data:image/{kind};base64,{content}", "caption": caption}
+                    break
+
+
+def _texts(folder: Path, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    for name in names:
+        with suppress(OSError, ValueError):
+            yield name, text_of(folder / name)
+
+
+# --- a comparison ----------------------------------------------------------------------------------
+
+
+def ladder_of(compared: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of ``fracid compare``: a row a structure, its errors by recording."""
+    first = compared["structures"][0]
+    kinds = [("in_sample", "fitted"), ("held_out", "held out")]
+    columns = [(kind, label, recording) for kind, label in kinds for recording in first[kind]]
+    best = set(compared["best"].values())
+    rows = [
+        {**s, "best": s["name"] in best, "errors": [s[kind].get(recording) for kind, _, recording in columns],
+         "means": {kind: _mean(s[kind]) for kind, _ in kinds}} for s in compared["structures"]
+    ]  # fmt: skip
+    logs = [log10(v) for row in rows for v in row["means"].values() if v]
+    for row in rows:
+        row["drawn"] = _errors_drawn(row["means"], min(logs, default=0.0), max(logs, default=0.0))
+    judged_by = "the error on held-out recordings" if first["held_out"] else "BIC"
+    return {**compared, "columns": columns, "rows": rows, "judged_by": judged_by}
+
+
+def _mean(scores: Mapping[str, Any]) -> float | None:
+    """The geometric mean over recordings and outputs; None where one fails, or there is none."""
+    values = [v for s in scores.values() for v in s["rmse"].values()]
+    return float(np.exp(np.mean(np.log(values)))) if values and all(v and v > 0 for v in values) else None
+
+
+def _errors_drawn(means: Mapping[str, float | None], low: float, high: float) -> Markup:
+    """The mean errors of a structure on a logarithmic axis that all structures share."""
+    parts = [f'<path class="axis" d="M6 11H{LADDER_WIDTH - 6}"/>']
+    for kind, value in means.items():
+        if value:
+            x = 8 + (LADDER_WIDTH - 16) * ((log10(value) - low) / (high - low) if high > low else 0.5)
+            parts.append(f'<circle class="dot{" hollow" * (kind == "in_sample")}" cx="{x:.1f}" cy="11" r="5"/>')
+    return Markup(f'<svg class="whisker" width="{LADDER_WIDTH}" height="22" aria-hidden="true">{"".join(parts)}</svg>')
+
+
+def _shown(record: Mapping[str, Any]) -> Callable[[str, float, str], str]:
+    units = record.get("units") or {}
+    return lambda output, value, form: with_unit(value, units.get(output, "rad"), form).replace("-", "−")
+
+
+def _curves(folder: Path, record: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The curves as ``study.js`` has them; None of a comparison that kept none."""
+    try:
+        found = read_as(folder / "curves.json", CurvesBlock, "fracid compare PROJECT")
+    except (OSError, InputError):
+        return None
+    names = [s["name"] for s in record["structures"]]
+    recordings = [{
+        "name": name, "heldOut": name in record["held_out"], "t": base64_floats(np.array(r["time"])),
+        "outputs": [{
+            "letter": GREEK.get(n, n), "unit": unit, "measured": _packed(y, factor),
+            "simulated": [_packed(found["structures"].get(s, {}).get(name, {}).get(n), factor) for s in names],
+        } for n, y in r["measured"].items() for unit, factor in [shown_unit(record["units"].get(n, "rad"))]],
+    } for name, r in found["recordings"].items()]  # fmt: skip
+    best = [names.index(record["best"][kind]) for kind in ("integer", "fractional")]
+    return {
+        "structures": names, "fractional": [s["fractional"] for s in record["structures"]], "recordings": recordings,
+        "best": best, "claimed": int(record["claim"] == "fractional"),
+    } if recordings else None  # fmt: skip
+
+
+def _packed(y: list[float | None] | None, factor: float) -> str | None:
+    return base64_floats(factor * np.array(y, dtype=float)) if y else None

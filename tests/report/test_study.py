@@ -1,0 +1,175 @@
+"""The page of a study says what its record says, with hostile names as text and nothing to fetch."""
+
+import json
+import math
+import re
+from importlib.resources import files
+
+import pytest
+
+import fracid
+from browser import CHROMIUM, Browser
+from fracid.cli.app import main
+from fracid.errors import InputError
+from fracid.experiments.plan import PlanBlock, Value
+from fracid.report.study import LARGEST_FIGURE, STUDIES, write_study
+from fracid.safety.schema import as_json, record_of
+from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
+from fracid.selection.integer_rival import Alternative, FiniteMemory
+from fracid.validation.study_records import Cell, Statistics
+
+HOSTILE = "<script>window.hit = 1</script>"
+
+
+def comparison(name=HOSTILE):
+    scores = {"in": Score({"alpha": 0.02}, {"alpha": 91.0}, {"alpha": 2.0})}
+    held_out = {name: Score({"alpha": 0.04}, {"alpha": 81.0}, {"alpha": 2.0})}
+    rows = tuple(
+        Row("viscous", free, f"viscous, orders {'free' if free else 1}", free, 1.0, 3, 2.0, orders, {}, (), scores,
+            held_out, "converged") for free, orders in ((False, {}), (True, {"mu": OrderOfRow(0.9, (0.8, 1.0))}))
+    )  # fmt: skip
+    memories = (FiniteMemory(1, 2.0, 50.0), FiniteMemory(2, 1.0, 3.0))
+    nearest = Alternative("viscous", ("mu",), 2.0, {}, 5.0, 100.0, memories=memories)
+    return Comparison(rows, "Orders help.", (f"a note on {name}",), ("alpha",), 50.0, False, "rmse", 1, 1, {},
+                      "undecided", ("Three relaxations do as well.",), nearest)  # fmt: skip
+
+
+def curves(name=HOSTILE):
+    time = [0.1 * k for k in range(50)]
+    wave = [math.cos(t) for t in time]
+    return {
+        "recordings": {name: {"time": time, "measured": {"alpha": wave}}},
+        "structures": {f"viscous, orders {how}": {name: {"alpha": [f * v for v in wave]}}
+                       for how, f in (("1", 0.5), ("free", 0.9))},
+    }  # fmt: skip
+
+
+def noise():
+    mu = Statistics("", 0.9, 40, 0.001, 0.002, 0.002, 40, 38, "mu")
+    cell = Cell(0.01, 0.0, 40, {}, 0, 100.0, None, {"mu": mu})
+    return {"model": HOSTILE, "truth": {"mu": 0.9}, "cost": "rmse", "optimiser": "multistart", "seeds": 40, "seed": 1,
+            "cells": [cell.to_json()], "sentences": ["mu: 38 of 40 intervals contain the true value."]}  # fmt: skip
+
+
+def posterior():
+    prior = {"kind": "uniform", "lower": 0.5, "upper": None}
+    unknown = {"unit": "", "fitted": 0.9, "mean": 0.9, "median": 0.9123, "standard_deviation": 0.01,
+               "interval95": [0.88, 0.94], "prior": prior}  # fmt: skip
+    return {"method": "Laplace", "draws": 100, "effective_draws": 90.0, "simulations": 100, "khat": 0.1,
+            "khat_limit": 0.7, "trusted": True, "log_evidence": -3.0, "evidence_error": 0.1, "effective_samples": 50.0,
+            "degrees_of_freedom": 49.0, "seed": 1, "sentence": "The draws can be trusted.", "notes": [],
+            "unknowns": {HOSTILE: unknown}}  # fmt: skip
+
+
+def plan():
+    values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None)}
+    return as_json(PlanBlock, {"for": HOSTILE, "criterion": "D", "of": ["mu"], "experiments": [{"text": "release"}],
+                               "expected": values, "gain": {"mu": 10.0}, "candidates": 3, "excluded": 0,
+                               "distances": None, "alone": None})  # fmt: skip
+
+
+def profiles():
+    one = {"value": 0.9123, "unit": "", "interval95": [0.88, None], "wald95": None, "verdict": "one-sided",
+           "sentence": "one-sided: above the bound", "ends": ["a", "b"], "values": [0.9123], "rise": [0.0],
+           "cost": [1.0]}  # fmt: skip
+    return {"cost": {"name": "rmse", "value": 1.0}, "minimum": {"mu": 0.9}, "threshold": 3.84, "notes": [HOSTILE],
+            "profiles": {"mu": one}}  # fmt: skip
+
+
+RECORDS = {"compare.json": lambda: comparison().to_json(), "noise.json": noise, "posterior.json": posterior,
+           "plan.json": plan, "profiles.json": profiles}  # fmt: skip
+
+SAYS = {
+    "compare.json": ("Undecided whether it is fractional.", "Three relaxations do as well.", "2 relaxations each"),
+    "noise.json": ("μ: 38 of 40 intervals contain the true value.", "38 of 40"),
+    "posterior.json": ("The draws can be trusted.", "0.912", "nats"),
+    "plan.json": ("1 experiment for", "narrower by a factor of 10"),
+    "profiles.json": ("Without a closed 95 % interval: μ.", "from 0.88 to none"),
+}
+
+
+def written(folder, file):
+    (folder / file).write_text(json.dumps(RECORDS[file]()), encoding="utf-8")
+    return write_study(folder, file)
+
+
+def test_every_study_that_has_a_page_is_tried_here():
+    assert set(RECORDS) == set(STUDIES)
+
+
+@pytest.mark.parametrize("file", RECORDS)
+def test_a_page_says_what_the_record_says_and_a_hostile_name_is_text(tmp_path, file):
+    page = written(tmp_path, file)
+    text = page.read_text(encoding="utf-8")
+    assert page.name == file.replace(".json", ".html")
+    assert HOSTILE not in text
+    shown = re.sub(r"<[^>]*>", "", text).replace("\N{NO-BREAK SPACE}", " ")
+    assert [said for said in SAYS[file] if said not in shown] == []
+    assert "default-src &#39;none&#39;" in text
+    assert not re.findall(r"""(?:src|href)=["'](?!#|data:image/)""", text)
+
+
+def test_figures_are_images_that_the_page_holds_and_a_large_drawing_gives_way_to_its_pixels(tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "noise.svg").write_text("<svg/>")
+    assert 'src="data:image/svg+xml;base64,' in written(tmp_path, "noise.json").read_text(encoding="utf-8")
+    (tmp_path / "figures" / "noise.svg").write_bytes(b" " * (LARGEST_FIGURE + 1))
+    (tmp_path / "figures" / "noise.png").write_bytes(b"pixels")
+    assert 'src="data:image/png;base64,' in written(tmp_path, "noise.json").read_text(encoding="utf-8")
+
+
+def test_damaged_records_and_missing_ones_are_refused_in_a_sentence(tmp_path):
+    with pytest.raises(InputError, match=r"holds no plan\.json\. Write it: fracid design"):
+        write_study(tmp_path, "plan.json")
+    (tmp_path / "plan.json").write_text('{"for": 3}')
+    with pytest.raises(InputError, match="is damaged"):
+        write_study(tmp_path, "plan.json")
+
+
+def test_the_report_of_a_folder_of_a_study_is_its_page(tmp_path, capsys):
+    written(tmp_path, "noise.json").unlink()
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(tmp_path)])
+    assert not stop.value.code
+    assert str(tmp_path / "noise.html") in capsys.readouterr().out.replace("\n", "")
+    assert (tmp_path / "noise.html").exists()
+
+
+def test_a_comparison_without_curves_or_with_those_of_other_samples_has_its_table_alone(tmp_path):
+    assert 'name="structure"' not in written(tmp_path, "compare.json").read_text(encoding="utf-8")
+    content = curves()
+    content["recordings"][HOSTILE]["time"].append(9.0)
+    (tmp_path / "curves.json").write_text(json.dumps(content), encoding="utf-8")
+    assert 'name="structure"' not in written(tmp_path, "compare.json").read_text(encoding="utf-8")
+
+
+def test_a_comparison_keeps_its_curves_out_of_its_record():
+    row = comparison().rows[0]
+    kept = fracid.selection.comparison_records.Comparison.of_json(comparison().to_json())
+    assert "curves" not in as_json(Row, row)
+    assert record_of(Row, as_json(Row, row)) == kept.rows[0]
+
+
+@pytest.fixture
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here")
+    with Browser() as found:
+        yield found
+
+
+def test_a_structure_is_chosen_in_its_row_and_its_curves_are_drawn_and_a_checker_finds_nothing(browser, tmp_path):
+    (tmp_path / "curves.json").write_text(json.dumps(curves()), encoding="utf-8")
+    page = written(tmp_path, "compare.json")
+    for scheme in ("light", "dark"):
+        browser.open(page, prefers_color_scheme=scheme)
+        assert browser.complaints == []
+        assert browser.requests == [page.as_uri()]
+        drawn = "Chart.all.map(c => c.spec.series.map(s => s.label))"
+        assert browser.run(drawn) == [["measured", "viscous, orders 1", "viscous, orders free"]]
+        browser.run("document.querySelectorAll('#structures tbody tr')[1].click()")
+        assert browser.run(drawn) == [["measured", "viscous, orders free", "viscous, orders 1"]]
+        assert browser.run("document.getElementById('recording').selectedOptions[0].text") == f"{HOSTILE} (held out)"
+        browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
+        assert browser.run("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))") == []
+        assert browser.run("window.hit") is None
