@@ -14,7 +14,17 @@ from browser import CHROMIUM, Browser
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.report import write_report
-from fracid.report.index import GENERATOR, INDEX, RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
+from fracid.report.index import (
+    GENERATOR,
+    INDEX,
+    RUNS_BEGIN,
+    RUNS_END,
+    identity,
+    refresh_index,
+    runs_of,
+    write_index,
+    write_study_page,
+)
 from fracid.schemas.run_record import EnvironmentBlock
 
 RESULT = {"optimiser": "genetic", "method": "gl-paper", "cost": {"name": "itae"}, "seed": 3, "outcome": "converged",
@@ -195,6 +205,56 @@ def test_a_theme_chosen_in_the_index_holds_on_the_pages_it_leads_to_and_the_swin
         assert browser.run(measured) != light
         browser.open(page, prefers_color_scheme="light")
         assert browser.run("[theme.value, getComputedStyle(document.documentElement).colorScheme]") == ["dark", "dark"]
+
+
+@pytest.fixture
+def studied(runs):
+    """A plan in a run's folder, beside the runs, and a damaged one."""
+    plan = {"for": "the <b>rig</b>", "criterion": "D", "of": [], "experiments": [{"text": "release"}], "expected": {},
+            "gain": {}, "candidates": 3, "excluded": 0, "distances": None, "alone": None}  # fmt: skip
+    for folder, content in ((runs / "first" / "design", json.dumps(plan)), (runs / "damaged", "{")):
+        folder.mkdir()
+        (folder / "plan.json").write_text(content, encoding="utf-8")
+    return runs
+
+
+def test_studies_stand_in_the_index_and_a_new_one_renews_it(studied):
+    text = write_index(studied).read_text(encoding="utf-8")
+    assert "3 runs and 1 studies" not in text
+    assert "3 runs and 1 study" in text
+    assert "1 experiment for the &lt;b&gt;rig&lt;/b&gt;." in text
+    assert 'href="first/design/plan.html"' not in text
+    write_study_page(studied / "first" / "design", "plan.json")
+    assert 'href="first/design/plan.html"' in (studied / INDEX).read_text(encoding="utf-8")
+
+
+@pytest.mark.broad
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
+def test_rows_are_sorted_filtered_and_two_of_them_put_side_by_side(studied):
+    with Browser() as browser:
+        browser.open(write_index(studied))
+        names = "[...document.querySelectorAll('#runs tbody tr:not([hidden])')].map(r => r.dataset.name)"
+        cards = "document.querySelectorAll('.card:not([hidden])').length"
+        browser.run("document.querySelector('thead button[value=name]').click()")
+        assert browser.run(names) == ["first", "first/design", "second <b>", "third"]
+        browser.run("document.querySelector('thead button[value=name]').click()")
+        assert browser.run(names) == ["third", "second <b>", "first/design", "first"]
+        put = ("(n, v) => { const f = document.querySelector(`#filters [name=${n}]`); f.value = v;"
+               " f.dispatchEvent(new Event('input')); }")  # fmt: skip
+        browser.run(f"({put})('kind', 'design')")
+        assert browser.run(names) == ["first/design"]
+        assert browser.run(cards) == 1
+        browser.run(f"({put})('kind', ''); ({put})('since', '2026-11-28')")
+        assert "third" not in browser.run(names)
+        browser.run(f"({put})('since', ''); ({put})('error', '1e-9')")
+        assert browser.run(names) == []
+        browser.run(f"({put})('error', '')")
+        browser.run("for (const b of [...document.querySelectorAll('#runs tbody input')].slice(0, 2)) b.click()")
+        assert browser.run(cards) == 2
+        assert (
+            browser.run("new Set([...document.querySelectorAll('.card:not([hidden])')].map(c => c.offsetTop)).size")
+            == 1
+        )
 
 
 @pytest.mark.parametrize("samples", [

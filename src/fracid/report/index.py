@@ -1,4 +1,4 @@
-"""``index.html`` over all runs of a folder, side by side, and the links from each run's page to its neighbours.
+"""``index.html`` over all runs and studies of a folder, a table to sort and filter, and links between the runs' pages.
 
 An index is made by ``fracid report RUNS`` and by the demo, and nobody's folder gets one unasked; where there is one,
 each new report beside it renews it.  Pages are linked by what stands between two comments, the one part of a page that
@@ -8,7 +8,7 @@ is written again.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -27,6 +27,7 @@ from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.samples import floats_of
 from fracid.report.sentences import joined, letter, number
+from fracid.report.study import Found, read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.safety.door import opened, text_of, write_text
 from fracid.safety.json_files import json_of
@@ -34,6 +35,7 @@ from fracid.safety.schema import read_as
 from fracid.safety.text import printable
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
+from fracid.units import with_unit
 
 INDEX, PAGE = "index.html", "report.html"
 
@@ -133,11 +135,44 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
     return sorted(runs, key=lambda run: (run.started, run.who.name))
 
 
+@dataclass(frozen=True)
+class StudyOfIndex:
+    """A study in the index."""
+
+    folder: Path
+    page: Path
+    kind: str
+    """Of which command."""
+    heading: str
+    found: Found
+    started: str
+
+
+def studies_in(folder: Path) -> Iterator[StudyOfIndex]:
+    """The studies in a folder's folders, and in those of its runs; damaged ones are left out."""
+    for place in sorted(p for pattern in ("*/", "*/*/") for p in folder.glob(pattern)):
+        if place.is_symlink() or place.parent.is_symlink():
+            continue
+        for file in studies_of(place):
+            with suppress(OSError, InputError):
+                study, found, started = read_study(place, file)
+                page = (place / file).with_suffix(".html")
+                yield StudyOfIndex(place, page, study.command, study.heading, found, started)
+
+
 def refresh_index(folder: Path) -> None:
     """Write the index again where there is one; a folder that cannot be written stays as it is."""
     if _is_ours(folder / INDEX):
         with suppress(InputError):  # the run's own page is written, and that was asked for
             write_index(folder)
+
+
+def write_study_page(folder: Path, file: str) -> Path:
+    """Write the page of a study (:mod:`fracid.report.study`), and renew the indices above it."""
+    page = write_study(folder, file)
+    for above in folder.resolve().parents[:2]:
+        refresh_index(above)
+    return page
 
 
 def _is_ours(index: Path) -> bool:
@@ -175,14 +210,14 @@ def write_index(folder: str | Path) -> Path:
     fracid.errors.InputError: ... holds no folder of a run. Give a run's folder, or one with runs in it.
     """
     folder = Path(folder)
-    runs = runs_of(folder)
-    if not runs:
+    runs, studies = runs_of(folder), list(studies_in(folder))
+    if not (runs or studies):
         raise InputError(f"{folder} holds no folder of a run. Give a run's folder, or one with runs in it.")
     path = folder / INDEX
     if os.path.lexists(path) and not _is_ours(path):
         raise InputError(f"{path} is not an index that fracid wrote; move it away first.")
     with writing(f"The index {path}", "Give another folder."):
-        write_text(path, _index_page(folder, runs))
+        write_text(path, _index_page(folder, runs, studies))
         for k, run in enumerate(runs):
             _link(run.folder / PAGE, runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
     return path
@@ -219,30 +254,55 @@ def _address(run: RunOfIndex) -> str:
     return f"{quote(os.fsencode(run.folder.name))}/{PAGE}"
 
 
+def _address_of(page: Path, folder: Path) -> str:
+    return quote(os.fsencode(page.relative_to(folder))) if page.exists() else ""
+
+
 # --- the page ------------------------------------------------------------------------------------
 
 
-def _index_page(folder: Path, runs: list[RunOfIndex]) -> str:
-    (own, dark), script = styles(), Markup(own_file("theme.js"))  # fracid's own
+def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[StudyOfIndex]) -> str:
+    (own, dark), scripts = styles(), [Markup(own_file(name)) for name in ("theme.js", "index.js")]  # fracid's own
     axis = order_axis([e for run in runs for e in run.result["orders"].values()])
     cards = [
         {
-            "name": run.who.name, "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
+            "name": run.who.name, "kind": "fit", "started": run.started, "date": _date(run.started),
+            "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
             "href": _address(run) if (run.folder / PAGE).exists() else "",
             "orders": orders_drawn(run.result["orders"], axis), "warnings": run.result["warnings"],
             "against": list(against.values()),
             "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,
-            "model": run.result["model"]["name"], "outcome": run.result["outcome"],
+            **_errors(run.result["recordings"]), "model": run.result["model"]["name"], "outcome": run.result["outcome"],
             "swings": _swings(run.folder / PAGE), "rows": list(_rows(run.result)), "cost": run.result["cost"],
         }
         for run in runs
         for against in [doubts(run.result)]
     ]  # fmt: skip
+    cards += [
+        {**vars(s), **vars(s.found), "name": s.folder.relative_to(folder).as_posix(), "date": _date(s.started),
+         "href": _address_of(s.page, folder), "error": None, "partial": "", "swings": ""} for s in studies
+    ]  # fmt: skip
+    cards.sort(key=lambda card: (card["started"], card["name"]))
+    kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))
+    counts = [f"{len(own)} {words[len(own) > 1]}" for own, words in kinds if own]
     template = environment_of_pages().get_template("index.html.j2")
     return template.render(
-        title=f"{len(runs)} runs in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
-        scripts=[script], generator=Markup(GENERATOR), policy=policy([*own, dark], [script]),
+        title=f"{' and '.join(counts)} in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
+        scripts=scripts, generator=Markup(GENERATOR), policy=policy([*own, dark], scripts),
     )  # fmt: skip
+
+
+def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:
+    """The mean RMSE of each output on held-out recordings, or on fitted ones, and one number to sort by."""
+    held_out = [r["rmse"] for r in recordings.values() if r["use"] != "fit"]
+    every = held_out or [r["rmse"] for r in recordings.values()]
+    if not every or any(v is None for rmse in every for v in rmse.values()):
+        return {"rmse": "failed", "error": None}
+    means = {n: sum(rmse[n] for rmse in every) / len(every) for n in every[0]}
+    said = ", ".join(
+        f"{letter(n)} {with_unit(v, 'rad' if n in ('theta', 'alpha') else '1', '.2g')}" for n, v in means.items()
+    )
+    return {"rmse": said + " held out" * bool(held_out), "error": sum(means.values()) / len(means)}
 
 
 def _rows(result: Mapping[str, Any]) -> Any:

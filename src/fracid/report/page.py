@@ -18,13 +18,22 @@ from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
-from fracid.report.index import RUNS_BEGIN, RUNS_END, identity, refresh_index, runs_of, write_index
+from fracid.report.index import (
+    RUNS_BEGIN,
+    RUNS_END,
+    identity,
+    refresh_index,
+    runs_of,
+    studies_in,
+    write_index,
+    write_study_page,
+)
 from fracid.report.material import Material
 from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
 from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
-from fracid.report.study import in_script, ladder_of, studies_of, write_study
+from fracid.report.study import in_script, ladder_of, studies_of
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, moved_by_the_step, verdict
@@ -111,11 +120,11 @@ def write_report(
     wrote.
     """
     folder = Path(folder)
-    if out is None and not (folder / "result.json").exists() and runs_of(folder):
+    if out is None and not (folder / "result.json").exists() and (runs_of(folder) or any(studies_in(folder))):
         return write_index(folder)
     studies = studies_of(folder) if out is None else []
     if studies and not (folder / "result.json").exists():
-        return [write_study(folder, file) for file in studies][-1]
+        return [write_study_page(folder, file) for file in studies][-1]
     path = folder / REPORT if out is None else Path(out)
     text = report_page(_material(folder, fit, project, plane, jobs, trust, residuals))
     with writing(f"The report {path}", "Give another: --out FILE."):

@@ -12,6 +12,7 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from math import log10
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from fracid.safety.schema import Block, Record, as_json, read_as
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
-from fracid.selection.comparison_records import Comparison, CurvesBlock
+from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
 from fracid.units import GREEK, shown_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH
 from fracid.validation.study_records import StudyBlock, label_of
@@ -48,6 +49,9 @@ class Found:
 
     answer: str
     good: bool = True
+    claim: str = ""
+    model: str = ""
+    rmse: str = ""
     said: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -83,11 +87,13 @@ def _compared(record: Mapping[str, Any]) -> Found:
                 "integer": "Integer: no evidence of fractional dynamics.",
                 "undecided": "Undecided whether it is fractional."}[comparison.claim]  # fmt: skip
     reasons = dict.fromkeys((*comparison.claim_reasons, comparison.verdict))
+    best = comparison.best(fractional=comparison.claim == "fractional")
     return Found(
         " ".join((sentence, *(f"But {why}." for why in against))), comparison.claim != "undecided" and not against,
-        tuple(reasons), (f"{len(comparison.rows)} structures", f"cost {comparison.cost_name}",
-                         f"seed {comparison.seed}"),
-        comparison.notes, {}, {"What an order is worth": relaxations} if relaxations else {},
+        comparison.claim, rmse=f"{held_out_errors(best, comparison.units)} held out" * bool(best.held_out),
+        said=tuple(reasons), notes=comparison.notes,
+        facts=(f"{len(comparison.rows)} structures", f"cost {comparison.cost_name}", f"seed {comparison.seed}"),
+        tables={"What an order is worth": relaxations} if relaxations else {},
     )  # fmt: skip
 
 
@@ -101,9 +107,9 @@ def _planned(record: Mapping[str, Any]) -> Found:
         {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
     ]} if record.get("distances") else {}  # fmt: skip
     return Found(
-        f"{count} experiment{'s' * (count > 1)} for {record['for']}.", True, (),
-        (f"{record['candidates']} candidates", f"criterion {record['criterion']}"), (),
-        {"Values to expect after the plan": rows}, {"Experiments": plan} | away,
+        f"{count} experiment{'s' * (count > 1)} for {record['for']}.",
+        facts=(f"{record['candidates']} candidates", f"criterion {record['criterion']}"),
+        values={"Values to expect after the plan": rows}, tables={"Experiments": plan} | away,
     )  # fmt: skip
 
 
@@ -113,8 +119,8 @@ def _drawn(record: Mapping[str, Any]) -> Found:
     facts = (record["method"], f"{counted(record['effective_draws'])} effective draws", f"seed {record['seed']}")
     said = () if evidence is None else (f"Log evidence, relative to the greatest likelihood: {number(evidence)} ± "
                                         f"{number(record['evidence_error'], '.2g')} nats.",)  # fmt: skip
-    return Found(record["sentence"], record["trusted"], said, facts, tuple(record["notes"]),
-                 {"Posterior: medians and central 95 % intervals": rows})  # fmt: skip
+    return Found(record["sentence"], record["trusted"], said=said, facts=facts, notes=tuple(record["notes"]),
+                 values={"Posterior: medians and central 95 % intervals": rows})  # fmt: skip
 
 
 def _profiled(record: Mapping[str, Any]) -> Found:
@@ -127,8 +133,8 @@ def _profiled(record: Mapping[str, Any]) -> Found:
                          verdict="identifiable" if known else p["verdict"]))  # fmt: skip
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
     answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else "Every 95 % interval is closed."
-    return Found(answer, not open_, (), (f"cost {record['cost']['name']}",), tuple(record["notes"]),
-                 {"Profile likelihood: values and 95 % intervals": rows})  # fmt: skip
+    return Found(answer, not open_, facts=(f"cost {record['cost']['name']}",), notes=tuple(record["notes"]),
+                 values={"Profile likelihood: values and 95 % intervals": rows})  # fmt: skip
 
 
 def _disturbed(record: Mapping[str, Any]) -> Found:
@@ -141,8 +147,9 @@ def _disturbed(record: Mapping[str, Any]) -> Found:
     ]  # fmt: skip
     first, *others = record["sentences"] or ["No unknown was estimated."]
     good = not record["findings"] and record["seeds"] >= ENOUGH
-    facts = (record["model"], record["optimiser"], f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
-    return Found(first, good, tuple(others), facts, (), {}, {"Bias, spread and coverage": rows})
+    facts = (record["optimiser"], f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
+    return Found(first, good, model=record["model"], said=tuple(others), facts=facts,
+                 tables={"Bias, spread and coverage": rows})  # fmt: skip
 
 
 STUDIES = {
@@ -200,21 +207,38 @@ def write_study(folder: str | Path, file: str) -> Path:
     fracid.errors.InputError: nowhere holds no compare.json. Write it: fracid compare.
     """
     folder, study = Path(folder), STUDIES[file]
-    try:
-        record = read_as(folder / file, study.record, f"fracid {study.command}")
-        record |= as_json(study.record, record)  # with what it may leave out
-    except OSError:
-        raise InputError(f"{folder} holds no {file}. Write it: fracid {study.command}.") from None
+    record = _record(folder, file)
     page = (folder / file).with_suffix(".html")
     with writing(f"The page {page}"):
         write_text(page, _page(folder, file, study, record))
     return page
 
 
-def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
-    found, environment = study.found(record), {}
+def read_study(folder: Path, file: str) -> tuple[Study, Found, str]:
+    """What a folder's record says, and when it was begun, or else written."""
+    study, record, environment = STUDIES[file], _record(folder, file), _environment(folder)
+    written = datetime.fromtimestamp((folder / file).stat().st_mtime, UTC).isoformat(timespec="seconds")
+    own = (environment.get("command") or [""])[0] == study.command
+    return study, study.found(record), environment["started"] if own and environment.get("started") else written
+
+
+def _record(folder: Path, file: str) -> dict[str, Any]:
+    command = f"fracid {STUDIES[file].command}"
+    try:
+        record: dict[str, Any] = read_as(folder / file, STUDIES[file].record, command)
+    except OSError:
+        raise InputError(f"{folder} holds no {file}. Write it: {command}.") from None
+    return record | as_json(STUDIES[file].record, record)  # with what it may leave out
+
+
+def _environment(folder: Path) -> dict[str, Any]:
     with suppress(OSError, InputError):
-        environment = read_as(folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
+        return dict(read_as(folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT"))
+    return {}
+
+
+def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
+    found, environment = study.found(record), _environment(folder)
     words = environment.get("command") or []
     command = words if words[:1] == [study.command] else [study.command, record.get("source") or _source(folder)]
     ladder = ladder_of(record) if file == "compare.json" else None

@@ -19,7 +19,7 @@ from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
-from fracid.report.study import write_study
+from fracid.report.index import write_study_page
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import as_json, fault_of
 from fracid.safety.user_code import is_own
@@ -156,7 +156,7 @@ def run_comparison(
         FinishedComparison.FILE: json_document(record), **_best(project, hierarchy, comparison, folder),
     })  # fmt: skip
     figures = saved(of_comparison(comparison), folder)
-    write_study(folder, FinishedComparison.FILE)
+    write_study_page(folder, FinishedComparison.FILE)
     watching.stage("")
     return FinishedComparison(folder, figures, record, project, comparison)
 

@@ -17,7 +17,7 @@ from fracid.errors import InputError
 from fracid.estimation.search import searched
 from fracid.problem import Problem
 from fracid.problem.project import Project
-from fracid.report.study import write_study
+from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
 from fracid.runs.folder import open_folder
 from fracid.runs.saved import SavedRun
@@ -134,7 +134,7 @@ def run_noise_study(
     record = study.to_json() | {"source": str(source)}
     write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.table())})
     figures = saved(of_study(study), folder)
-    write_study(folder, FinishedNoiseStudy.FILE)
+    write_study_page(folder, FinishedNoiseStudy.FILE)
     watching.stage("")
     return FinishedNoiseStudy(folder, figures, record, study)
 

@@ -13,7 +13,7 @@ from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
 from fracid.models import RIGS, Model, rotary_pendulum
 from fracid.problem.project import Project
-from fracid.report.study import write_study
+from fracid.report.index import write_study_page
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
@@ -100,7 +100,7 @@ def run_design(
         )  # fmt: skip
     folder = folder_of(out, Path(source), "design")
     files = plan.write(folder)
-    return FinishedDesign(plan, folder, (*files, write_study(folder, "plan.json")))
+    return FinishedDesign(plan, folder, (*files, write_study_page(folder, "plan.json")))
 
 
 def _loaded(source: str | Path, friction: bool, trust: bool) -> SavedRun | Project | Model:

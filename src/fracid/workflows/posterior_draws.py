@@ -16,7 +16,7 @@ import numpy as np
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, unknown_name, writing
-from fracid.report.study import write_study
+from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, open_folder
 from fracid.runs.saved import SavedRun, load_run
@@ -118,7 +118,7 @@ def run_posterior(
             )
     record = drawn.to_json() | {"source": str(run)}
     figures = _written(drawn, record, folder)
-    write_study(folder, FinishedPosterior.FILE)
+    write_study_page(folder, FinishedPosterior.FILE)
     return FinishedPosterior(folder, figures, record, drawn)
 
 

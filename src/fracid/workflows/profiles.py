@@ -19,7 +19,7 @@ from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
 from fracid.problem import Problem
-from fracid.report.study import write_study
+from fracid.report.index import write_study_page
 from fracid.runs.folder import MEMO
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import as_json
@@ -128,7 +128,7 @@ def run_profiles(
         watching.stage("figures")
         write_files(folder, {FinishedProfiles.FILE: json_document(record)})
         figures = saved([("profiles", likelihood.plot())], folder)
-        write_study(folder, FinishedProfiles.FILE)
+        write_study_page(folder, FinishedProfiles.FILE)
         if isinstance(memo, Memo):
             memo.remove()
     watching.stage("")
