@@ -114,6 +114,37 @@ def test_an_alternative_that_cannot_be_is_refused(tmp_path, old, new, says):
     assert says in refusal(changed(tmp_path, old, new))
 
 
+EQUATIONS = """[alternative.equations]
+y = "(length - y)/tau"
+[alternative.outputs]
+force = { equals = "k*length + c*(length - y) + 0*speed", unit = "N" }
+[alternative.parameters]"""
+
+
+def test_an_alternative_may_be_equations_of_the_models_inputs(project, tmp_path):
+    text = strip(tmp_path).read_text(encoding="utf-8")
+    written = text.replace('model = "model.py:relaxation"\n', "").replace("[alternative.parameters]", EQUATIONS)
+    (tmp_path / "own.toml").write_text(written, encoding="utf-8")
+    [own], [other] = (
+        p.alternatives.values() for p in (fracid.load_project(tmp_path / "own.toml", trust=True), project)
+    )
+    assert own.model.input_rates == {"speed": "length"}
+    assert own.cost(own.start) == pytest.approx(other.cost(other.start), rel=2e-3)  # the other's state knows its time
+    (tmp_path / "strip.toml").write_text(text.replace('model = "model.py:relaxation"\n', ""), encoding="utf-8")
+    assert "its equations, [alternative.equations]; one of the two" in refusal(tmp_path / "strip.toml")
+
+
+def test_one_stamp_that_is_off_does_not_set_the_step_nor_does_rounding_end_a_run_early(tmp_path):
+    path = strip(tmp_path)
+    time = np.append(np.arange(3001) * 0.02, 60.021)
+    force = np.column_stack([time, np.minimum(time, 0.5), time, np.ones_like(time)])
+    np.savetxt(tmp_path / "fast.csv", np.insert(force, 1500, force[1499] + [1e-4, 0, 0, 0], axis=0), delimiter=",",
+               header="time,L,F,SD", comments="", fmt="%.10g")  # fmt: skip
+    problem = fracid.load_project(path, trust=True).problem
+    assert problem.experiments[0].step == pytest.approx(0.02)
+    assert np.isfinite(problem.cost(problem.start))
+
+
 def test_an_input_that_does_not_change_is_a_number_and_time_may_begin_at_the_first_sample(tmp_path):
     path = changed(tmp_path, '"L", unit = "m" }', '"L", unit = "m" }\nspeed = { constant = 20.0, unit = "1" }')
     clock = 'time = { column = "time", zero = "first" }\nforce ='

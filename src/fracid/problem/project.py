@@ -88,6 +88,9 @@ ORDER_RANGE = Free(1.0, 0.5, 1.2)
 SPRINGPOT_RANGE = Free(0.5, 0.02, 0.98)
 """The same of a springpot's."""
 
+ALTERNATIVE = "alternative"
+"""What a model of an alternative's own equations is called."""
+
 LARGEST_FILE = 2**22
 """Of a project [bytes]: 40,000 recordings, five seconds to take apart."""
 
@@ -156,19 +159,26 @@ class _Equation(_Table):
     unit: str = ""
 
 
-class _Model(_Table):
+class _Equations(_Table):
+    """A model: its own equations, or what the values of another one's parameters and orders are."""
+
+    definitions: dict[str, str] = {}
+    equations: dict[str, str | _Equation] = {}
+    outputs: dict[str, str | _Equation] = {}
+    parameters: _Values = {}
+    orders: _Values = {}
+
+
+class _Model(_Equations):
     name: str = "rotary-pendulum"
     rig: str | None = None
     zero: str | None = None
     actuation: Literal["voltage", "torque"] | None = None
     inputs: dict[str, str] = {}
-    """Each one's unit; like the next four of a model of equations."""
-    definitions: dict[str, str] = {}
-    equations: dict[str, str | _Equation] = {}
-    outputs: dict[str, str | _Equation] = {}
+    """Each one's unit, of a model of equations."""
+    input_rates: dict[str, str] = {}
+    """And the input of which it is the rate."""
     scene: dict[str, dict[str, str | float | list[str | float]]] = {}
-    parameters: _Values = {}
-    orders: _Values = {}
 
 
 _History = Literal["measured", "none"]
@@ -217,13 +227,12 @@ class _Fit(_Table):
     preset: str | None = None
 
 
-class _Alternative(_Table):
+class _Alternative(_Equations):
     """A model of integer order that the orders are held against."""
 
     name: str
-    model: str
-    parameters: _Values = {}
-    orders: _Values = {}
+    model: str = ""
+    """Another one's name; "" for equations, whose inputs are those of the project's model."""
 
 
 class _File(_Table):
@@ -467,7 +476,14 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
 
 def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     """The same recordings with another model, every order of which is an integer."""
-    model, parameters = _model(_Model(name=spec.model, parameters=spec.parameters), folder, paper=False)
+    base = problem.model
+    shared = {"inputs": {n: base.input_units.get(n, "") for n in base.inputs}, "input_rates": {**base.input_rates}}
+    own = {n: getattr(spec, n) for n in _Equations.model_fields}
+    if bool(spec.model) == bool(spec.equations):
+        raise InputError(f"[[alternative]] {spec.name}: give the name of its model, model = \"...\", or its equations, "
+                         "[alternative.equations]; one of the two.")  # fmt: skip
+    named = {"name": spec.model} if spec.model else {"name": ALTERNATIVE, **shared}
+    model, parameters = _model(_Model.model_construct(**own, **named), folder, paper=False)
     orders = _orders(spec.orders, model)
     outputs = tuple(n for n in problem.outputs if n in model.outputs)
     pairs = {"inputs": (problem.model.inputs, model.inputs), "outputs": (problem.outputs, outputs)}
@@ -506,7 +522,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     starts = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items() if not isinstance(v, Tied)}
     if spec.equations:
         return _of_equations(spec, parameters), parameters
-    for key in ("inputs", "definitions", "outputs", "scene"):
+    for key in ("inputs", "input_rates", "definitions", "outputs", "scene"):
         if getattr(spec, key):
             raise InputError(
                 f"[model.{key}] belongs to a model of equations; give its [model.equations], or leave it out."
@@ -535,10 +551,11 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     values = {n: v.start if isinstance(v, Free) else v for n, v in roots.items()}
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, _Range | _Constant)}
     constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
-    return model_of(
+    model = model_of(
         spec.name, _equations(spec.equations), _equations(spec.outputs), spec.inputs, constants, spec.definitions,
         scene=spec.scene,
     )  # fmt: skip
+    return replace(model, input_rates=spec.input_rates)
 
 
 def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:

@@ -91,7 +91,7 @@ class Trajectory(CardDisplay):
         """
         instants = np.atleast_1d(vector("times", times))
         first, last = self.time[0], self.time[-1]
-        slack = 1e-9 * self.step
+        slack = 1e-9 * max(self.step, abs(last))
         for t in instants[(instants < first - slack) | (instants > last + slack)]:
             raise InputError(f"times: {t:g} is outside of the run, which goes from {first:g} to {last:g}.")
         return _between(self, instants)
