@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fracid.models import mass_matrix
-from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY
+from fracid.models.rigs import GRAVITY, STANDARD_GRAVITY
 
 
 def energy(model, states, overrides=None):

@@ -1,4 +1,4 @@
-"""The drawing of a rig follows its model: lengths, zeros and positive senses are those of the equations."""
+"""The drawing of a model follows its equations: lengths, zeros and positive senses are theirs."""
 
 import math
 from functools import cache
@@ -12,8 +12,9 @@ from matplotlib.text import Text
 import fracid
 from fracid.errors import InputError
 from fracid.models import RIGS, Model, Parameter, mass_matrix
+from fracid.models.library import MODEL
+from fracid.models.scene import on_paper
 from fracid.plots import rig_drawing
-from fracid.plots.rig import ALPHA, THETA, _Drawing
 from helpers.energy import energy
 
 POSES = [(0.0, 0.0), (0.4, 0.3), (-1.2, 1.9), (2.5, -0.7), (0.3, math.pi)]
@@ -33,23 +34,31 @@ def constants(model):
     return {name: model.parameter(name).value for name in ("C1", "C3", "C4", "C6", "J_theta")}
 
 
+def length(model):
+    """Of the pendulum, in which the scene is drawn [m]."""
+    return 1.5 * 9.81 * model.parameter("C1").value / model.parameter("C4").value
+
+
+def pose(model, theta, alpha):
+    """The ends of arm and pendulum [m]."""
+    arm, pendulum = model.scene.at({"theta": theta, "alpha": alpha}, model.parameter_vector().tolist())[2:]
+    assert np.array_equal(arm[1], pendulum[0])
+    assert np.array_equal(arm[0], np.zeros(3))
+    return length(model) * pendulum
+
+
 def rod(model, theta, alpha, h=1e-6):
     """Points of the drawn rod as a body of its own mass, and how they move with θ and with α."""
-    shape, C = model.geometry(), constants(model)
-    mass = 2 * C["C4"] / (9.81 * shape.pendulum)
+    mass = 2 * constants(model)["C4"] / (9.81 * length(model))
     nodes, weights = np.polynomial.legendre.leggauss(5)  # exact for what is quadratic along the rod
 
     def points(theta, alpha):
-        end, tip = shape.pose(theta, alpha)
+        end, tip = pose(model, theta, alpha)
         return end + (0.5 + 0.5 * nodes)[:, None] * (tip - end)
 
     with_theta = (points(theta + h, alpha) - points(theta - h, alpha)) / (2 * h)
     with_alpha = (points(theta, alpha + h) - points(theta, alpha - h)) / (2 * h)
     return points(theta, alpha), mass * weights / 2, with_theta, with_alpha
-
-
-def on_paper(model, points):
-    return _Drawing(model.geometry()).on_paper(points)
 
 
 @cache
@@ -72,28 +81,28 @@ def words(figure):
 
 @pytest.mark.few(20)
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("pose", POSES)
-def test_the_drawn_rod_has_the_kinetic_energy_of_the_models_mass_matrix(name, pose):
+@pytest.mark.parametrize("at", POSES)
+def test_the_drawn_rod_has_the_kinetic_energy_of_the_models_mass_matrix(name, at):
     model = model_of(name)
     C = constants(model)
-    _, mass, with_theta, with_alpha = rod(model, *pose)
-    M = mass_matrix(pose[1] - model.parameter("alpha_rest").value, C["C1"], C["C3"], C["C6"], C["J_theta"])
+    _, mass, with_theta, with_alpha = rod(model, *at)
+    M = mass_matrix(at[1] - model.parameter("alpha_rest").value, C["C1"], C["C3"], C["C6"], C["J_theta"])
     mixed, own = (mass @ (v * with_alpha).sum(axis=1) for v in (with_theta, with_alpha))
     np.testing.assert_allclose([mixed, own], [M[0, 1], M[1, 1]], rtol=1e-6, atol=1e-6 * C["C1"])
 
 
 @pytest.mark.few(20)
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("pose", POSES)
-def test_the_drawn_rod_is_as_high_as_the_models_energy_has_it(name, pose):
+@pytest.mark.parametrize("at", POSES)
+def test_the_drawn_rod_is_as_high_as_the_models_energy_has_it(name, at):
     model = model_of(name)
 
     def height(theta, alpha):
         points, mass, *_ = rod(model, theta, alpha)
         return 9.81 * mass @ points[:, 2]
 
-    states = np.array([[theta, 0.0, alpha, 0.0] for theta, alpha in (pose, (0.0, 0.0))])
-    np.testing.assert_allclose(height(*pose) - height(0.0, 0.0), -np.diff(energy(model, states))[0], atol=1e-9)
+    states = np.array([[theta, 0.0, alpha, 0.0] for theta, alpha in (at, (0.0, 0.0))])
+    np.testing.assert_allclose(height(*at) - height(0.0, 0.0), -np.diff(energy(model, states))[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -114,32 +123,29 @@ def test_released_from_rest_the_drawn_rod_and_arm_keep_their_angular_momentum(na
     [("srv02-rotpen", 0.216), ("qube-servo2", 0.085), ("cazzolato-prime", 0.278), ("odrive-furuta", 0.093525)],
 )
 def test_the_arm_is_as_long_as_its_maker_says(rig, arm):
-    assert fracid.rotary_pendulum(rig).geometry().arm == pytest.approx(arm, rel=1e-9)
+    assert np.linalg.norm(pose(fracid.rotary_pendulum(rig), 0.3, 0.2)[0]) == pytest.approx(arm, rel=1e-9)
 
 
 def test_a_uniform_rod_is_drawn_as_long_as_it_is():
-    assert fracid.rotary_pendulum("qube-servo2").geometry().pendulum == pytest.approx(0.129, rel=1e-9)
+    end, tip = pose(fracid.rotary_pendulum("qube-servo2"), 0.3, 0.2)
+    assert np.linalg.norm(tip - end) == pytest.approx(0.129, rel=1e-9)
 
 
 @given(st.floats(1e-3, 1e3))
 def test_a_factor_that_a_free_response_cannot_tell_changes_no_length(factor):
     model = fracid.rotary_pendulum("srv02-rotpen")
     scaled = model.with_parameters(**{n: factor * v for n, v in constants(model).items()})
-    one, other = model.geometry(), scaled.geometry()
-    assert (other.arm, other.pendulum) == pytest.approx((one.arm, one.pendulum))
+    np.testing.assert_allclose(pose(scaled, 0.3, 0.2), pose(model, 0.3, 0.2))
 
 
-@pytest.mark.parametrize(
-    ("constant", "said"), [("C3", "C3 = 0: the arm's length is made of it"), ("C4", "C4 = 0: lengths are made of it")]
-)
-def test_a_length_that_no_constant_makes_is_said(constant, said):
-    with pytest.raises(InputError, match=said):
-        rig_drawing(fracid.rotary_pendulum(**{constant: 0.0}))
+def test_a_length_that_no_constant_makes_is_said():
+    with pytest.raises(InputError, match=r"'cart-pole' is not drawn: with its constants a body .* is infinite"):
+        rig_drawing(fracid.model("cart-pole", ml=0.0))
 
 
-def test_a_model_of_ones_own_has_no_shape():
+def test_a_model_of_ones_own_has_no_scene():
     own = Model("balance", lambda *_: None, ("x",), ("q",), {"x": 0}, (), (Parameter("k", "1/s", 1.0, ""),), "", "")
-    with pytest.raises(InputError, match="'balance' is no rotary pendulum"):
+    with pytest.raises(InputError, match=r"'balance' is not drawn: it has no scene. Write one as \[model.scene\]"):
         own.plot()
 
 
@@ -147,67 +153,36 @@ def test_a_model_of_ones_own_has_no_shape():
 
 
 def test_the_rig_is_seen_from_above_and_not_mirrored():
-    x, y, z = on_paper(model_of("srv02-rotpen, hanging"), np.eye(3))
+    x, y, z = on_paper(np.eye(3))[0]
     assert x[0] * y[1] - x[1] * y[0] > 0  # from x to y is counter-clockwise
     assert z[0] == pytest.approx(0)
     assert z[1] > 0
 
 
-@pytest.mark.few(3)
-@pytest.mark.parametrize("name", MODELS)
-def test_the_arrow_of_theta_leads_from_x_counter_clockwise_to_the_arm(name):
-    model = model_of(name)
-    path = arrow(drawn(name), "theta")
-    x, y, _ = on_paper(model, np.eye(3))
-    start, turned = path[0], np.cross(np.c_[path, np.zeros(len(path))][:-1], np.c_[path, np.zeros(len(path))][1:])[:, 2]
-    assert start[0] * x[1] - start[1] * x[0] == pytest.approx(0)
-    assert start @ x > 0
-    assert (turned > 0).all()
-    arm = math.cos(THETA) * x + math.sin(THETA) * y
-    assert path[-1] @ arm / np.hypot(*path[-1]) / np.hypot(*arm) > 0.98
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_the_arrow_of_alpha_leads_from_its_zero_where_the_coupling_has_it_grow(name):
-    model = model_of(name)
-    path = arrow(drawn(name), "alpha")
-    C, offset = constants(model), model.parameter("alpha_rest").value
-    e_r = np.array([math.cos(THETA), math.sin(THETA), 0.0])
-    ahead = np.array([-e_r[1], e_r[0], 0.0])  # where the arm's end moves as θ grows
-    down = 1.0 if model.zero == "upright" else -1.0
-    sense = math.copysign(1.0, mass_matrix(0.0, C["C1"], C["C3"], C["C6"], C["J_theta"])[0, 1])
-    pivot = 9.81 * abs(C["C3"]) / C["C4"] * e_r
-    radius = np.hypot(*(path[0] - on_paper(model, pivot)))
-    for point, alpha in ((path[0], 0.0), (path[len(path) // 2], None), (path[-1], None)):
-        reach = point - on_paper(model, pivot)
-        angles = [alpha] if alpha is not None else np.linspace(1e-3, ALPHA, 200)
-        lines = [sense * math.sin(a - offset) * ahead + [0, 0, down * math.cos(a - offset)] for a in angles]
-        towards = on_paper(model, lines)
-        crossed = np.abs(towards[:, 0] * reach[1] - towards[:, 1] * reach[0]).min() / radius
-        assert crossed < 2e-3
-        assert (towards @ reach > 0).all()
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_zeros_and_lengths_are_written_in(name):
-    model = model_of(name)
-    said, shape = words(drawn(name)), model.geometry()
-    assert r"$\theta$ = 0" in said
-    off = "17.2° off " if model.parameter("alpha_rest").value else ""
-    assert rf"$\alpha$ = 0, {off}{model.zero}" in said
-    assert f"$l_1$ = {1e3 * shape.arm:.3g} mm" in said
-    assert f"$L$ = {1e3 * shape.pendulum:.3g} mm" in said
-    assert f"{1e3 * 2 / 3 * shape.pendulum:.3g} mm" in said.replace("\n", " ")
-    assert "uniform rod" in said.replace("\n", " ")
+@pytest.mark.parametrize("name", [*MODELS, *(n for n in MODEL if fracid.model(n).scene is not None)])
+def test_each_arrow_leads_from_where_the_output_is_zero_to_where_it_is_positive(name):
+    model = model_of(name) if name in MODELS else fracid.model(name)
+    figure, constants = rig_drawing(model), model.parameter_vector().tolist()
+    assert {p.get_gid() for p in figure.axes[0].patches} >= {f"positive-{n}" for n in model.scene.moved_by}
+    for output in model.scene.moved_by:
+        path = arrow(figure, output)
+        ends = [on_paper(model.scene.at({output: v}, constants))[0] for v in (0.0, 1e-3)]
+        moved = ends[1] - ends[0]
+        first = int(np.argmax(np.abs(moved).max(axis=(1, 2)) > 0))
+        towards = 0.3 * moved[first, 0] + 0.7 * moved[first, 1]
+        if output == model.scene.moved_by[0]:  # what comes before it moves the others with it
+            assert (path[1] - path[0]) @ towards > 0.99 * np.hypot(*(path[1] - path[0])) * np.hypot(*towards)
+        assert np.hypot(*(path[-1] - path[0])) > 0
 
 
 @pytest.mark.parametrize(
-    ("rig", "said"),
-    [("srv02-rotpen", "A positive voltage drives θ negative"), ("qube-servo2", "drives θ positive"),
-     ("stepper-freeswing", "")],
+    ("rig", "zero", "said"),
+    [("srv02-rotpen", "hanging", "A positive voltage drives θ negative"),
+     ("qube-servo2", "upright", "drives θ positive"), ("stepper-freeswing", "hanging", "")],
 )  # fmt: skip
-def test_the_drawing_says_which_way_the_motor_drives(rig, said):
-    text = words(rig_drawing(fracid.rotary_pendulum(rig))).replace("\n", " ")
+def test_the_drawing_says_where_zero_is_and_which_way_the_motor_drives(rig, zero, said):
+    text = words(rig_drawing(fracid.rotary_pendulum(rig, zero=zero))).replace("\n", " ")
+    assert f"(α = 0: {zero})" in text
     assert said in text
     assert ("drives" in text) == bool(said)
 
@@ -223,7 +198,6 @@ def test_nothing_written_leaves_the_picture_or_lies_on_other_words(name, style):
     for text, box in boxes.items():
         assert sheet.x0 <= box.x0 <= box.x1 <= sheet.x1, text
         assert sheet.y0 <= box.y0 <= box.y1 <= sheet.y1, text
-    upright = {t: b for t, b in boxes.items() if " mm" not in t or "rod" in t}  # of a slanted text the box is too large
-    for text, box in upright.items():
-        others = [other for other, b in upright.items() if other != text and box.overlaps(b)]
+    for text, box in boxes.items():
+        others = [other for other, b in boxes.items() if other != text and box.overlaps(b)]
         assert not others, (text, others)

@@ -27,7 +27,6 @@ from fracid.report import report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.page import _wide
-from fracid.report.rig import rig_lengths
 from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
 from fracid.report.verdict import verdict
 from fracid.report.whiskers import orders_drawn
@@ -648,18 +647,6 @@ def test_gravity_has_the_sign_of_the_zero():
     assert signs == {"hanging": True, "upright": False}
 
 
-@pytest.mark.parametrize("name", ["srv02-rotpen", "qube-servo2", "cazzolato-prime", "odrive-furuta"])
-def test_a_rod_is_drawn_with_the_lengths_that_made_its_constants(name):
-    rng = np.random.default_rng(len(name))
-    m, L, arm = rng.uniform(0.05, 0.3, 3)
-    rod = {"C1": m * L**2 / 3, "C3": m * arm * L / 2, "C4": m * 9.81 * L / 2}
-    drawn = rig_lengths(fracid.rotary_pendulum(name, **rod))
-    assert (drawn["arm"], drawn["pendulum"]) == pytest.approx((arm, L))
-    for kind, factor in (("identifiable", 1.2), ("practically not", 1.0)):
-        found = rig_lengths(fracid.rotary_pendulum(name, **rod), {"C1": estimate(1.2 * rod["C1"], kind=kind)})
-        assert (found["arm"], found["pendulum"]) == pytest.approx((arm, factor * L))
-
-
 @pytest.mark.parametrize("n", [5, 799, 20_001, 100_000])
 def test_thinning_keeps_ends_and_extremes_and_holds_its_budget(n):
     rng = np.random.default_rng(n)
@@ -922,29 +909,16 @@ def test_another_recording_is_chosen_by_name(browser, file):
     assert browser.run("player.trace.end") == pytest.approx(6.0)
 
 
-def test_the_drawn_rig_stands_where_the_measured_angles_say(browser, file):
+def test_the_drawn_rig_stands_where_the_measured_angles_say(browser, file, material):
     browser.open(file, **CALM)
-    arm, length = (browser.run(f"DATA.rig.{n}") for n in ("arm", "pendulum"))
-    for θ, α in [(0, 0), (30, 0), (0, 90), (-50, 140)]:
-        pose = browser.run(f"player.rig.pose({θ}, {α})")
-        end, tip = np.array(pose["end"]), np.array(pose["tip"])
-        assert np.linalg.norm(end) == pytest.approx(arm)
-        assert np.linalg.norm(tip - end) == pytest.approx(length)
-        assert (tip - end) @ end == pytest.approx(0, abs=1e-12)  # it turns about the arm
-        assert math.degrees(math.atan2(end[1], end[0])) == pytest.approx(θ)
-        assert tip[2] == pytest.approx(-length * math.cos(math.radians(α)))
-
-
-@pytest.mark.parametrize("zero", ["hanging", "upright"])
-def test_the_drawn_rig_swings_to_the_side_that_the_mass_matrix_says(browser, file, zero):
-    """M12 = C3 cos α is m ∂r/∂θ · ∂r/∂α of the centre of mass, for both zeros with C3 > 0."""
-    browser.open(file, **CALM)
-    browser.run(f"player.rig.lengths = {{arm: 0.2, pendulum: 0.3, zero: '{zero}'}}")
-    tip = lambda θ, α: np.array(browser.run(f"player.rig.pose({θ}, {α}).tip"))  # noqa: E731
-    for θ, α in [(20, 0), (-70, 40), (10, 130)]:
-        by_θ = (tip(θ + 0.01, α) - tip(θ - 0.01, α)) / np.radians(0.02)
-        by_α = (tip(θ, α + 0.01) - tip(θ, α - 0.01)) / np.radians(0.02)
-        assert by_θ @ by_α == pytest.approx(0.2 * 0.3 * math.cos(math.radians(α)), rel=1e-5, abs=1e-9)
+    model, result = material.project.problem.model, material.result
+    found = {n: e["value"] for n, e in result["parameters"].items() if n in model.parameter_names}
+    constants = model.with_parameters(**found).parameter_vector().tolist()
+    for θ, α in [(0, 0), (0.5, 0), (0, 1.6), (-0.9, 2.4)]:
+        drawn = browser.run(f"player.rig.at([{θ}, {α}]).map(b => [b.from, b.to])")
+        np.testing.assert_allclose(drawn, model.scene.at({"theta": θ, "alpha": α}, constants), atol=1e-9)
+    measured = browser.run("player.pose('measured', 0)")
+    assert np.degrees(measured) == pytest.approx(browser.run("player.trace.outputs.map(o => o.measured[0])"))
 
 
 SEEN = """[...document.querySelectorAll('svg.still')].filter(e => e.getClientRects().length).length"""

@@ -146,7 +146,7 @@ class FitPictures:
         return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)
 
     def plot_rig(self: Fitted, *, style: str | Style = "screen") -> Figure:
-        """The rig to scale, its pendulum as found; see :func:`fracid.plots.rig_drawing`.
+        """The model's scene with the constants as found; see :func:`fracid.plots.rig_drawing`.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class FitPictures:
         Raises
         ------
         InputError
-            If the model says nothing of its shape.
+            If the model has no scene.
         """
         return rig_as_found(self.problem.model, self.parameters).plot(style=style)
 
@@ -186,7 +186,7 @@ def _one(fit: Fitted, name: str | None) -> RecordingFit:
 
 
 def rig_as_found(model: Model, parameters: Mapping[str, Estimate]) -> Model:
-    """The model with the constants that a drawing takes as found, where they are identifiable.
+    """The model with its constants as found.
 
     Parameters
     ----------
@@ -198,6 +198,5 @@ def rig_as_found(model: Model, parameters: Mapping[str, Estimate]) -> Model:
     -------
     Model
     """
-    names = () if model.drawing is None else model.drawing.as_found
-    constants = {n: e.value for n in names if (e := parameters.get(n)) and e.identifiable == "identifiable"}
-    return model.with_parameters(**constants)
+    found = {n: e.value for n, e in parameters.items() if n in model.parameter_names and e.value is not None}
+    return model.with_parameters(**found)

@@ -19,7 +19,7 @@ import numpy as np
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.identified import Identified, one_line
-from fracid.models.geometry import STANDARD_GRAVITY
+from fracid.models.rigs import STANDARD_GRAVITY
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Expression, Name, Number, mentioned
 from fracid.safety.door import own_text

@@ -61,7 +61,6 @@ from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
 from fracid.models.friction import BY_NAME, Friction
-from fracid.models.geometry import RigGeometry
 from fracid.models.joints import Complement
 from fracid.models.written.reading import read, read_outputs
 from fracid.models.written.tree import Program
@@ -159,16 +158,6 @@ class Angle:
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """How a rig is drawn to scale."""
-
-    shape: Callable[[Model], RigGeometry]
-    """From the constants."""
-    as_found: tuple[str, ...] = ()
-    """Constants that a drawing of a fit takes as found, where they are identifiable."""
-
-
-@dataclass(frozen=True)
 class LinearTerms:
     """The equations as Σ columns · constants = 0, for :mod:`fracid.regression`: of an arm and a pendulum at its end."""
 
@@ -254,10 +243,8 @@ class Model(CardDisplay):
     not say: ``b_theta`` is b with the index θ, ``D^mu alpha`` is ω with the index α."""
     paper: str = ""
     """Whose equations the numbers in descriptions of parameters are: "(8)"."""
-    drawing: Drawing | None = None
-    """To scale, in space; None for one that is not drawn so."""
     scene: Scene | None = None
-    """In a plane; None for one whose curves are all that is drawn."""
+    """How it is drawn; None for one whose curves are all that is drawn."""
     postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
     """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
     smooth: Callable[[Model, Mapping[str, float]], Mapping[str, float]] | None = None
@@ -608,26 +595,8 @@ class Model(CardDisplay):
         """
         return {name: states[other] for name, other in self.follows.items() if other in states} | dict(states)
 
-    def geometry(self) -> RigGeometry:
-        """The shape that its constants determine, and what stands for what they do not.
-
-        Raises
-        ------
-        InputError
-            If the model says nothing of its shape, or a constant that makes a length is zero.
-
-        Examples
-        --------
-        >>> from fracid.models import rotary_pendulum
-        >>> rotary_pendulum("qube-servo2", zero="upright").geometry().zero
-        'upright'
-        """
-        if self.drawing is None:
-            raise InputError(f"The model {self.name!r} is no rotary pendulum, whose shape alone fracid knows.")
-        return self.drawing.shape(self)
-
     def plot(self, *, style: str | Style = "screen") -> Figure:
-        """Draw a rotary pendulum to scale, with zeros and senses of its angles: :func:`fracid.plots.rig_drawing`.
+        """Draw the model, with zeros and positive senses of its outputs: :func:`fracid.plots.rig_drawing`.
 
         Parameters
         ----------
@@ -637,7 +606,7 @@ class Model(CardDisplay):
         Raises
         ------
         InputError
-            If the model says nothing of its shape.
+            If the model has no scene.
 
         Examples
         --------

@@ -79,11 +79,11 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.models.base import Angle, Drawing, LinearTerms, Model, Parameter, RightHandSide
+from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide
 from fracid.models.friction import ELASTIC, SPRING, TILT
-from fracid.models.geometry import GRAVITY, STANDARD_GRAVITY, RigGeometry
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
-from fracid.models.rigs import RIGS
+from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
+from fracid.models.scene import Scene, scene_of
 from fracid.safety.door import own_text
 
 FRICTION = {
@@ -180,7 +180,7 @@ def rotary_pendulum(
         seen_in={"lambda": "theta"},
         symbols=SYMBOLS,
         paper=PAPER,
-        drawing=Drawing(_shape, as_found=("C1",)),
+        scene=_scene(zero),
         postures=_postures,
         smooth=_smooth,
         linear_terms=LINEAR_TERMS,
@@ -358,16 +358,24 @@ def _number(name: str, value: float) -> float:
 # --- for reports, figures and exports -----------------------------------------------------------------
 
 
-def _shape(model: Model) -> RigGeometry:
-    """What the constants say of lengths; :mod:`fracid.models.geometry` derives it."""
-    C1, C3, C4 = (model.parameter(name).value for name in ("C1", "C3", "C4"))
-    for name, value, what in (("C4", C4, "lengths are"), ("C3", C3, "the arm's length is")):
-        if value == 0.0:
-            raise InputError(f"{name} = 0: {what} made of it (l1 = g C3/C4, L = 3 g C1/(2 C4)); give it its value.")
-    scale = STANDARD_GRAVITY / C4
-    return RigGeometry(
-        scale * abs(C3), 1.5 * scale * C1, model.zero, math.copysign(1.0, C3), model.parameter("alpha_rest").value
-    )
+@cache
+def _scene(zero: str) -> Scene | None:
+    """Arm and pendulum in lengths of the pendulum: it is the uniform rod that swings as fast.
+
+    Of C1 = m L²/3, C3 = m l₁ L/2 and C4 = m g L/2 come L = 3 g C1/(2 C4) and l₁ = g |C3|/C4.  The tip is at
+    l₁ e_r + L (s sin α e_t ± cos α z) with s the sign of C3 and + where α = 0 is upright, since the kinetic energy of
+    a rod in these places has C3 cos α θ' α' for its mixed term, as (8) has.
+    """
+    arm, ahead = "abs(C3)/(1.5*C1)", "sign(C3)*sin(alpha - alpha_rest)"
+    end = [f"{arm}*cos(theta)", f"{arm}*sin(theta)", 0]
+    tip = [f"{end[0]} - {ahead}*sin(theta)", f"{end[1]} + {ahead}*cos(theta)", "up*cos(alpha - alpha_rest)"]
+    bodies = {
+        "foot": {"shape": "box", "from": [0, 0, -1.15], "to": [0, 0, -1.1], "width": 0.7},
+        "column": {"shape": "box", "from": [0, 0, -1.1], "to": [0, 0, -0.03], "width": 0.12},
+        "arm": {"shape": "rod", "from": [0, 0, 0], "to": end, "width": 0.06},
+        "pendulum": {"shape": "rod", "from": end, "to": tip, "width": 0.05},
+    }
+    return scene_of(bodies, ("theta", "alpha"), [p.name for p in PARAMETERS], {"up": GRAVITY[zero]})
 
 
 def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:

@@ -26,6 +26,12 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.safety.door import own_text
 
+GRAVITY = {"upright": 1.0, "hanging": -1.0}
+"""The sign of gravity's torque at a small positive angle, by what the angle zero is."""
+
+STANDARD_GRAVITY = 9.81
+"""[m/s²], as in the rigs' constants."""
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -51,7 +57,7 @@ def lumped_constants(
     I2zz: float,
     I2xx: float = 0.0,
     I2xz: float = 0.0,
-    gravity: float = 9.81,
+    gravity: float = STANDARD_GRAVITY,
 ) -> dict[str, float]:
     """Return the lumped constants (2)-(7) of a rotary pendulum from its geometry.
 

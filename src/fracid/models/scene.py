@@ -1,4 +1,4 @@
-"""A drawing is a scene: bodies in a plane, each from one point to another, which are functions of the outputs.
+"""A drawing is a scene: bodies in a plane or in space, each from one point to another: functions of the outputs.
 
 ``[model.scene]`` of a project or of the library has a row for each body, the first behind all others::
 
@@ -6,7 +6,8 @@
     cart = { shape = "box", from = ["position - 0.1", 0], to = ["position + 0.1", 0], width = 0.1 }
     rod  = { shape = "rod", from = ["position", 0], to = ["position + sin(angle)", "-cos(angle)"] }
 
-A point has x to the right and y up, in any unit; outputs and parameters may stand in it.  The shapes are
+A point has x to the right and y up, or x, y and z with z up, in any unit; outputs and parameters may stand in it.  A
+body in space is as flat as one in a plane, and faces the reader.  The shapes are
 
 ===========  =======================================
 ``box``      a bar with square ends, `width` thick
@@ -16,14 +17,15 @@ A point has x to the right and y up, in any unit; outputs and parameters may sta
 ``vessel``   open above, from the middle of its bottom to that of its rim, `width` wide
 ===========  =======================================
 
-The page moves it (``scene.js``), and :func:`fracid.plots.rig_drawing` and the page's still draw its :func:`outline`.
+The page moves it (``scene.js``); :func:`fracid.plots.rig_drawing` and the page's still draw :meth:`Scene.drawn`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from math import hypot
+from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,13 @@ SHAPES = ("box", "rod", "disc", "spring", "vessel")
 
 THIN = 0.05
 """Width of a body that says none."""
+
+
+OPEN = ("spring", "vessel")
+"""Those without an inside."""
+
+VIEW = -1.1, 0.42
+"""Azimuth and elevation from which a scene in space is seen [rad]; the page's camera begins there too."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,8 @@ class Scene:
     """All of the model's."""
     bodies: tuple[Body, ...]
     program: Program
-    """(t, outputs, (), parameters, out): x and y of where each body begins and ends, four numbers a body."""
+    """(t, outputs, (), parameters, out): where each body begins and ends, twice `dimension` numbers a body."""
+    dimension: int = 2
 
     @property
     def moved_by(self) -> tuple[str, ...]:
@@ -68,7 +78,9 @@ class Scene:
         return tuple(n for i, n in enumerate(self.outputs) if i in used)
 
     def at(self, values: Mapping[str, float], parameters: Sequence[float]) -> FloatArray:
-        """Where the bodies begin and end, shape (n_bodies, 2, 2): body, end, x and y; outputs that are missing are 0.
+        """Where the bodies begin and end, shape (n_bodies, 2, dimension); an output that is missing is 0.
+
+        NaN where the constants give no finite place.
 
         Examples
         --------
@@ -77,9 +89,16 @@ class Scene:
         >>> cart.scene.at({"position": 1.0}, [p.value for p in cart.parameters])[-1].round(2).tolist()
         [[1.0, 0.0], [1.0, -0.3]]
         """
-        out = np.zeros(4 * len(self.bodies))
-        Formula(self.program)(0.0, [values.get(n, 0.0) for n in self.outputs], [], parameters, out)
-        return out.reshape(-1, 2, 2)
+        out = np.full(2 * self.dimension * len(self.bodies), np.nan)
+        with suppress(ArithmeticError, ValueError):  # a length that a constant of 0 makes infinite
+            Formula(self.program)(0.0, [values.get(n, 0.0) for n in self.outputs], [], parameters, out)
+        return out.reshape(-1, 2, self.dimension)
+
+    def drawn(self, values: Mapping[str, float], parameters: Sequence[float]) -> list[tuple[Body, FloatArray]]:
+        """The bodies with their outlines on paper, the farthest first."""
+        places, depth = on_paper(self.at(values, parameters))
+        behind = np.argsort(-depth.mean(axis=1), kind="stable")
+        return [(self.bodies[k], outline(self.bodies[k], places[k])) for k in behind]
 
 
 def scene_of(
@@ -99,6 +118,7 @@ def scene_of(
     names |= {n: Entry("p", Number(k), n) for k, n in enumerate(parameters)}
     bodies: list[Body] = []
     body: list[Assign] = []
+    dimension = 0
     for name, row in rows.items():
         where = f"[model.scene] {name}"
         if row.get("shape") not in SHAPES:
@@ -111,17 +131,36 @@ def scene_of(
         width = row.get("width", THIN)
         if isinstance(width, bool) or not isinstance(width, int | float) or not 0 < width < np.inf:
             raise InputError(f"{where}: width = {width!r}; expected a number above 0.")
+        if len(texts) != 2 * (dimension := dimension or len(texts) // 2):
+            raise InputError(f"{where}: points of {len(row['from'])} and {len(row['to'])} coordinates; "
+                             f"those before have {dimension}.")  # fmt: skip
         moves = any(isinstance(e, Entry) and e.array == "x" for e in parts(tuple(ends)))
         body += [Assign(Entry("out", Number(len(body) + k)), value) for k, value in enumerate(ends)]
         bodies.append(Body(name, row["shape"], float(width), moves))
     places = tuple(f"end_{k}" for k in range(len(body)))
-    return Scene(outputs, tuple(bodies), Program(places, (), (), tuple(body))) if bodies else None
+    return Scene(outputs, tuple(bodies), Program(places, (), (), tuple(body)), dimension) if bodies else None
 
 
-def _point(where: str, end: str, point: Any) -> tuple[str, str]:
-    if not isinstance(point, list) or len(point) != 2 or any(isinstance(v, bool | list | dict) for v in point):
+def _point(where: str, end: str, point: Any) -> list[str]:
+    if not isinstance(point, list) or len(point) not in (2, 3) or any(isinstance(v, bool | list | dict) for v in point):
         raise InputError(f'{where}: {end} = {point!r}; expected a point, as in {end} = ["position", 0].')
-    return str(point[0]), str(point[1])
+    return [str(v) for v in point]
+
+
+def on_paper(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points, shape (..., 2) or (..., 3), as they are seen, shape (..., 2), and how far away each is.
+
+    Examples
+    --------
+    >>> on_paper(np.array([0.0, 0.0, 1.0]))[0].round(3).tolist()
+    [0.0, 0.913]
+    """
+    if points.shape[-1] == 2:
+        return points, np.zeros(points.shape[:-1])
+    azimuth, elevation = VIEW
+    x, y, z = np.moveaxis(points, -1, 0)
+    right, back = cos(azimuth) * x - sin(azimuth) * y, sin(azimuth) * x + cos(azimuth) * y
+    return np.stack([right, cos(elevation) * z + sin(elevation) * back], -1), cos(elevation) * back - sin(elevation) * z
 
 
 def outline(body: Body, ends: FloatArray) -> FloatArray:
@@ -143,6 +182,11 @@ def outline(body: Body, ends: FloatArray) -> FloatArray:
         share = np.linspace(0, 1, 26)[:, None]
         side = np.where((np.arange(26) < 3) | (np.arange(26) > 22), 0.0, (-1.0) ** np.arange(26))[:, None]
         return np.asarray(start + share * along + side * across)
+    if body.shape == "rod":
+        turn = np.linspace(0.5, 1.5, 13)[:, None] * np.pi
+        ahead = 0.5 * body.width * along / (length or 1.0)
+        caps = [at + np.cos(turn) * s * ahead + np.sin(turn) * s * across for at, s in ((start, 1), (end, -1))]
+        return np.vstack([*caps, caps[0][:1]])
     corners = [start + across, end + across, end - across, start - across]
     if body.shape == "vessel":
         return np.array([corners[1], corners[0], corners[3], corners[2]])

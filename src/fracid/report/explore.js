@@ -482,7 +482,7 @@ class Explore {
   }
 
   pose(lines, n) {
-    return posture(this.recording.name, name => {
+    return posture(name => {
       const at = this.outputs.findIndex(o => o.name === name), v = at < 0 ? 0 : lines[at][n];
       return Number.isFinite(v) ? v : 0;
     });

@@ -100,7 +100,7 @@ class Player {
     this.seek(0);
   }
 
-  pose(which, time) { return posture(this.trace.said.name, name => this.trace.angle(name, which, time)); }
+  pose(which, time) { return posture(name => this.trace.angle(name, which, time)); }
 
   chart(spec) {
     const host = element("traces").appendChild(document.createElement("div"));

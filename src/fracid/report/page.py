@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import degrees, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,6 @@ from fracid.report.index import (
     write_study_page,
 )
 from fracid.report.material import Material
-from fracid.report.rig import rig_lengths, rig_still
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
 from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
@@ -66,7 +65,7 @@ WIDE = 0.5
 STILL_RECORDINGS = 6
 """Of more, each line gets fewer points: a page of two hundred stays light."""
 
-SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "scene.js", "rig.js", "page.js")
+SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "scene.js", "page.js")
 """In this order, into one element each."""
 
 
@@ -190,27 +189,12 @@ def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
     content = {
         "recordings": traces(material),
         "charts": {name: chart.to_json() for name, chart in charts.items()},
-        "rig": _rig(material),
+        "rig": scene_data(material),
         "plane": _plane_data(material),
         "profiles": _profiles(material),
         "explore": explore(material),
     }
     return in_script(content)
-
-
-def _rig(material: Material) -> dict[str, Any] | None:
-    model = material.project.problem.model
-    if model.scene is not None:
-        return scene_data(material)
-    lengths = rig_lengths(model, material.result["parameters"])
-    if lengths is None or model.pendulum not in material.project.problem.outputs:
-        return None
-    rest, own = {}, model.angles[model.pendulum].rest
-    shared = material.result["parameters"].get(own, {}).get("value") or 0.0
-    for name, r in material.result["recordings"].items():
-        rest[name] = degrees(r["parameters"].get(own, {}).get("value") or shared)
-    outputs = [{"name": "theta", "factor": 1, "rest": {}}, {"name": model.pendulum, "factor": 1, "rest": rest}]
-    return lengths | {"outputs": outputs}
 
 
 def _plane_data(material: Material) -> dict[str, Any] | None:
@@ -314,7 +298,7 @@ def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         ]
         for name, r in material.recordings.items()
     }
-    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": _rig_still(material),
+    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": scene_still(material),
             **_surfaces(material)}  # fmt: skip
 
 
@@ -334,20 +318,6 @@ def _joint_surface(joint: Mapping[str, Any]) -> Surface:
     (first, second), best = joint["names"], joint["best"]
     return Surface((first, second), np.array(joint["first"]), np.array(joint["second"]), rise, scale,
                    (best[0], best[1]), what="Rise", bar=False)  # fmt: skip
-
-
-def _rig_still(material: Material) -> Markup:
-    lengths, r = _rig(material), next(iter(material.recordings.values()))
-    if lengths is None:
-        return Markup("")
-    if "bodies" in lengths:
-        return scene_still(material.project.problem.model, lengths, r)
-    pendulum = material.project.problem.model.pendulum
-    count = max(2, np.searchsorted(r.time, r.time[0] + 0.1 * (r.time[-1] - r.time[0])))
-    every = max(1, int(count) // 300)
-    α = np.nan_to_num(r.fitted[pendulum][:count:every]) - np.radians(lengths["outputs"][1]["rest"].get(r.name, 0.0))
-    θ = np.nan_to_num(r.fitted["theta"][:count:every]) if "theta" in r.fitted else np.zeros_like(α)
-    return rig_still(lengths, θ, α)
 
 
 # --- what the template says --------------------------------------------------------------------------
@@ -391,7 +361,7 @@ def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
         "residuals": [_residual(material, a) | {"charts": _of(charts, f"residual-{k}-{n}")}
                       for k, outputs in enumerate(material.analyses.values()) for n, a in outputs.items()],
         "shown": material.shown,
-        "rig": _rig(material),
+        "rig": scene_data(material),
         "plane": _plane_data(material),
         "explore_reason": not_explored(material),
         "profiles": material.beside("profiles.json"),

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.models.scene import outline
+from fracid.models.scene import OPEN
 from fracid.models.written.languages import JavaScript
 
 if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
     from fracid.models import Model
     from fracid.report.material import Material
 
@@ -21,13 +20,13 @@ def scene_data(material: Material) -> dict[str, Any] | None:
     """Bodies, the outputs that move them and the constants of each recording; None where no such output was fitted."""
     problem, result = material.project.problem, material.result
     scene = problem.model.scene
-    assert scene is not None
-    if not {*scene.moved_by} & {*problem.outputs}:
+    if scene is None or not {*scene.moved_by} & {*problem.outputs}:
         return None
     known = {p.name: p.value for p in problem.model.parameters} | _values(result["parameters"])
     return {
+        "dimension": scene.dimension,
         "bodies": [vars(body) for body in scene.bodies],
-        "outputs": [{"name": n, "factor": material.unit(n)[1], "rest": {}} for n in scene.outputs],
+        "outputs": [{"name": n, "factor": material.unit(n)[1]} for n in scene.outputs],
         "constants": {name: known | _values(r["parameters"]) for name, r in result["recordings"].items()},
     }
 
@@ -44,19 +43,23 @@ def scene_script(model: Model) -> list[Markup]:
     return [Markup(text.replace("const model", "const scenePose", 1))]  # of a tree: numbers, and names as JavaScript's
 
 
-def scene_still(model: Model, data: Mapping[str, Any], r: RecordingFit, size: tuple[int, int] = (400, 300)) -> Markup:
-    """The scene as simulated at the first sample, as SVG."""
-    scene, constants = model.scene, data["constants"][r.name]
-    assert scene is not None
+def scene_still(material: Material, size: tuple[int, int] = (400, 300)) -> Markup:
+    """The scene as simulated at the first sample, as SVG; nothing without one."""
+    model, data, r = material.project.problem.model, scene_data(material), next(iter(material.recordings.values()))
+    if model.scene is None or data is None:
+        return Markup("")
+    constants = data["constants"][r.name]
     values = {n: float(np.nan_to_num(r.fitted[n][0])) for n in r.fitted}
-    ends = scene.at(values, [constants[p.name] for p in model.parameters])
-    lines = [outline(body, at) for body, at in zip(scene.bodies, ends, strict=True)]
-    low, high = (f(np.vstack(lines), axis=0) for f in (np.min, np.max))
+    bodies = model.scene.drawn(values, [constants[p.name] for p in model.parameters])
+    places = np.vstack([line for _, line in bodies])
+    if not np.isfinite(places).all():
+        return Markup("")
+    low, high = places.min(axis=0), places.max(axis=0)
     scale = 0.9 * np.min(np.array(size) / np.maximum(high - low, 1e-12))
     drawn = []
-    for body, line in zip(scene.bodies, lines, strict=True):
+    for body, line in bodies:
         places = np.array(size) / 2 + scale * (line - (low + high) / 2) * (1, -1)
-        kind = "way" if body.shape in ("spring", "vessel") else "body moves" if body.moves else "body"
+        kind = "way" if body.shape in OPEN else "body moves" if body.moves else "body"
         drawn.append(f'<polyline class="{kind}" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>')
     opened = f'<svg class="still" viewBox="0 0 {size[0]} {size[1]}" role="img" aria-label="As simulated at the start">'
     return Markup(f"{opened}{''.join(drawn)}</svg>")  # numbers alone
