@@ -222,7 +222,7 @@ def identify(
             analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
             analysis.seen += failed(work, result.best.point)
         else:
-            _examine(analysis, validation, whole if cut else None, jobs, clock, watching)
+            _examine(analysis, _Given(validation, whole if cut else None, jobs, watching), clock)
         analysis.problem.last_derivatives.clear()  # some hundred megabytes
         if analysis.interrupted:
             watching.interrupted()
@@ -266,6 +266,17 @@ LOWER = 1e-3
 """A cost that is lower by this part is lower."""
 
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What the steps after the search are given beside the minimum."""
+
+    validation: tuple[Experiment, ...]
+    whole: Mapping[str, Experiment] | None
+    """Recordings with what came before their start; None where that is not asked."""
+    jobs: int
+    observer: Observer
 
 
 @dataclass
@@ -323,22 +334,22 @@ class _Findings:
         """A problem on the recordings at their own rate."""
         return problem if self.sampled is None else on_every_sample(problem, self.sampled)
 
-    def correct(self, jobs: int) -> None:
+    def correct(self, given: _Given) -> None:
         """Give long records, searched with coarse steps, the residuals of their own."""
         if not is_coarse(self.problem):
             return
-        exact = corrected(self.problem, self.result.best.point, self.substeps, jobs)
+        exact = corrected(self.problem, self.result.best.point, self.substeps, given.jobs)
         if isinstance(exact, Failure):
             self.warnings.append(f"With a step a sample the best run fails: {exact}.")
         else:
             self.problem, best = exact
             self.result = replace(self.result, best=best)
 
-    def open_bounds(self, jobs: int) -> None:
+    def open_bounds(self, given: _Given) -> None:
         """Go on beyond the bounds that stop the search, where that is worth it."""
         if self.optimiser.keeps_its_own:
             return
-        wider, lower = open_bounds(self.problem, self.result.best, jobs=jobs)
+        wider, lower = open_bounds(self.problem, self.result.best, jobs=given.jobs)
         if wider is not self.problem:
             if self.asked is None:
                 self.asked, self.within = self.problem, self.result.best.cost
@@ -358,40 +369,42 @@ class _Findings:
             fitted = {e.name: _recording(problem, x, estimates, e, "fit") for e in problem.experiments}
             observer.recordings(fitted | self.validated)
 
-    def settle(self, jobs: int) -> None:
+    def settle(self, given: _Given) -> None:
         """Go on to the minimum itself, and find what is known there."""
         problem, best = self.problem, self.result.best
         self.near = None
         if problem.cost_function.loss is not None and problem.blocks is None and problem.names:
             own = self.optimiser.keeps_its_own
-            found = tangent(problem, best.point, jobs=jobs) if own else settled(problem, best.point, jobs=jobs)
+            found = (
+                tangent(problem, best.point, jobs=given.jobs) if own else settled(problem, best.point, jobs=given.jobs)
+            )
             if isinstance(found, Tangent):
                 self.near, self.result = found, replace(self.result, best=best if own else found.evaluation)
-        known = uncertainty(problem, self.result.best.point, jobs=jobs, near=self.near)
-        self.known = with_start(problem, self.result.best.point, known, jobs=jobs)
+        known = uncertainty(problem, self.result.best.point, jobs=given.jobs, near=self.near)
+        self.known = with_start(problem, self.result.best.point, known, jobs=given.jobs)
 
-    def walk(self, jobs: int) -> Evaluation | None:
+    def walk(self, given: _Given) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
         if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
             return None
         while True:
-            found = walked(self.near, self.known, jobs=jobs)
+            found = walked(self.near, self.known, jobs=given.jobs)
             bent = isinstance(found, Evaluation) or found.walked.any()
-            if not (bent and self._halve(jobs)):  # bumps that the step makes are no valley
+            if not (bent and self._halve(given)):  # bumps that the step makes are no valley
                 break
         if isinstance(found, Evaluation):
             return found
         self.known = found
         return None
 
-    def _halve(self, jobs: int) -> bool:
+    def _halve(self, given: _Given) -> bool:
         """Halve the step where the fit may choose it and its errors may bend intervals; whether it was."""
         if self.fixed_step or self.check is None or self.near is None or is_coarse(self.problem):
             return False
         rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
         if not rises.size or not is_rough(self.near, float(rises.min())):
             return False
-        finer = halved(Refined(self.problem, self.result.best, self.known, self.check, self.near), jobs)
+        finer = halved(Refined(self.problem, self.result.best, self.known, self.check, self.near), given.jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
         began = 1 if self.sampled is None else self.sampled.substeps
@@ -399,96 +412,93 @@ class _Findings:
             f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors may bend an "
             "interval."
         )
-        self.take(replace(finer, check=replace(finer.check, refinement=said)), jobs)
+        self.take(replace(finer, check=replace(finer.check, refinement=said)), given)
         return True
 
-    def take(self, finer: Refined, jobs: int) -> None:
+    def take(self, finer: Refined, given: _Given) -> None:
         """Go on at a finer step, with derivatives of its own: those of the coarser one led there."""
         self.problem, self.check, self.result = finer.problem, finer.check, replace(self.result, best=finer.best)
-        self.settle(jobs)
+        self.settle(given)
 
-    def with_quiet_step(self, jobs: int) -> None:
+    def with_quiet_step(self, given: _Given) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
-        self.check = replace(discretisation_check(problem, x, self.known, jobs, substeps=self.substeps, near=self.near),
-                             refinement=taken)  # fmt: skip
+        check = discretisation_check(problem, x, self.known, given.jobs, substeps=self.substeps, near=self.near)
+        self.check = replace(check, refinement=taken)
         fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
-        finer = None if fixed else finer_step(problem, x, self.check, jobs, self.near)
+        finer = None if fixed else finer_step(problem, x, self.check, given.jobs, self.near)
         if finer is not None:
-            self.take(finer, jobs)
+            self.take(finer, given)
 
 
-def _examine(
-    analysis: _Findings,
-    validation: tuple[Experiment, ...],
-    whole: Mapping[str, Experiment] | None,
-    jobs: int,
-    clock: _Clock,
-    observer: Observer,
-) -> None:
-    """The steps after the search, again where a nested model leads lower; without `whole` the cut is not checked."""
-    unpolished = analysis.optimiser.keeps_its_own
+def _examine(analysis: _Findings, given: _Given, clock: _Clock) -> None:
+    """Take the steps after the search, from the first one again where one of them sees a lower minimum."""
+    steps, done = STEPS if given.whole is None else (*STEPS, WHERE_IT_BEGINS), 0
     try:
-        clock.begin("bounds", "bounds")
-        analysis.open_bounds(jobs)
-        clock.begin("all samples", "correction")
-        analysis.correct(jobs)
-        clock.begin("intervals", "uncertainty")
-        analysis.settle(jobs)
-        clock.begin("check of the step", "discretisation")
-        analysis.with_quiet_step(jobs)
-        clock.begin("ends of the intervals", "walk")
-        if (lower := analysis.walk(jobs)) is not None and analysis.restarts < RESTARTS:
-            analysis.restart(lower)
-            return _examine(analysis, validation, whole, jobs, clock, observer)
-        analysis.show(observer)
-        problem, x = analysis.problem, analysis.result.best.point
-        clock.begin("identifiability", "uncertainty")
-        analysis.verdicts = identifiability(problem, x, analysis.known, jobs=jobs)
-        clock.begin("checks of the fit", "honesty")
-        analysis.seen += [
-            f for f in after(problem, x, analysis.known, jobs=jobs) if not (unpolished and f.code == "stopped-short")
-        ]  # whose polishing says more, below
-        if analysis.restarts < RESTARTS and (lower := _onward(analysis, jobs)) is not None:
-            analysis.restart(lower)
-            return _examine(analysis, validation, whole, jobs, clock, observer)
-        clock.begin("validation", "validation")
-        for e in validation:
-            analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, jobs)
-            analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
-        if validation:
-            analysis.show(observer)
-        if analysis.check is not None:
-            analysis.warnings.append(analysis.check.warning)
-            analysis.seen += coarse_step(problem, analysis.check)
-        clock.begin("each recording alone", "spread")
-        if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
-            analysis.spread = spread(problem, x, jobs=jobs)
-            analysis.warnings += analysis.spread.sentences()
-        clock.begin("least squares from the best point", "polish")
-        if unpolished and problem.cost_function.loss is not None:
-            polished = uninterrupted(refined(problem, x, jobs, Watch())).best
-            analysis.warnings.append(_stopped_short(problem, analysis.result.best, polished, analysis.known))
-        clock.begin("integer-order alternative", "alternative")
-        _claim(analysis, jobs)
-        clock.begin("search from the integer-order model", "nested")
-        if (lower := _from_nested(analysis, jobs)) is not None:
-            if analysis.restarts < RESTARTS:
+        while done < len(steps):
+            stage, key, step = steps[done]
+            clock.begin(stage, key)
+            lower, done = step(analysis, given), done + 1
+            if lower is not None and analysis.restarts < RESTARTS:
                 analysis.restart(lower)
-                return _examine(analysis, validation, whole, jobs, clock, observer)
-            # converged is only what nothing nested in it beats
-            analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
-        clock.end()
-        if whole is not None:
-            clock.begin("where the record begins", "cut")
-            analysis.cut = cut_check(analysis.at_every_sample(problem), x, analysis.known, whole=whole, jobs=jobs)
-            analysis.warnings += (
-                [f"The cut was not checked: {analysis.cut}."]
-                if isinstance(analysis.cut, Failure)
-                else analysis.cut.warnings
-            )
+                done = 0
     except KeyboardInterrupt:
         analysis.interrupted = True
+
+
+def _identifiable(analysis: _Findings, given: _Given) -> None:
+    analysis.show(given.observer)
+    problem, x = analysis.problem, analysis.result.best.point
+    analysis.verdicts = identifiability(problem, x, analysis.known, jobs=given.jobs)
+
+
+def _checked(analysis: _Findings, given: _Given) -> Evaluation | None:
+    """Look for faults; where the search stopped short, for a lower minimum too."""
+    found = after(analysis.problem, analysis.result.best.point, analysis.known, jobs=given.jobs)
+    says_more = analysis.optimiser.keeps_its_own  # by the step that polishes
+    analysis.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
+    return _onward(analysis, given.jobs) if analysis.restarts < RESTARTS else None
+
+
+def _predicted(analysis: _Findings, given: _Given) -> None:
+    """Simulate what was held out; what is wrong with the step is known by now."""
+    problem, x = analysis.problem, analysis.result.best.point
+    for e in given.validation:
+        analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, given.jobs)
+        analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+    if given.validation:
+        analysis.show(given.observer)
+    if analysis.check is not None:
+        analysis.warnings.append(analysis.check.warning)
+        analysis.seen += coarse_step(problem, analysis.check)
+
+
+def _each_alone(analysis: _Findings, given: _Given) -> None:
+    problem = analysis.problem
+    if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
+        analysis.spread = spread(problem, analysis.result.best.point, jobs=given.jobs)
+        analysis.warnings += analysis.spread.sentences()
+
+
+def _polished(analysis: _Findings, given: _Given) -> None:
+    """Say what least squares finds from the best point of an optimiser that keeps its own."""
+    problem, best = analysis.problem, analysis.result.best
+    if analysis.optimiser.keeps_its_own and problem.cost_function.loss is not None:
+        polished = uninterrupted(refined(problem, best.point, given.jobs, Watch())).best
+        analysis.warnings.append(_stopped_short(problem, best, polished, analysis.known))
+
+
+def _nested(analysis: _Findings, given: _Given) -> Evaluation | None:
+    lower = _from_nested(analysis, given.jobs)
+    if lower is not None and analysis.restarts >= RESTARTS:  # converged is only what nothing nested in it beats
+        analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
+    return lower
+
+
+def _where_it_begins(analysis: _Findings, given: _Given) -> None:
+    problem, x = analysis.at_every_sample(analysis.problem), analysis.result.best.point
+    analysis.cut = cut = cut_check(problem, x, analysis.known, whole=given.whole, jobs=given.jobs)
+    analysis.warnings += [f"The cut was not checked: {cut}."] if isinstance(cut, Failure) else cut.warnings
 
 
 def _onward(analysis: _Findings, jobs: int) -> Evaluation | None:
@@ -532,9 +542,9 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
     return lower if lower.cost < goal else None
 
 
-def _claim(analysis: _Findings, jobs: int) -> None:
+def _claim(analysis: _Findings, given: _Given) -> None:
     """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
-    problem, best = analysis.problem, analysis.result.best
+    problem, best, jobs = analysis.problem, analysis.result.best, given.jobs
     part = part_of(problem)
     beside = best if part is problem else uninterrupted(refined(part, best.point, jobs, Watch())).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
@@ -561,6 +571,29 @@ def _claim(analysis: _Findings, jobs: int) -> None:
         end = max(float(e.time[-1]) for e in part.experiments)
         reason = f"Models of integer order were compared on the first {end:.3g} s."
         analysis.claim = replace(analysis.claim, reasons=(*analysis.claim.reasons, reason))
+
+
+Step = Callable[[_Findings, _Given], Evaluation | None]
+"""A step after the search; it gives a lower minimum where it sees one."""
+
+STEPS: tuple[tuple[str, str, Step], ...] = (
+    ("bounds", "bounds", _Findings.open_bounds),
+    ("all samples", "correction", _Findings.correct),
+    ("intervals", "uncertainty", _Findings.settle),
+    ("check of the step", "discretisation", _Findings.with_quiet_step),
+    ("ends of the intervals", "walk", _Findings.walk),
+    ("identifiability", "uncertainty", _identifiable),
+    ("checks of the fit", "honesty", _checked),
+    ("validation", "validation", _predicted),
+    ("each recording alone", "spread", _each_alone),
+    ("least squares from the best point", "polish", _polished),
+    ("integer-order alternative", "alternative", _claim),
+    ("search from the integer-order model", "nested", _nested),
+)
+"""What is told as a step begins, where its seconds count, and what it does, in this order."""
+
+WHERE_IT_BEGINS: tuple[str, str, Step] = ("where the record begins", "cut", _where_it_begins)
+"""The last of them, where it is asked for."""
 
 
 def _beside(other: Problem, problem: Problem) -> Problem:
