@@ -47,7 +47,7 @@ def joint(x, u, p):
     current = np.clip((p["supply"] * duty - k * rate) / p["resistance"], -most, most) * (u["torque_enable"] > 0.5)
     drive = u["torque"] + p["torque_per_volt"] * u["voltage"] + k * current
     pull = (p["gravity"] + p["mass"] * 9.80665 * p["length"]) * math.sin(angle - p["angle_rest"] - p["level"])
-    load = (p["load_angle"] + p["load_directional_angle"]) * abs(drive) + p["load_angle"] * abs(pull)
+    load = abs((p["load_angle"] + p["load_directional_angle"]) * drive + p["load_angle"] * pull)
     out, f, s = np.zeros(1), p["coulomb_angle"] + load, p["stiction_angle"]
     dry = presliding(np.array([z]), out, 0, rate, f, s, p["stribeck_speed_angle"], p["presliding_angle"],
                      p["presliding_damping_angle"])  # fmt: skip

@@ -1,6 +1,9 @@
 """A servo that lifts and drops a mass by its own loop: what is known in one recording alone, and what a fit finds."""
 
+import csv
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +12,9 @@ import fracid
 from fracid.errors import InputError
 from fracid.problem import Free, Problem
 from fracid.problem.project import load_project
+from fracid.workflows.draft import write_draft
+
+RECORDINGS = Path(__file__).parents[2] / "examples" / "real" / "xl330"
 
 TRUE = {"J": 2e-3, "torque_constant": 0.3, "resistance": 2.0, "b_angle": 0.012, "load_angle": 0.15}
 FIXED = {"mass": 0.5, "torque_per_volt": 0.0, "slip_speed": 1e-2}
@@ -56,3 +62,74 @@ def test_a_recording_that_knows_a_parameter_that_the_model_has_not_is_refused(tm
         load_project(tmp_path / "rig.toml")
     (tmp_path / "rig.toml").write_text(text + "parameters = { gain = 0.3, mass = 0.5 }")
     assert dict(load_project(tmp_path / "rig.toml").problem.experiments[0].constants) == {"gain": 0.3, "mass": 0.5}
+
+
+def servo_log(folder, name, **beside):
+    """One of the servo's recordings as BAM writes its logs."""
+    rows = csv.DictReader((RECORDINGS / f"{name}.csv").read_text(encoding="utf-8").splitlines())
+    entries = [{"timestamp": float(r["t"]), "position": float(r["position"]), "goal_position": float(r["goal"]),
+                "torque_enable": r["torque_enable"] == "1", "input_volts": 7.3} for r in rows]  # fmt: skip
+    beside = {"mass": 0.49, "length": 0.1, "kp": int(name[2:5]), "vin": 7.4, "motor": "xl330"} | beside
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps({n: v for n, v in beside.items() if v is not None} | {"entries": entries}))
+    return path
+
+
+def drafted(folder, *logs):
+    write_draft(logs[0], folder / "servo.toml", None, more=logs[1:])
+    return load_project(folder / "servo.toml").problem
+
+
+def test_a_draft_takes_the_constants_that_a_servos_log_says_and_its_loop(tmp_path):
+    problem = drafted(tmp_path, servo_log(tmp_path, "kp100_lift_and_drop", arm_mass=0.1))
+    said = {"mass": 0.49, "length": 0.1, "supply": 7.4, "gain": 0.2877, "gravity": 0.1 * 9.80665 * 0.05}
+    assert {n: problem.parameters[n] for n in said} == pytest.approx(said, rel=1e-4)
+    free = {n for n, v in problem.parameters.items() if isinstance(v, Free)}
+    assert free == {"J", "level", "resistance", "torque_constant", "b_angle", "coulomb_angle", "load_angle",
+                    "load_directional_angle"}  # fmt: skip
+    inputs = dict(zip(problem.model.inputs, problem.experiments[0].inputs.T, strict=True))
+    assert not inputs["voltage"].any()
+    assert {*inputs["torque_enable"]} == {0.0, 1.0}
+    assert problem.experiments[0].between["torque_enable"] == "hold"
+
+
+def test_logs_with_other_gains_and_masses_have_them_with_their_recording(tmp_path):
+    light, heavy = servo_log(tmp_path, "kp100_sin_sin"), servo_log(tmp_path, "kp400_up_and_down", mass=1.0)
+    problem = drafted(tmp_path, light, heavy)
+    own = [dict(e.constants) for e in problem.experiments]
+    assert own == [pytest.approx({"gain": 0.2877, "mass": 0.49}), pytest.approx({"gain": 1.1508, "mass": 1.0})]
+    assert "gain" not in problem.names
+    assert problem.parameters["length"] == 0.1
+
+
+@pytest.mark.parametrize("beside", [{"kp": None}, {"motor": "another"}, {"kp": "high"}, {"kp": -3}])
+def test_a_gain_that_a_log_does_not_say_is_free(tmp_path, beside):
+    problem = drafted(tmp_path, servo_log(tmp_path, "kp100_sin_sin", **beside))
+    assert "gain" in problem.names
+    assert problem.parameters["mass"] == 0.49
+
+
+def test_a_recorded_torque_drives_a_joint_whose_gain_nobody_says(tmp_path):
+    t = STEP * np.arange(400)
+    np.savez(tmp_path / "log.npz", time=t, q_ref=np.sin(t), q=np.sin(t - 0.1), tau=0.1 * np.cos(5 * t))
+    problem = drafted(tmp_path, tmp_path / "log.npz")
+    moved = problem.experiments[0].inputs.any(axis=0)
+    assert dict(zip(problem.model.inputs, moved, strict=True))["torque"]
+    assert "gain" not in problem.names
+
+
+def test_several_recordings_of_a_rotary_pendulum_are_no_draft(tmp_path):
+    np.savez(tmp_path / "swing.npz", time=STEP * np.arange(200), alpha=np.sin(np.arange(200) / 20))
+    with pytest.raises(InputError, match=r"is of one recording.*add a \[\[recording\]\]"):
+        drafted(tmp_path, tmp_path / "swing.npz", tmp_path / "swing.npz")
+
+
+@pytest.mark.broad
+def test_an_unedited_draft_of_three_logs_separates_the_motor_from_its_friction(tmp_path):
+    names = ("kp100_lift_and_drop", "kp200_sin_sin", "kp400_sin_time_square")
+    fit = fracid.identify(drafted(tmp_path, *(servo_log(tmp_path, n) for n in names)), jobs=2)
+    assert max(r.rmse["angle"] for r in fit.recordings.values()) < 0.035
+    for name, published in (("torque_constant", 0.286), ("resistance", 2.0)):  # BAM's m5.json, without intervals
+        low, high = fit.parameters[name].interval95
+        assert low < published < high
+        assert fit.parameters[name].identifiable == "identifiable"

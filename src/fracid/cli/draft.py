@@ -21,9 +21,10 @@ from fracid.tasks.display import shown
     "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim]# takes what it guesses[/dim]",
     "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
     "fracid init log.csv --model joint --column angle=q --column torque=tau",
+    "fracid init kp100.json kp400.json --out servo.toml  [dim]# a servo's logs, with mass and gains[/dim]",
 )
 def init(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="The recording, or several of one rig.")],
     column: Annotated[
         list[str] | None,
         option("NAME=COLUMN[,FIELD=VALUE]", "As for fracid check; alpha, theta, voltage.", complete=one_of(*COLUMNS)),
@@ -40,9 +41,11 @@ def init(
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 
-    What the columns are called says of which model they are; --model names another.  For a rotary pendulum it asks what
-    they are, with what it guesses as the answer; with --column, --yes or without a terminal it takes the guess.
+    What the columns are called says of which model they are; --model names another.  Several recordings have the same
+    columns.  For a rotary pendulum it asks what they are, with what it guesses as the answer; with --column, --yes or
+    without a terminal it takes the guess.
     """
+    file, *more = files
     target = out or Path(f"{file.stem}.toml")
     if target.exists() and not force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
@@ -55,7 +58,9 @@ def init(
     if model == "rotary-pendulum" and columns is None and not yes and sys.stdin.isatty():
         columns, rig = _asked(file, clock, variable, rig)
     with shown("project"):
-        draft = write_draft(file, target, columns, model=model, zero=zero, time=clock, variable=variable, rig=rig)
+        draft = write_draft(
+            file, target, columns, model=model, zero=zero, more=more, time=clock, variable=variable, rig=rig
+        )
     for note in draft.notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))

@@ -45,6 +45,7 @@ def export(
             complete=key_of("platforms"),
         ),
     ] = None,
+    actuator: Annotated[str, option("NAME", "What BAM calls the servo.")] = "",
     trust: Trust = False,
     out: Out = None,
     json_: Json = False,
@@ -60,6 +61,8 @@ def export(
 
     mjcf, urdf: a rig of the library with integer orders as rigid bodies, for MuJoCo and for what reads URDF; what these
     lack is printed with the code of the reason.
+
+    bam: joint.json, a servo's motor and friction as BAM, mjlab and Isaac Lab load them, with orders 1.
 
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
@@ -78,7 +81,7 @@ def export(
     with shown("files"):
         bundle = export_run(
             load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision,
-            fmi=fmi, platforms=platforms or (),
+            fmi=fmi, platforms=platforms or (), actuator=actuator,
         )  # fmt: skip
     record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
     answer(json_, record, partial(_show, bundle))

@@ -8,6 +8,7 @@ format           files                                          module
 ``fmu``          ``MODEL.fmu``: a unit of co-simulation         :mod:`fracid.export.fmu`
 ``mjcf``         ``MODEL.xml``: rigid bodies for MuJoCo          :mod:`fracid.export.simulators`
 ``urdf``         ``MODEL.urdf``: the same, a robot description  :mod:`fracid.export.simulators`
+``bam``          ``MODEL.json``: a servo's friction for BAM      :mod:`fracid.export.simulators`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
@@ -42,7 +43,7 @@ PROGRAMS = ("matlab", "c", "fmu", "javascript")
 """Formats that simulate the model."""
 
 
-ON_REQUEST = ("mjcf", "urdf")
+ON_REQUEST = ("mjcf", "urdf", "bam")
 """Formats that few models have: they are written where they are asked for."""
 
 
@@ -58,6 +59,8 @@ class Options:
     """Version of the FMU."""
     platforms: tuple[str, ...] = ()
     """For which it holds libraries; this one if empty."""
+    actuator: str = ""
+    """What BAM calls the servo."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ def export_run(
     precision: Literal["double", "single"] = "double",
     fmi: Literal["2", "3"] = "2",
     platforms: Sequence[str] = (),
+    actuator: str = "",
 ) -> Export:
     """Write a run for other programs.
 
@@ -99,6 +103,8 @@ def export_run(
         Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``.
     platforms : sequence of str
         For which the FMU holds a library, of :data:`fracid.export.compilers.PLATFORMS`; this one if empty.
+    actuator : str
+        What BAM calls the servo, such as ``xl330``.
 
     Returns
     -------
@@ -112,7 +118,7 @@ def export_run(
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'javascript', 'toml', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -120,7 +126,7 @@ def export_run(
     for what, value, known in (("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))):
         if value not in known:
             raise unknown_name(what, value, known)
-    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms))
+    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms), actuator)
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run, wanted)]
@@ -238,6 +244,28 @@ def _rigid(target: str, run: SavedRun, folder: Path, _options: Options) -> Itera
     yield from said
 
 
+def _bam(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+    import json
+
+    from fracid.export.identified import Identified
+    from fracid.export.simulators import bam
+
+    model = Identified.of_run(run)
+    try:
+        values, lost = bam(model, options.actuator)
+    except InputError as error:
+        yield f"{error} There is no file for BAM."
+        return
+    path = folder / f"{model.identifier}.json"
+    write_text(path, json.dumps(values, indent=2, allow_nan=False) + "\n")
+    yield path
+    yield from lost
+    if not options.actuator:
+        yield f'BAM asks for the servo\'s name: write it as "actuator" into {path.name}, or give --actuator xl330.'
+    if run.problem.per_recording:
+        yield f"{path.name} has the constants of the recording {run.problem.experiments[0].name!r}."
+
+
 def _javascript(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
 
@@ -304,7 +332,7 @@ def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Pat
 
 FORMATS: dict[str, Callable[[SavedRun, Path, Options], Iterator[Path | str]]] = {
     "matlab": _matlab, "c": _c, "fmu": _fmu, "mjcf": partial(_rigid, "MuJoCo"), "urdf": partial(_rigid, "URDF"),
-    "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
+    "bam": _bam, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
     "state-space": _state_space,
 }  # fmt: skip
 """(run, folder, options) → the files that it wrote, and sentences."""

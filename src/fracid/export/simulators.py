@@ -1,7 +1,7 @@
-"""``MODEL.xml`` for MuJoCo and ``MODEL.urdf``: rigs of the library with integer orders, as rigid bodies.
+"""``MODEL.xml`` for MuJoCo, ``MODEL.urdf``, and a servo's ``MODEL.json`` for BAM: rigs with integer orders.
 
-``simulators.toml`` says what the links of a rig are in its constants.  What a simulator lacks is said in the file and
-on the terminal with the code of the reason; a fractional order is refused, for none has one.
+``simulators.toml`` says what the links of a rig and the values of a servo are in its constants.  What a simulator lacks
+is said in the file and on the terminal with the code of the reason; a fractional order is refused, for none has one.
 """
 
 from __future__ import annotations
@@ -113,12 +113,7 @@ def rig_of(model: Identified, target: str) -> Rig:
         rigs = ", ".join(name for name, row in _table().items() if "links" in row)
         raise InputError(f"The model {own.name!r} is none of the library's rigs of rigid bodies: {rigs} can be written "
                          f"for {target} [model]. --to fmu writes any model.")  # fmt: skip
-    for q in model.orders:
-        if not q.name.startswith("1 - ") and q.value != 1.0:
-            raise InputError(
-                f"The order {q.name} is {q.value:.6g}, and {target} has derivatives of order 1 only [order]. "
-                f"Fit with {q.name} = 1, or take --to fmu, which keeps it."
-            )
+    _refuse_orders(model, target)
     values = _Values(model, target)
     for name, text in rows["definitions"].items():
         values.names[name] = Number(values(text))
@@ -143,6 +138,48 @@ def rig_of(model: Identified, target: str) -> Rig:
     shaft = rows.get("shaft")
     spring = (tuple(shaft["joints"]), values(shaft["stiffness"]), values(shaft["damping"])) if shaft else None
     return Rig(model, tuple(links), spring, tuple(_lost(model, values.used, target)))
+
+
+def _refuse_orders(model: Identified, target: str) -> None:
+    for q in model.orders:
+        if not q.name.startswith("1 - ") and q.value != 1.0:
+            raise InputError(
+                f"The order {q.name} is {q.value:.6g}, and {target} has derivatives of order 1 only [order]. "
+                f"Fit with {q.name} = 1, or take --to fmu, which keeps it."
+            )
+
+
+def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[str]]:
+    """The parameters of a servo as BAM and those that load its files name them, and what they lack.
+
+    Parameters
+    ----------
+    model : Identified
+    actuator : str
+        What BAM calls the servo: its firmware is there.
+
+    Raises
+    ------
+    InputError
+        For a model that is no joint with a servo's loop, and for a fractional order.
+
+    Examples
+    --------
+    >>> bam.__name__
+    'bam'
+    """
+    constants = model.constants
+    if model.problem.model.name != "joint" or not constants["gain"].value:
+        raise InputError("BAM's friction is of a servo: the library's joint with a gain above 0 [model]. "
+                         "--to fmu writes any model.")  # fmt: skip
+    _refuse_orders(model, "BAM")
+    load, directional, stribeck = (
+        constants[n].value != 0.0 for n in ("load_angle", "load_directional_angle", "stiction_angle")
+    )
+    name = f"m{5 if directional else 1 + 2 * load + stribeck}"
+    values, rows = _Values(model, "BAM"), _table()["bam"]
+    written = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
+    return {**written, "model": name, "actuator": actuator}, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
 
 
 def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:

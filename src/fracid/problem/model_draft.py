@@ -3,13 +3,15 @@
 Which column is what comes from :mod:`fracid.problem.roles`, units from the header, from the step of an encoder, or from
 the model; the constants begin where :mod:`fracid.problem.first_values` has them.  What is free is what the recording
 says something of; a constant that must be measured, such as a mass where nothing drives the rig, is fixed, and optional
-elements that the recording does not ask for stand as comments.
+elements that the recording does not ask for stand as comments.  Constants that a log says beside its samples are fixed:
+those that all recordings have alike among the parameters, others with their recording.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,15 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model, model
 from fracid.models.library import table_of
+from fracid.models.written.formulas import formula
+from fracid.models.written.tree import Number
 from fracid.problem.draft import Draft, toml_file, toml_line, toml_range, toml_text
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
+from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, inspect_recording
 from fracid.recording.guess import Columns, unit_of
+from fracid.recording.readers.table import read_table
 
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
@@ -38,7 +44,7 @@ POOR = 0.5
 def draft_of_model(
     name: str, file: str | Path, columns: Mapping[str, Mapping[str, Any]] | None = None, *,
     time: Mapping[str, Any] | None = None, variable: str | None = None, zero: str | None = None,
-    folder: str | Path = ".",
+    folder: str | Path = ".", more: Sequence[Path] = (),
 ) -> Draft:  # fmt: skip
     """Draft a project file for a recording of a model of the library.
 
@@ -55,6 +61,8 @@ def draft_of_model(
         Of a model with a pendulum.
     folder : path
         Where the project file will be.
+    more : sequence of Path
+        Further recordings with the same columns.
 
     Raises
     ------
@@ -71,33 +79,61 @@ def draft_of_model(
     >>> [line.split("=")[0].strip() for line in draft.text.splitlines() if line.startswith(("k ", "b_"))]
     ['k', 'b_displacement']
     """
-    return _Page(name, Path(file), columns, time, variable, zero, Path(folder)).draft()
+    return _Page(name, [Path(file), *more], columns, time, variable, zero, Path(folder)).draft()
 
 
 class _Page:
     """The text, from top to bottom."""
 
     def __init__(
-        self, name: str, file: Path, columns: Mapping[str, Mapping[str, Any]] | None, time: Mapping[str, Any] | None,
-        variable: str | None, zero: str | None, folder: Path,
+        self, name: str, files: Sequence[Path], columns: Mapping[str, Mapping[str, Any]] | None,
+        time: Mapping[str, Any] | None, variable: str | None, zero: str | None, folder: Path,
     ) -> None:  # fmt: skip
-        self.name, self.file, self.time, self.variable, self.folder = name, file, time, variable, folder
-        self.table, self.zero = table_of(name), zero
+        self.name, self.file, self.time, self.variable, self.folder = name, files[0], time, variable, folder
+        self.table = table_of(name)
         self.model: Model = model(name, **({} if zero is None else {"zero": zero}))
         self.notes: list[str] = []
+        self.beside = [self._beside(read_table(file, variable).beside) for file in files]
         self.columns = self._columns(columns)
-        self.recording = inspect_recording(file, self.columns, time=time, variable=variable).bridge_blanks()
-        for why in self.recording.report.unusable:
-            raise InputError(f"{file.name}: {why}")
-        if len(self.recording.time) < FEWEST:
-            raise InputError(f"{file.name} has {len(self.recording.time)} samples; expected {FEWEST} or more.")
+        self.special: Mapping[str, Any] = next(
+            (row for signal, row in self.table.get("with", {}).items() if signal in self.columns), {}
+        )
+        alike = {n: v for n, v in self.beside[0].items() if all(log.get(n) == v for log in self.beside)}
+        self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
+        self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
+        self.recordings = [self._recording_of(file) for file in files]
+        self.recording = self.recordings[0]
         moves = {s.name for s in self.recording.report.signals if s.range > 0}
         self.driven = bool(moves & {*self.model.inputs})
-        if not moves & {*self.model.outputs}:
+        self.first = FirstValues({}, {}, 1.0) if self.special else self._first_values()
+
+    def _recording_of(self, file: Path) -> Recording:
+        recording = inspect_recording(file, self.columns, time=self.time, variable=self.variable).bridge_blanks()
+        for why in recording.report.unusable:
+            raise InputError(f"{file.name}: {why}")
+        if len(recording.time) < FEWEST:
+            raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
+        if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
             raise InputError(
                 f"{file.name}: none of {', '.join(self._outputs)} moves; nothing can be identified from it."
             )
-        self.first = self._first_values()
+        return recording
+
+    def _beside(self, values: Mapping[str, Any]) -> dict[str, float]:
+        """The constants that a log says beside its samples: numbers, and what its words mean."""
+        rows = self.table.get("beside", {})
+        meant = [rows[word].get(values.get(word), {}) for word in rows if word != "constants"]
+        names = {
+            n: Number(float(v)) for part in (values, *meant) for n, v in part.items() if isinstance(v, int | float)
+        }
+        found: dict[str, float] = {}
+        for constant, text in rows.get("constants", {}).items():
+            p = self.model.parameter(constant)
+            with suppress(InputError):  # the log does not have all names of the formula
+                value = formula(text, names)
+                if isinstance(value, Number) and p.lower <= value.value <= p.upper:
+                    found[constant] = value.value
+        return found
 
     @property
     def _outputs(self) -> list[str]:
@@ -111,6 +147,10 @@ class _Page:
             if name not in signals:
                 raise unknown_name(f"signal of {self.name} in --column", name, signals)
         roles = roles_of(self.name, list(raw.signals)) if given is None else {}
+        for signal, row in self.table.get("with", {}).items():
+            if signal in roles:
+                idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in roles else [signal]
+                roles = {n: c for n, c in roles.items() if n not in idle}
         for name in (n for n in self.table["needs"] if given is None and n not in roles):
             raise InputError(
                 f"{self.file.name} has no column that is called like {name}, which {self.name} needs; it has "
@@ -173,9 +213,10 @@ class _Page:
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
-        parts = [self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
+        recordings = [self._recording(r, own) for r, own in zip(self.recordings, self.own, strict=True)]
+        parts = [self._model(), self._parameters(), self._orders(), *recordings, self._fit()]
         text = toml_text(self.recording, parts)
-        findings = tuple(f"May be wrong: {f}" for f in self.recording.report.findings)
+        findings = tuple(f"May be wrong: {f}" for r in self.recordings for f in r.report.findings)
         return Draft(text, self.columns, (*self.notes, *findings))
 
     def _model(self) -> list[str]:
@@ -186,7 +227,14 @@ class _Page:
         yield "[model.parameters]                      # SI; a number fixes, a table frees"
         for p in self.model.parameters:
             comment = f"{p.description} [{p.unit}]"
-            if p.name in self.first.values:
+            if p.name in self.fixed:
+                yield f"{p.name} = {self.fixed[p.name]:.6g}".ljust(40) + f"# {comment}"
+            elif p.name in self.own[0]:
+                yield f"# {p.name} is each recording's own".ljust(40) + f"# {comment}"
+            elif p.name in self.special.get("free", {}):
+                start, lower, upper = self.special["free"][p.name]
+                yield toml_range(p.name, start, lower, upper, comment)
+            elif p.name in self.first.values:
                 yield toml_range(p.name, *self._range(p.name, self.first.values[p.name]), comment)
             elif self._sought(p.name) and (p.name in self.first.reach or self._grows(p.name)):
                 start = p.value or min(0.1 * self.first.reach.get(p.name, 1.0), p.upper)
@@ -209,24 +257,29 @@ class _Page:
         if not names:
             return
         yield "[model.orders]                          # 1.0 is the integer-order model"
-        springpots = self.model.springpot_orders.values()
-        for n in names:
+        springpots, fixed = self.model.springpot_orders.values(), self.special.get("orders", {})
+        yield from (f"{n} = {q}" for n, q in fixed.items())
+        for n in (n for n in names if n not in fixed):
             low, start, high = (0.02, 0.5, 0.98) if n in springpots else (0.6, 1.0, 1.2)
             of = [s for s, q in zip(self.model.states, self.model.orders, strict=True) if q == n]
             why = f"# of {' and '.join(of)}" if of else "# of the springpot: 0 is a spring, 1 a dashpot"
             yield f"{n} = {{ start = {start}, lower = {low}, upper = {high} }}".ljust(52) + why
 
-    def _recording(self) -> Iterator[str]:
-        yield from toml_file(self.recording, self.folder, self.variable, self.time, self.columns)
+    def _recording(self, recording: Recording, own: Mapping[str, float]) -> Iterator[str]:
+        columns = {n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()}
+        yield from toml_file(recording, self.folder, self.variable, self.time, columns)
+        if own:
+            yield f"parameters = {toml_value({n: float(f'{v:.6g}') for n, v in own.items()})}   # what it says itself"
         for state, output in self.table["model"].get("begins", {}).items():
-            y = self.recording.signals[output]
+            y = recording.signals[output]
             at, wide = float(y[np.isfinite(y)][0]), float(np.ptp(y[np.isfinite(y)]))
             yield f"initial = {{ {state} = {{ start = {at:.6g}, lower = {at - wide:.4g}, upper = {at + wide:.4g} }} }}"
-        yield f"# from = {self.recording.time[0]:.4g}"
-        yield f"# to = {self.recording.time[-1]:.4g}"
+        yield f"# from = {recording.time[0]:.4g}"
+        yield f"# to = {recording.time[-1]:.4g}"
         yield toml_line("use", "fit", '# or "validate": held out for validation')
 
     def _fit(self) -> list[str]:
         units = {self._own_unit(n) for n in self._outputs}
         weights = [toml_line("weights", "noise", "# outputs of different units count by their noise")]
-        return ["[fit]", f"outputs = {json.dumps(self._outputs)}", *(weights if len(units) > 1 else [])]
+        special = [toml_line(key, text, "") for key, text in self.special.get("fit", {}).items()]
+        return ["[fit]", f"outputs = {json.dumps(self._outputs)}", *(weights if len(units) > 1 else []), *special]

@@ -7,7 +7,7 @@ are simulated better from there: motors, gears and back-EMF differ by more than 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from fracid.safety.door import write_text
 
 def write_draft(
     file: Path, target: Path, columns: Mapping[str, Mapping[str, Any]] | None, *, model: str | None = None,
-    zero: str | None = None, **options: Any,
+    zero: str | None = None, more: Sequence[Path] = (), **options: Any,
 ) -> Draft:  # fmt: skip
     """Write a project file for a recording.
 
@@ -42,6 +42,8 @@ def write_draft(
         Of the library; found from what the columns are called if left out.
     zero : str, optional
         Of a model of the library with a pendulum.
+    more : sequence of Path
+        Further recordings of a model of the library, with the same columns.
     options
         Of :func:`fracid.draft_project`: ``time``, ``variable``, ``rig``.
 
@@ -63,9 +65,12 @@ def write_draft(
         rig = options.pop("rig", None)
         if rig is not None:
             raise InputError(f"--rig {rig} is a rotary pendulum's; leave it out, or type --model {ROTARY}.")
-        draft = draft_of_model(name, file, columns, zero=zero, folder=target.parent, **options)
+        draft = draft_of_model(name, file, columns, zero=zero, folder=target.parent, more=more, **options)
         _written(draft, target)
         return replace(draft, notes=(f"The model is {name}; another: --model NAME.", *draft.notes))
+    if more:
+        raise InputError(f"A draft of a {ROTARY} is of one recording: type fracid init {file}, and add a [[recording]] "
+                         "for each other to what it writes.")  # fmt: skip
     draft = draft_project(file, columns, folder=target.parent, **options)
     project = _written(draft, target)
     if MOTOR not in project.problem.names or (starts := _regressed(project.problem)) is None:

@@ -2,8 +2,9 @@
 
 Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the columns without
 which a recording is of something else, and ``[columns]``, how those of recordings are called
-(:mod:`fracid.problem.roles`).  ``[twin]`` below is what ``fracid simulate --model`` simulates, with inputs as functions
-of t.  ``[model]`` is a project's; what it has beside is
+(:mod:`fracid.problem.roles`); ``[beside]``, constants that a log says beside its samples, and ``[with.SIGNAL]``, what a
+draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`).  ``[twin]`` below is what
+``fracid simulate --model`` simulates, with inputs as functions of t.  ``[model]`` is a project's; what it has beside is
 
 ==================  ===========================================================================================
 ``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in

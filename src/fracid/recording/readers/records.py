@@ -8,7 +8,7 @@ JSON                                                 read as
 ===================================================  ===============================================================
 ``[{"t": 0, "x": 1}, …]``, or a record on each line  a row each
 ``{"t": [0, …], "x": [1, …]}``                       a column each
-``{"mass": 0.49, …, "entries": [{"t": 0, …}, …]}``   the records; single values beside them are a note
+``{"mass": 0.49, …, "entries": [{"t": 0, …}, …]}``   the records; single values beside them are handed on
 ===================================================  ===============================================================
 """
 
@@ -32,14 +32,11 @@ from fracid.recording.readers.content import (
     seconds_of_stamp,
 )
 from fracid.safety.door import bytes_of
-from fracid.safety.json_files import json_of, short_text
-
-SINGLES = 12
-"""Values beside the records that are named, at most."""
+from fracid.safety.json_files import json_of
 
 
-def read_json(path: Path) -> tuple[Content, tuple[str, ...]]:
-    """Read the records or columns of a JSON file, and say in a sentence what stands beside them.
+def read_json(path: Path) -> tuple[Content, dict[str, Any]]:
+    """Read the records or columns of a JSON file, and the single values that stand beside them.
 
     Raises
     ------
@@ -52,11 +49,9 @@ def read_json(path: Path) -> tuple[Content, tuple[str, ...]]:
         raise damaged(path, "JSON file", str(error).replace(str(path), "it")) from None
     columns = Columns(path)
     if not isinstance(value, dict):
-        return {path.stem: columns.of(value if isinstance(value, list) else [value])}, ()
+        return {path.stem: columns.of(value if isinstance(value, list) else [value])}, {}
     singles = {name: v for name, v in value.items() if not isinstance(v, list | dict)}
-    said = ", ".join(f"{short_text(name)} = {short_text(v)}" for name, v in list(singles.items())[:SINGLES])
-    tables = {name: v for name, v in value.items() if name not in singles}
-    return columns.inside(tables), (f"Beside its samples it has {said}.",) if said else ()
+    return columns.inside({name: v for name, v in value.items() if name not in singles}), singles
 
 
 def _value(text: str) -> Any:

@@ -27,6 +27,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from os.path import isfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,12 @@ from fracid.recording.readers.packages import FORMATS, read_by_package
 from fracid.recording.readers.parquet import read_parquet
 from fracid.recording.readers.records import read_json
 from fracid.recording.readers.text import MOST_COLUMNS, TextTable, parse_text, read_text
+from fracid.safety.json_files import short_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
+
+SINGLES = 12
+"""Values beside the records that are named, at most."""
 
 LISTED = 20
 """Columns in a message, at most."""
@@ -66,6 +71,8 @@ class Table:
     """What was guessed on reading, in sentences."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """What is in the file and no column: its name, and why, as it goes on after the name."""
+    beside: Mapping[str, Any] = field(default_factory=dict)
+    """Single values that stand beside the samples, by name."""
 
     def find(self, key: int | str) -> int:
         """Return a column's position from its position (from 0) or name.
@@ -246,8 +253,10 @@ def _parquet(path: Path, variable: str | None) -> Table:
 
 
 def _json(path: Path, variable: str | None) -> Table:
-    content, notes = read_json(path)
-    return replace(_arrays(lambda _: content)(path, variable), notes=notes)
+    content, beside = read_json(path)
+    said = ", ".join(f"{short_text(name)} = {short_text(v)}" for name, v in list(beside.items())[:SINGLES])
+    notes = (f"Beside its samples it has {said}.",) if said else ()
+    return replace(_arrays(lambda _: content)(path, variable), notes=notes, beside=beside)
 
 
 def _workbook(path: Path, variable: str | None) -> Table:
