@@ -1,6 +1,8 @@
 """Every result shows itself in eight lines, and in a notebook as a table that no text can break out of."""
 
 import re
+import sys
+from contextlib import nullcontext
 from dataclasses import dataclass, fields, is_dataclass, replace
 from html.parser import HTMLParser
 
@@ -17,6 +19,8 @@ from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.recording import Recording
 from fracid.selection.comparison_records import Comparison, Row, Score
+from fracid.tasks.display import counted
+from fracid.tasks.progress import Observer
 from twins import ORDERS, RIG, release
 
 HOSTILE = "<script>alert('λ')</script>"
@@ -167,3 +171,35 @@ def test_the_card_of_a_fit_has_the_sentence_of_its_claim():
 def test_the_card_of_an_estimate_calls_its_verdict_a_verdict_and_writes_one_power_of_ten():
     text = repr(Estimate(1.3361e-4, "kg m^2", True, interval95=(1.327e-4, 1.3452e-4), identifiable="identifiable"))
     assert text.splitlines() == ["Estimate (1.3361 ± 0.0091)e-04 kg m²", "  verdict  identifiable"]
+
+
+def test_a_fit_is_a_table_of_pandas_by_name_and_its_card_has_a_row_for_each_free_value():
+    table = fit().table()
+    assert table.loc["lambda", ["value", "half_width", "verdict"]].tolist() == [0.9, pytest.approx(0.01), "fixed"]
+    assert table.loc["C1", "unit"] == "kg m^2"
+    assert table["free"].tolist() == [True, False, True]
+    assert "<td" in fit()._repr_html_().split("</table>")[1]
+    assert "0.900 ± 0.010" in Tags(fit()._repr_html_()).words
+    assert comparison().table()["rmse_deg"].tolist() == pytest.approx([np.degrees(0.01)] * 18)
+
+
+def test_without_pandas_a_table_is_a_list_of_records(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    assert fit().table()[0] | {"half_width": None} == {
+        "name": "lambda", "value": 0.9, "half_width": None, "low": 0.89, "high": 0.91, "unit": "", "verdict": "fixed",
+        "free": True,
+    }  # fmt: skip
+
+
+def test_long_work_counts_below_the_cell_of_a_notebook_unless_progress_is_given(monkeypatch):
+    heard = []
+
+    class Told(Observer):
+        def __init__(self):
+            super().__init__(progress=lambda what: nullcontext(lambda p: heard.append((what, p))))
+
+    monkeypatch.setattr("fracid.tasks.display.in_notebook", lambda: True)
+    monkeypatch.setattr("fracid.tasks.display.unless_given", lambda _: Told())
+    counted("steps")(lambda progress=None: progress(1))()
+    counted("steps")(lambda progress=None: progress(2))(progress=lambda p: heard.append(p))
+    assert heard == [("steps", 1), 2]

@@ -8,7 +8,7 @@ which come from strangers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from html import escape
@@ -53,6 +53,8 @@ class Card:
     """What and its value; the first seven at most are in the text."""
     details: tuple[tuple[str, str], ...] = ()
     """Rows that only the table has."""
+    estimates: tuple[Mapping[str, str], ...] = ()
+    """A table of its own in the notebook: rows, heading → text."""
 
     def text(self) -> str:
         """At most eight lines."""
@@ -75,7 +77,15 @@ class Card:
             rows = [*rows[:ROWS], ("…", f"{len(rows) - ROWS} more rows")]
         cells = (f'<th style="{LINE}">{_safe(what)}</th><td style="{LINE}">{_safe(value)}</td>' for what, value in rows)
         body = "".join(f"<tr>{cell}</tr>" for cell in cells)
-        return f'<table style="{TABLE}"><caption style="{CAPTION}">{_safe(self.title)}</caption>{body}</table>'
+        table = f'<table style="{TABLE}"><caption style="{CAPTION}">{_safe(self.title)}</caption>{body}</table>'
+        return table + self._estimates()
+
+    def _estimates(self) -> str:
+        if not self.estimates:
+            return ""
+        lines = [("th", self.estimates[0]), *(("td", row.values()) for row in self.estimates[:ROWS])]
+        cells = ("".join(f'<{tag} style="{LINE}">{_safe(text)}</{tag}>' for text in texts) for tag, texts in lines)
+        return f'<table style="{TABLE}">' + "".join(f"<tr>{row}</tr>" for row in cells) + "</table>"
 
 
 class CardDisplay:
@@ -96,6 +106,28 @@ class CardDisplay:
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         return self._card().html()
+
+
+def tabulated(rows: Sequence[Mapping[str, Any]], index: str | None = None) -> Any:
+    """Rows as a pandas ``DataFrame`` where pandas is installed; else the rows themselves, a list of dictionaries.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+    index : str, optional
+        The column that becomes the frame's index.
+
+    Examples
+    --------
+    >>> float(tabulated([{"name": "mu", "value": 0.9}], "name").loc["mu", "value"])
+    0.9
+    """
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        return list(rows)
+    frame = DataFrame(rows)
+    return frame if index is None or not len(frame) else frame.set_index(index)
 
 
 def rounded(value: float, half: float | None) -> str:

@@ -155,7 +155,9 @@ def fit_card(
         ("search", search if value is None else f"{name} = {value:.4g}; {search}"),
         ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
         *((n, _score(*score)) for n, score in scores.items()),
-    ))  # fmt: skip
+    ), estimates=tuple({
+        "free": GREEK.get(n, n), "value": _estimate("", e).removeprefix(" = "), "verdict": e.verdict,
+    } for n, e in {**orders, **parameters}.items() if e.free))  # fmt: skip
 
 
 def _estimate(name: str, e: Estimate) -> str:

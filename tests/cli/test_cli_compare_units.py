@@ -173,9 +173,9 @@ UNITS = [{"a": "rad"}, {"f": "N"}, {"s": "m", "alpha": "rad"}, {"alpha": "rad", 
 @pytest.mark.parametrize("units", UNITS, ids=lambda units: ", ".join(units.values()))
 def test_table_terminal_card_figure_and_json_take_outputs_of_any_units(units):
     found = compared(units)
-    first, *lines = csv.reader(csv_text(found.table()).splitlines())
+    first, *lines = csv.reader(csv_text(found.lines()).splitlines())
     assert {len(line) for line in lines} == {len(first)}
-    table = list(csv.DictReader(csv_text(found.table()).splitlines()))
+    table = list(csv.DictReader(csv_text(found.lines()).splitlines()))
     for line in table:
         own = units[line["output"]]
         assert line["rmse_deg" if own == "rad" else "rmse"] == repr(math.degrees(0.5) if own == "rad" else 0.5)
@@ -188,7 +188,7 @@ def test_table_terminal_card_figure_and_json_take_outputs_of_any_units(units):
     assert f"held out {', '.join(shown)}" in str(found)
     assert len(found.plot().axes) == 2 * len(units)
     again = Comparison.of_json(json.loads(json.dumps(found.to_json() | {"data_sha256": {}})))
-    assert again.table() == found.table()
+    assert again.lines() == found.lines()
 
 
 def test_an_order_drifts_with_the_amplitude_of_its_output_in_the_output_s_unit():

@@ -178,5 +178,5 @@ def test_a_model_without_friction_is_compared_with_its_alternatives(project):
     best = comparison.best(fractional=True)
     assert all(best.held_out[n].error < row.held_out[n].error for row in comparison.rows[2:] for n in row.held_out)
     assert " N)" in comparison.verdict
-    assert {"rmse", "unit"} <= comparison.table()[0].keys()
+    assert {"rmse", "unit"} <= comparison.lines()[0].keys()
     assert comparison.claim == "fractional", comparison.claim_reasons

@@ -90,7 +90,7 @@ def test_posterior_odds_stand_beside_and_change_neither_claim_norverdict_of():
         assert getattr(plain, name) == getattr(with_odds, name)
     again = Comparison.of_json(json.loads(json.dumps(with_odds.to_json())))
     assert [row.log_odds for row in again.rows] == [*odds.values()]
-    assert {line["log_odds"] for line in with_odds.table()} == {*odds.values()}
+    assert {line["log_odds"] for line in with_odds.lines()} == {*odds.values()}
 
 
 def test_evidence_of_a_cost_of_ones_own_is_refused_before_anything_is_fitted():
@@ -394,7 +394,7 @@ def test_a_structure_that_diverges_where_it_was_not_fitted_is_told_and_is_valid_
     assert found.verdict == "No structure predicts every held-out recording: their runs fail."
     content = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert content["structures"][0]["held_out"]["fast"]["rmse"] == {"alpha": None}
-    assert found.table()[-1]["rmse_deg"] is None
+    assert found.lines()[-1]["rmse_deg"] is None
 
 
 # --- leave one out --------------------------------------------------------------------------------------------
@@ -616,7 +616,7 @@ def test_without_held_out_recordings_the_verdict_is_by_schwarz_and_no_proof(gain
 
 def test_the_table_has_a_line_for_each_structure_recording_and_output():
     found = compared("dry")
-    lines = found.table()
+    lines = found.lines()
     assert len(lines) == len(found.rows) * 4
     first = lines[0]
     assert (first["friction"], first["orders"], first["use"]) == ("viscous", "1", "fit")

@@ -296,7 +296,7 @@ def test_json_and_table_hold_every_cell_and_unknown():
     content = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert [cell["counts_per_turn"] for cell in content["cells"]] == [None, 4096, None, 4096]
     assert len(content["repetitions"]) == 8
-    rows = found.table()
+    rows = found.lines()
     assert [(row["level"], row["unknown"]) for row in rows[:4]] == [(0.0, n) for n in ("lambda", "mu")] * 2
     assert all(list(row) == list(rows[0]) for row in rows)
 

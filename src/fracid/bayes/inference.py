@@ -18,6 +18,7 @@ from fracid.estimation.covariance import at_bound
 from fracid.estimation.long_records import as_fitted
 from fracid.problem import Problem
 from fracid.solver.trajectory import vector
+from fracid.tasks.display import counted
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
@@ -39,6 +40,7 @@ NEAR = 10.0
 """A minimum whose log likelihood is less by more than this plays no part in a posterior."""
 
 
+@counted("simulations")
 def posterior(
     problem: Problem | Project | Fitted,
     x: FloatArray | None = None,

@@ -64,6 +64,7 @@ from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
 from fracid.solver.trajectory import vector
+from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, in_threads
 from fracid.units import GREEK, with_unit
 
@@ -232,6 +233,7 @@ class Profiles(CardDisplay):
         return draw("profiles", self, style=style)
 
 
+@counted("points")
 def profile(
     problem: Problem | Project | Fitted,
     x: FloatArray | None = None,

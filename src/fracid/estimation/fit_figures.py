@@ -28,8 +28,9 @@ The figures themselves are in :mod:`fracid.plots`, which stands above what is dr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
+from fracid.cards import tabulated
 from fracid.errors import InputError
 from fracid.figures import Style, draw
 
@@ -73,7 +74,20 @@ class Fitted(Protocol):
 
 
 class FitPictures:
-    """What a fit can draw."""
+    """What a fit can draw, and its table."""
+
+    def table(self: Fitted) -> Any:
+        """Every order, parameter and value of a recording's own, a row each.
+
+        Returns
+        -------
+        pandas.DataFrame, or list of dict where pandas is not installed
+            By ``name``: ``value``, ``half_width`` of the 95 % interval, ``low``, ``high``, ``unit``, ``verdict``,
+            ``free``; in SI units.
+        """
+        own = {f"{n}{mark} [{r.name}]": e for r in self.recordings.values()
+               for block, mark in ((r.parameters, ""), (r.initial, "(0)")) for n, e in block.items()}  # fmt: skip
+        return tabulated([{"name": n, **e.row()} for n, e in {**self.orders, **self.parameters, **own}.items()], "name")
 
     def plot(self: Fitted, recording: str | None = None, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,13 @@ class Estimate(CardDisplay, Record):
     def verdict(self) -> str:
         """The verdict, as tables say it."""
         return in_words(self.identifiable)
+
+    def row(self) -> dict[str, Any]:
+        """Its line in a table."""
+        low, high = self.interval95 or (None, None)
+        half = None if low is None or high is None else (high - low) / 2
+        return {"value": self.value, "half_width": half, "low": low, "high": high, "unit": self.unit,
+                "verdict": self.verdict, "free": self.free}  # fmt: skip
 
     def _card(self) -> Card:
         shown, factor = shown_unit(self.unit)

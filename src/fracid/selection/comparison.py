@@ -75,6 +75,7 @@ from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_boun
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
 from fracid.signals.correlation import effective_samples
+from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
@@ -92,6 +93,7 @@ WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
 
 
+@counted("fits")
 def compare(
     problem: Problem | Project,
     *,

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, computed_field, model_validator
 from pydantic_core.core_schema import ValidationInfo
 
-from fracid.cards import Card, CardDisplay, listed
+from fracid.cards import Card, CardDisplay, listed, tabulated
 from fracid.errors import unknown_name
 from fracid.figures import Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
@@ -244,12 +244,16 @@ class Comparison(CardDisplay, Record):
         """
         return draw("ladder", self, style=style)
 
-    def table(self) -> list[dict[str, Any]]:
+    def lines(self) -> list[dict[str, Any]]:
         """One line for each structure, recording and output, as of ``compare.csv``.
 
         The RMSE of an angle is ``rmse_deg``, that of any other output ``rmse``, in its ``unit``.
         """
         return [line for row in self.rows for line in _lines(row, self.outputs, self.units)]
+
+    def table(self) -> Any:
+        """The :meth:`lines` as a pandas ``DataFrame``, where pandas is installed."""
+        return tabulated(self.lines())
 
 
 def _row_text(row: Row, units: Mapping[str, str]) -> str:

@@ -29,13 +29,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from html import escape
-from typing import Any, TextIO
+from typing import Any, ParamSpec, TextIO, TypeVar
 
 from fracid.safety.text import printable
 from fracid.tasks.job import Progress
 from fracid.tasks.progress import SILENT, Observer, Tell
 from fracid.units import with_unit
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 EVERY = 1.0
 """Between two events [s]."""
@@ -383,3 +387,34 @@ def unless_given(observer: Observer | None) -> Observer:
     if observer is not None:
         return observer
     return _Display(_Notebook()).observer if in_notebook() else SILENT
+
+
+def counted(what: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Have a function that takes `progress` show it below the cell of a notebook where none is given.
+
+    Parameters
+    ----------
+    what : str
+        What is counted: ``repetitions``.
+
+    Examples
+    --------
+    >>> @counted("steps")
+    ... def work(progress=None):
+    ...     return progress
+    >>> work() is None
+    True
+    """
+
+    def shown_of(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def telling(*args: P.args, **kwargs: P.kwargs) -> T:
+            if kwargs.get("progress") is not None or not in_notebook():
+                return function(*args, **kwargs)
+            with unless_given(None).progress(what) as tell:
+                kwargs["progress"] = tell
+                return function(*args, **kwargs)
+
+        return telling
+
+    return shown_of

@@ -48,7 +48,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.cards import CardDisplay, listed
+from fracid.cards import CardDisplay, listed, tabulated
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
@@ -65,6 +65,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import integer_alternative, is_off
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import vector
+from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
@@ -132,7 +133,11 @@ class NoiseStudy(CardDisplay):
             "sentences": self.sentences(),
         })  # fmt: skip
 
-    def table(self) -> list[dict[str, Any]]:
+    def table(self) -> Any:
+        """The :meth:`lines` as a pandas ``DataFrame``, where pandas is installed."""
+        return tabulated(self.lines())
+
+    def lines(self) -> list[dict[str, Any]]:
         """One flat row for each unknown in each cell, for a CSV file."""
         cell_columns = ("level", "resolution", "counts_per_turn", "repetitions", "failed", "stopped_short")
         rows = []
@@ -246,6 +251,7 @@ def _folded(group: Sequence[_Judged]) -> str:
     return f"{text}: {each} intervals each are too few to judge; {ENOUGH} or more are needed."
 
 
+@counted("repetitions")
 def noise_study(
     problem: Problem,
     x: FloatArray,

@@ -151,7 +151,7 @@ def run_comparison(
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     watching.stage("figures")
     write_files(folder, {
-        "project.toml": project.text, TABLE: csv_text(comparison.table()),
+        "project.toml": project.text, TABLE: csv_text(comparison.lines()),
         CURVES: json.dumps(_curves(project, comparison), separators=(",", ":")),
         FinishedComparison.FILE: json_document(record), **_best(project, hierarchy, comparison, folder),
     })  # fmt: skip

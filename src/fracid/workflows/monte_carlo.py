@@ -132,7 +132,7 @@ def run_noise_study(
         study = _studied(plan, truth, folder, executor, jobs, watching, words)
     watching.stage("figures")
     record = study.to_json() | {"source": str(source)}
-    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.table())})
+    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.lines())})
     figures = saved(of_study(study), folder)
     write_study_page(folder, FinishedNoiseStudy.FILE)
     watching.stage("")
