@@ -15,6 +15,7 @@ made by                                       looks at
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,3 +53,39 @@ class Finding(Record):
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values; a number that is not finite becomes null."""
         return as_json(Finding, self)
+
+
+class Note(str):
+    """A sentence that a program knows by its code, whatever its words.
+
+    Examples
+    --------
+    >>> note = Note("alpha has no unit: taken as rad.", "unit-assumed", "alpha")
+    >>> note, note.code, note.where
+    ('alpha has no unit: taken as rad.', 'unit-assumed', 'alpha')
+    """
+
+    code: str
+    where: str
+    """What it is about."""
+
+    def __new__(cls, sentence: str, code: str, where: str = "") -> Note:
+        """A sentence with its code."""
+        note = super().__new__(cls, sentence)
+        note.code, note.where = code, where
+        return note
+
+    def __getnewargs__(self) -> tuple[str, str, str]:  # type: ignore[override]
+        """What pickle makes it again from."""
+        return str(self), self.code, self.where
+
+
+def with_code(notes: Iterable[str], code: str) -> tuple[Note, ...]:
+    """Those notes that have a code.
+
+    Examples
+    --------
+    >>> with_code(["a sentence", Note("another", "blank")], "blank")
+    ('another',)
+    """
+    return tuple(note for note in notes if isinstance(note, Note) and note.code == code)

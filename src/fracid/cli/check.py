@@ -26,6 +26,7 @@ from fracid.cli.app import (
 )
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
+from fracid.findings import with_code
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -146,7 +147,8 @@ def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]
 
 def _doubted(recording: Recording) -> dict[str, str]:
     """Signals whose unit is in doubt → the unit to try: taken as radians for nothing says otherwise, or misread."""
-    report, taken = recording.report, {line.removesuffix(TAKEN) for line in recording.report.reading}
+    report = recording.report
+    taken = {note.where for note in with_code(report.reading, "taken-as-rad")}
     unsaid = {s.name: "rad" for s in report.signals if s.name in taken & recording.assumed and not s.counts_per_turn}
     return unsaid | {f.where: MISREAD[f.code] for f in report.findings if f.code in MISREAD}
 
@@ -290,9 +292,12 @@ def _print_signals(console: Console, report: Report, factors: Mapping[str, float
 
 def _folded(notes: Iterable[str]) -> list[str]:
     """Notes, of which those on units that nothing speaks for are one."""
-    unsaid = [note.removesuffix(TAKEN) for note in notes if note.endswith(TAKEN)]
-    together = [f"{', '.join(unsaid)}: no unit is given; taken as rad."] if len(unsaid) > 1 else []
-    return [note for note in notes if not together or not note.endswith(TAKEN)] + together
+    notes = [*notes]
+    unsaid = with_code(notes, "taken-as-rad")
+    if len(unsaid) < 2:
+        return notes
+    names = ", ".join(note.where for note in unsaid)
+    return [*(note for note in notes if note not in unsaid), f"{names}: no unit is given; taken as rad."]
 
 
 def _print_rest(console: Console, count: int, what: str) -> None:
@@ -310,9 +315,6 @@ def print_sketches(console: Console, recording: Recording) -> None:
             console.print(f"  {escape(name if k == 0 else ''):{wide}} [cyan]{line}[/cyan]", soft_wrap=True)
     _print_rest(console, len(recording.signals), "signals")
 
-
-TAKEN = " has no unit: taken as rad."
-"""How the report ends its sentence on a unit that nothing speaks for."""
 
 MISREAD = {"degrees-as-radians": "deg", "radians-as-degrees": "rad", "counts-as-radians": "counts"}
 """Findings on the unit of a signal, and the one that it may be in."""

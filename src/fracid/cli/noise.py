@@ -31,6 +31,7 @@ from fracid.cli.app import (
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import InputError
+from fracid.findings import with_code
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
             table.add_row(*map(escape, _row(s)))
         console.print(table)
     for sentence in study.sentences():
-        mark = "" if sentence.endswith("can be believed.") else "[yellow]![/yellow] "
+        mark = "" if with_code([sentence], "believed") else "[yellow]![/yellow] "
         say(console, escape(sentence), mark, 2 if mark else 0)
     files = {"result": finished.path, "table": finished.table, "page": finished.page}
     print_study(console, files, finished.figures)

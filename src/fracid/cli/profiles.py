@@ -104,7 +104,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
     for note in filter(None, (*analysis.profiles.notes, few, *(spread["sentences"] if spread else ()))):
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     for name, verdict in analysis.verdicts.items():
-        if verdict.sentence != "identifiable" and verdict.kind != "forgotten":
+        if verdict.kind != "forgotten" and (verdict.kind != "identifiable" or verdict.reason):
             mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
             say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
     print_study(console, {"result": analysis.path, "page": analysis.page}, analysis.figures)

@@ -14,6 +14,8 @@ from fracid.cli.app import Json, Out, Trust, answer, command, named, option, pri
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
+from fracid.fit import PARTIAL
+from fracid.optimise.base import Outcome
 from fracid.tasks.display import shown
 from fracid.units import with_unit
 
@@ -69,7 +71,7 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
 
     console.print(_figures(analysis))
-    partial = [w for w in analysis.run.result["warnings"] if w.startswith("PARTIAL")]
+    partial = [PARTIAL] if Outcome.of(analysis.run.outcome) is Outcome.INTERRUPTED else []
     for note in (*partial, *analysis.run.notes):
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     told: set[str] = set()

@@ -22,6 +22,7 @@ from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
+from fracid.findings import Note, with_code
 from fracid.fit import Fit
 from fracid.models import Model
 from fracid.problem import Problem
@@ -244,7 +245,7 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
     within = [space.within_limits(dict(zip(problem.outputs, outputs[: c.samples].T, strict=True)), c.rate)
               for c in durations]  # fmt: skip
     if not any(within):
-        return [BEYOND for _ in durations]
+        return [Note(BEYOND, "limits") for _ in durations]
     J = jacobian(problem, problem.start, np.arange(len(problem.names)))
     if isinstance(J, Failure):
         return [str(J) for _ in durations]
@@ -256,7 +257,7 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
     noise = [subject.noise_of(n) for n in problem.outputs]
     return [
         of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise, problem.weights,
-                   subject.excess) if possible else BEYOND
+                   subject.excess) if possible else Note(BEYOND, "limits")
         for c, possible in zip(durations, within, strict=True)
     ]  # fmt: skip
 
@@ -272,7 +273,7 @@ def _some(space: DesignSpace) -> tuple[Candidate, ...]:
 def _excluded(tables: Sequence[Information | str]) -> str:
     reasons = [t for t in tables if isinstance(t, str)]
     common = max(set(reasons), key=reasons.count)
-    advice = "Widen the limits, release from nearer, or apply less." if common == BEYOND else (
+    advice = "Widen the limits, release from nearer, or apply less." if with_code([common], "limits") else (
         "A recording that shows little leaves values that are no rig's: fix those that fracid fit calls not "
         "identifiable, or plan with the rig's own, by its name in place of the run."
     )  # fmt: skip

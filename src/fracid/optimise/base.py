@@ -54,6 +54,17 @@ class Outcome(Enum):
     STOPPED = "stopped as asked: the best so far is kept"
     ALL_FAILED = "every run failed"
 
+    @classmethod
+    def of(cls, sentence: str) -> Outcome | None:
+        """The outcome that a result says, where it is one.
+
+        Examples
+        --------
+        >>> Outcome.of("interrupted: the best so far is kept")
+        <Outcome.INTERRUPTED: 'interrupted: the best so far is kept'>
+        """
+        return next((o for o in cls if sentence.partition(":")[0] == o.value.partition(":")[0]), None)
+
 
 @dataclass(frozen=True)
 class Space:

@@ -47,6 +47,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import with_code
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
@@ -149,7 +150,7 @@ def guess_file(
             *notes,
             f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",
         )
-    blank = tuple(s for s in raw.report.reading if s.startswith("Left out as blank"))
+    blank = with_code(raw.report.reading, "blank")
     return columns, notes if "voltage" in columns else notes + blank
 
 
@@ -223,7 +224,7 @@ def draft_project(
         reading |= {"start": window.start, "stop": window.stop}
     notes += _zeros(read(), column_specs)
     recording = read()
-    notes += tuple(s for s in recording.report.reading if s.endswith("interpolated and not scored."))
+    notes += with_code(recording.report.reading, "interpolated")
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     if rig is None and not starts:
         notes += (f"No rig is named: the constants are those of {rig_name}, and all that are fitted scale with its C4. "
@@ -665,7 +666,7 @@ def toml_file(
     if time:
         yield f"time = {toml_value(time)}"
     else:
-        yield from (f"# {line}" for line in recording.report.reading if line.startswith("Time "))
+        yield from (f"# {line}" for line in with_code(recording.report.reading, "clock"))
     yield from (f"{name} = {toml_value(fields)}" for name, fields in columns.items())
 
 

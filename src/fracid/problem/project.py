@@ -55,6 +55,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, 
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, unknown_name
+from fracid.findings import with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import FormulaError
@@ -458,9 +459,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
-    notes += [
-        f"{r.name}: {s}" for r in recordings for s in r.report.reading if s.endswith("interpolated and not scored.")
-    ]
+    notes += [f"{r.name}: {note}" for r in recordings for note in with_code(r.report.reading, "interpolated")]
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))

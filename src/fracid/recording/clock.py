@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Finding
+from fracid.findings import Finding, Note
 from fracid.recording.channel import TABLES, measurable
 from fracid.recording.readers.table import Table
 from fracid.safety.text import LONGEST_NAME, printable
@@ -96,13 +96,16 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     stamps = stamps[rows]
     if not stamps.size:
         raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
-    sentences = [f"Time is taken from {table.names[column]!r} [{unit}]."] if guessed else []
+    sentences: list[str] = []
+    if guessed:
+        sentences.append(Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock"))
     if header and header not in SECONDS and "unit" not in spec:
         sentences.append(
             f"The header has time in {short_text(header)!r}, which is no unit of time here: it is taken as s."
         )
     if header and not table.units[column] and "unit" not in spec:
-        sentences.append(f"Time is in {header}, as its name {short_text(table.names[column])!r} says.")
+        name = short_text(table.names[column])
+        sentences.append(Note(f"Time is in {header}, as its name {name!r} says.", "clock"))
     if wraps:
         times = "once" if wraps == 1 else f"{wraps} times"
         sentences.append(f"{short_text(table.names[column])!r} begins again at 2³² {times}: the clock is continued.")
@@ -111,7 +114,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     if "zero" in spec:
         stamps = stamps - stamps[0]
     if abs(stamps[0]) > CLOCK_STAMP:
-        sentences.append(f"Time is counted from the first stamp, {stamps[0]:.6f} s.")
+        sentences.append(Note(f"Time is counted from the first stamp, {stamps[0]:.6f} s.", "clock"))
         stamps = stamps - stamps[0]
     _refuse_no_clock(stamps, table)
     return stamps, rows, _Said(column, tuple(sentences))

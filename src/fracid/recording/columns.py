@@ -20,8 +20,11 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
+from fracid.findings import Note
 from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
+from fracid.recording.readers.arrays import SINGLE
+from fracid.recording.readers.content import TEXT
 from fracid.recording.readers.table import Table
 
 MOST_SIGNALS = 200
@@ -54,7 +57,8 @@ def choose_channels(
     sentences += _left_out(table)
     for group, why in [(blank, "blank where time is stamped"), ([j for j in still if j not in indices], "constant")]:
         if group:
-            sentences.append(f"Left out as {why}: {', '.join(repr(table.names[j]) for j in group)}.")
+            left = ", ".join(repr(table.names[j]) for j in group)
+            sentences.append(Note(f"Left out as {why}: {left}.", "blank" if group is blank else "constant"))
     twice = {name for name, count in Counter(table.names).items() if count > 1}
     shared = re.match(r".*[/.]|", _common([table.names[j] for j in indices]))
     cut = len(shared[0]) if shared and len(indices) > 1 else 0  # /joint_states/joint0/position: joint0/position
@@ -77,7 +81,7 @@ def _no_signal(table: Table, blank: Collection[int]) -> str:
 
 def _left_out(table: Table) -> list[str]:
     """Say what of the file is no column and might have been meant to be one."""
-    odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in ("is text", "is a single number")]
+    odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in (TEXT.why, SINGLE)]
     more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
     return [f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}."] if odd else []
 
@@ -118,16 +122,18 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
                 f'{name}: counts_per_turn = {counts} is for unit = "counts", and its unit is '
                 f'{channel.unit or "not given"}; type unit = "counts", or leave counts_per_turn out.'
             )
-        return replace(channel, unit="counts"), f"{name} is in counts, as the header says."
+        return replace(channel, unit="counts"), Note(
+            f"{name} is in counts, as the header says.", "unit-of-header", name
+        )
     unit = header_unit(header)
     if channel.unit is not None:
         contrary = unit is not None and unit != channel.unit
         return channel, f"{name} is taken as {channel.unit}, as was said; its header says {unit}." if contrary else None
     if unit:
-        return replace(channel, unit=unit), f"{name} is in {unit}, as the header says."
+        return replace(channel, unit=unit), Note(f"{name} is in {unit}, as the header says.", "unit-of-header", name)
     unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"
     if not header:
-        return replace(channel, unit=unit), f"{name} has no unit: taken as {unit}."
+        return replace(channel, unit=unit), Note(f"{name} has no unit: taken as {unit}.", f"taken-as-{unit}", name)
     if not guessed and counting:
         raise InputError(
             f"{name} is in counts, as the header says; type counts_per_turn = 4096, or what its encoder has."

@@ -27,6 +27,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import with_code
 from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
 from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
@@ -219,7 +220,7 @@ def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any],
         return {"unit": "V", "fill": "hold"}, "in volts: a command that is logged when it changes"
     if what == "voltage":
         return {"unit": "V"}, "in volts"
-    if any(line.startswith(f"{name} is in ") for line in recording.report.reading):
+    if any(note.where == name for note in with_code(recording.report.reading, "unit-of-header")):
         return {}, "whose unit the header says"
     q = s.resolution
     if q is not None and abs(q - 1) < 1e-6 and s.range > WHOLE:

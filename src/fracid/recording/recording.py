@@ -15,6 +15,7 @@ from fracid.arrays import FloatArray, real_array
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Style, draw
+from fracid.findings import Note
 from fracid.recording.channel import UNITS
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
@@ -221,7 +222,7 @@ class Recording(CardDisplay):
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
         new = replace(self, bridged=(*self.bridged, *runs))._with(time, signals, self.report.resampled)
         note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
-        report = replace(new.report, reading=(*new.report.reading, note))
+        report = replace(new.report, reading=(*new.report.reading, Note(note, "interpolated")))
         if report.release is None and self.report.release is not None and self.report.release >= time[0]:
             report = replace(report, release=self.report.release, release_reason=self.report.release_reason)
         return replace(new, report=report)

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Finding, Note, with_code
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
@@ -55,9 +55,6 @@ IN_A_ROW, BLANK = 3, 0.05
 
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
-
-BY_INPUT = "an input moves it"
-"""How the reason of a release ends that is none: nobody let go."""
 
 SHORTLY = {"still": "stands still", "short-window": "too short"}
 """Findings whose code says little, in the verdict's line."""
@@ -138,7 +135,7 @@ class Report:
             first, *others = *self.faults, *self.unusable
             more = f" (and {len(others)} more)" if others else ""
             return f"unfit: {first.split('. ')[0].rstrip('.')}{more}"
-        how = "set in motion by its input" if self.release_reason.endswith(BY_INPUT) else "released"
+        how = "set in motion by its input" if with_code([self.release_reason], "by-input") else "released"
         released = f"{how} at {self.release:.3f} s" if self.release is not None else "no release found"
         end = "ends at rest" if all(s.at_rest for s in self.signals) else "ends in motion"
         jitter = f"jitter {100 * c.worst_jitter:.2g} %" if c.worst_jitter > UNIFORM and not self.uneven else ""
@@ -263,7 +260,7 @@ def measure(
     else:
         release, reason = release_time(time, _swinging(sound, units))
         if release is not None and _driven(time, signals, units, release):
-            reason += f", then {BY_INPUT}"
+            reason = Note(f"{reason}, then an input moves it", "by-input")  # nobody let go
     measured = tuple(_measured(n, units[n], time, x, sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
     findings += tuple(_short(time, _swinging(sound, units), release, measured))

@@ -22,6 +22,7 @@ from markupsafe import Markup, escape
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, writing
 from fracid.fit import ResultBlock
+from fracid.optimise.base import Outcome
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
@@ -100,7 +101,7 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     duration = joined(lengths) if len(lengths) <= 3 else f"{len(lengths)} recordings"
     facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
     outcome = result["outcome"]
-    cut = "interrupted" in outcome or "stopped as asked" in outcome
+    cut = Outcome.of(outcome) in (Outcome.INTERRUPTED, Outcome.STOPPED)
     partial = f"the search was {outcome}; fracid resume continues it." if cut else ""
     return Identity(folder.resolve().name, tuple(filter(None, facts)), partial)
 

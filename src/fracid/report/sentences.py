@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
+from fracid.optimise.base import Outcome
 from fracid.units import GREEK, interval_beside, to_second_digit, typeset_unit
 
 
@@ -197,7 +198,8 @@ def search_sentence(outcome: str) -> str:
     >>> search_sentence("all generations done")
     'The search did not converge: all generations done.'
     """
-    return "The search converged." if outcome.startswith("converged") else f"The search did not converge: {outcome}."
+    converged = Outcome.of(outcome) is Outcome.CONVERGED
+    return "The search converged." if converged else f"The search did not converge: {outcome}."
 
 
 def joined(words: list[str], last: str = "and") -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from fracid.optimise.base import Outcome
 from fracid.report.sentences import counted, digits, half_width, joined, letter, number, search_sentence, state_letter
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
@@ -332,7 +333,7 @@ def _checks(material: Material) -> Line:
 
 def _search(material: Material) -> Iterator[tuple[str, bool]]:
     outcome = material.result["outcome"]
-    yield search_sentence(outcome), outcome.startswith("converged")
+    yield search_sentence(outcome), Outcome.of(outcome) is Outcome.CONVERGED
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:

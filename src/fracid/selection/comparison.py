@@ -45,6 +45,7 @@ from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
+from fracid.findings import with_code
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Free, Problem
@@ -768,7 +769,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
             drifts = [d.sentence for d in comparison.amplitude[fractional.name].drifts if d.drifts]
             first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict], compared=True)
     verdict = comparison.verdict
-    if first.claim != "fractional" and verdict.startswith("Orders help"):
+    if first.claim != "fractional" and with_code([verdict], "orders-help"):
         verdict = (
             f"{verdict} That is no evidence of fractional dynamics, for held-out recordings lack the same physics."
         )

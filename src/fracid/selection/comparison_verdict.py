@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from fracid.findings import Note
 from fracid.selection.bic import STRONG
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
 from fracid.units import GREEK
@@ -45,7 +46,8 @@ def verdict_of(comparison: Comparison, integers: Mapping[str, float | None] | No
         ones,
         _paper_beside(comparison, integer, fractional),
     )
-    return " ".join(sentence for sentence in sentences if sentence)
+    text = " ".join(sentence for sentence in sentences if sentence)
+    return Note(text, sentences[0].code) if isinstance(sentences[0], Note) else text
 
 
 def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
@@ -55,15 +57,15 @@ def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> 
     against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
     few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
     if ratio < 1 - MARGIN and helped > N / 2:
-        return f"Orders help on {helped} of {N} held-out recordings, by {100 * (1 - ratio):.2g} %: {against}.{few}"
+        by = f"by {100 * (1 - ratio):.2g} %"
+        return Note(f"Orders help on {helped} of {N} held-out recordings, {by}: {against}.{few}", "orders-help")
     if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
         return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
     if abs(ratio - 1) <= MARGIN:
         return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
     if ratio < 1:
-        return (
-            f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them: {against}.{few}"
-        )
+        only = f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them"
+        return Note(f"{only}: {against}.{few}", "orders-help")
     if not math.isfinite(ratio):
         return f"Orders fit better and do not predict: {against}.{few}"
     return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fracid.optimise.base import Outcome
 from fracid.selection.claim import LACKS
 from fracid.units import GREEK
 
@@ -77,7 +78,7 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "Orders", f"{' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identifiable"
     if "missed" in codes or _poor(scores["validate"]):
         yield "Prediction", "it does not predict what was held out"
-    if not result["outcome"].startswith("converged"):
+    if Outcome.of(result["outcome"]) is not Outcome.CONVERGED:
         yield "Checks", "the search did not converge"
     elif (result.get("discretisation") or {}).get("warning"):
         yield "Checks", "the step bends the orders"

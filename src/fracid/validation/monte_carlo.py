@@ -54,7 +54,7 @@ from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
-from fracid.findings import Finding
+from fracid.findings import Finding, Note, with_code
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
@@ -163,8 +163,8 @@ class NoiseStudy(CardDisplay):
         """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
         sentences = (*map(str, self.findings), *self._of_the_search(),
                      *self._of_the_intervals())  # fmt: skip
-        biased = any("times its spread" in sentence for sentence in sentences)
-        return (*sentences, f"What may cause the bias: {'; '.join(self._causes())}.") if biased else sentences
+        causes = f"What may cause the bias: {'; '.join(self._causes())}."
+        return (*sentences, causes) if with_code(sentences, "biased") else sentences
 
     def _causes(self) -> Iterator[str]:
         """What makes a bias, and what to do about it."""
@@ -199,7 +199,7 @@ class NoiseStudy(CardDisplay):
             if kind in TOGETHER and len(group) > ALONE:
                 yield _folded(group)
             else:
-                yield from (j.sentence for j in group)
+                yield from (Note(j.sentence, "biased" if j.biased else j.kind, j.name) for j in group)
 
     def _judged(self, name: str) -> _Judged:
         rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
@@ -220,7 +220,7 @@ class NoiseStudy(CardDisplay):
             kind, judgement = "few", f": too few to judge; {ENOUGH} or more are needed."
         else:
             kind, judgement = "believed", ": they can be believed."
-        return _Judged(name, kind, hits, intervals, text + judgement)
+        return _Judged(name, kind, hits, intervals, text + judgement, any(_is_off(s) for _, s in narrow))
 
 
 @dataclass(frozen=True)
@@ -232,6 +232,8 @@ class _Judged:
     held: int
     intervals: int
     sentence: str
+    biased: bool = False
+    """Whether intervals are too narrow for their estimates are off."""
 
 
 TOGETHER, ALONE = ("few", "believed"), 3
@@ -246,7 +248,7 @@ def _folded(group: Sequence[_Judged]) -> str:
         "the true value"
     )
     if group[0].kind == "believed":
-        return f"{text}: they can be believed."
+        return Note(f"{text}: they can be believed.", "believed")
     each = f"{most}" if least == most else f"{least} to {most}"
     return f"{text}: {each} intervals each are too few to judge; {ENOUGH} or more are needed."
 
@@ -559,10 +561,14 @@ def _by_chance(hits: int, intervals: int) -> str:
     return f"by chance this happens in {f'{percent:.2g}' if percent >= 0.01 else 'less than 0.01'} % of studies"
 
 
+def _is_off(s: Statistics) -> bool:
+    return s.bias is not None and bool(s.spread) and abs(s.bias) > BIASED * (s.spread or 0.0)
+
+
 def _why(cell: Cell, s: Statistics) -> str:
     """What spoils the coverage of an unknown."""
     text = f"{cell.label} ({s.held} of {s.intervals}, {_by_chance(s.held, s.intervals)}"
-    if s.bias is not None and s.spread and abs(s.bias) > BIASED * s.spread:
+    if s.bias and s.spread and _is_off(s):
         return f"{text}: the estimate is off by {s.bias:+.2g}, {abs(s.bias) / s.spread:.1f} times its spread)"
     if s.claimed and s.spread and s.spread > 1.15 * s.claimed:
         return f"{text}: the spread is {s.spread / s.claimed:.1f} times the standard error)"

@@ -207,7 +207,7 @@ def run(
         searching = False
         laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
-        interrupted = Outcome.INTERRUPTED.value in fit.outcome
+        interrupted = Outcome.of(fit.outcome) is Outcome.INTERRUPTED
         seconds = time.perf_counter() - start_time
         watching.result(FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume))
         pictures: tuple[Path, ...] = ()

@@ -16,6 +16,7 @@ import numpy as np
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, unknown_name, writing
+from fracid.optimise.base import Outcome
 from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
 from fracid.runs.folder import FIGURES, open_folder
@@ -29,9 +30,6 @@ from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit
 
 DRAWN = "draws.npz"
-
-PARTIAL = ("interrupted", "stopped as asked")
-"""In the outcome of a search that did not reach its end."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +100,7 @@ def run_posterior(
         raise unknown_name("method", method, METHODS)
     with one_blas_thread():
         saved = load_run(run, trust=trust)
-        if any(word in str(saved.result.get("outcome", "")) for word in PARTIAL):
+        if Outcome.of(saved.outcome) in (Outcome.INTERRUPTED, Outcome.STOPPED):
             raise InputError(
                 f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
                 f"fracid fit {saved.project.path}."

@@ -30,6 +30,9 @@ WORDS = sorted(
 AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, WORDS))})\s*$"
 """A unit in a name that was quoted for its comma."""
 
+SINGLE = "is a single number"
+"""Why an array is left out that is no column."""
+
 LISTED = 12
 """Names in a message, at most."""
 
@@ -65,7 +68,7 @@ def choose(content: Content, variable: str | None, path: Path) -> Chosen:
         source = f"{path.name}:{variable}"
     arrays = {name: a for name, a in flat.items() if not isinstance(a, LeftOut) and a.size > 1}
     left_out = {name: a.why for name, a in flat.items() if isinstance(a, LeftOut)}
-    left_out |= {name: "is a single number" for name, a in flat.items() if not isinstance(a, LeftOut) and a.size == 1}
+    left_out |= {name: SINGLE for name, a in flat.items() if not isinstance(a, LeftOut) and a.size == 1}
     if not arrays:
         raise DataError(_nothing(path, left_out))
     refuse_bomb(path, sum(a.size for a in arrays.values()), path.stat().st_size)
@@ -107,7 +110,7 @@ def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
     """Return why there is no recording."""
     start = f"{path.name} holds no arrays of numbers."
-    single = [name for name, why in left_out.items() if why == "is a single number"]
+    single = [name for name, why in left_out.items() if why == SINGLE]
     if single:
         start = f"{path.name} holds single numbers ({_names(single)}); a recording needs at least two samples."
     others = [f"{ascii_short(n)[1:-1]} {why}" for n, why in left_out.items() if n not in single]
