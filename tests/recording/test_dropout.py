@@ -83,3 +83,16 @@ def test_init_leaves_a_dropout_out(tmp_path):
     assert "\nto = 6.0" in draft.text or "\nto = 6 " in draft.text
     assert "zero" not in draft.columns["alpha"]
     assert "From 0 to 6 s alpha does not drop out: that part is fitted." in draft.notes
+
+
+def test_a_servo_that_sticks_in_a_resampled_log_drops_nothing_out():
+    """Between its encoder's counts a log that was resampled has lines: what scatters there is no noise."""
+    recorded = np.sort(np.random.default_rng(1).uniform(0, 8, 1200))
+    moves = np.clip(np.sin(2 * recorded), -0.8, 0.8) + 0.05 * np.sin(0.7 * recorded)
+    stuck = np.where(recorded < 5, moves, moves[recorded < 5][-1])
+    counts = np.round(stuck * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
+    t = np.arange(0, 8, 0.005)
+    angle = np.interp(t, recorded, counts)
+    found = Recording.of("servo", t, {"angle": angle, "goal": np.sin(2 * t)}).report
+    assert [s.counts_per_turn for s in found.signals if s.name == "angle"] == [4096]
+    assert not {f.code for f in found.findings} & {"dropout", "saturated"}

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding
-from fracid.signals.resolution import resolution
+from fracid.signals.resolution import encoder_lattice, resolution
 from fracid.units import with_unit
 
 LONG = 64
@@ -129,7 +129,8 @@ def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) ->
     sound = np.ones(x.size, dtype=bool)
     for a, b in runs:
         sound[a + 1 : b] = False
-    step = resolution(x[sound & np.isfinite(x)]) or 0.0
+    lattice = encoder_lattice(x[sound & np.isfinite(x)])
+    step = lattice.step if lattice else 0.0
     even = np.diff(time) <= 1.5 * np.median(np.diff(time))
     for a, b in runs:
         jumps = _jumps(x, a, step, even), _jumps(x[::-1], x.size - b, step, even[::-1])

@@ -20,7 +20,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.signals.noise import white_noise
-from fracid.signals.resolution import Lattice, lattice
+from fracid.signals.resolution import Lattice, encoder_lattice
 from fracid.signals.swing import tail
 
 FAMILIAR_COUNTS = tuple(
@@ -152,7 +152,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
     if x.size < 2:
         blanks = tuple(map(float, time[~mask]))
         return SignalReport(name, unit, math.nan, math.nan, blanks, None, None, math.nan, math.nan, False, None)
-    q = lattice(x)
+    q = encoder_lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(
         name=name,

@@ -115,6 +115,22 @@ def lattice(signal: FloatArray) -> Lattice | None:
     return whole
 
 
+def encoder_lattice(signal: FloatArray) -> Lattice | None:
+    """The lattice of the values, or else of those that stay for two samples and more.
+
+    A log that was resampled in time has lines between its encoder's counts; where it stands it has the counts.
+
+    Examples
+    --------
+    >>> counts = 0.1 * np.round(20 * np.sin(np.arange(300) / 40))
+    >>> resampled = np.interp(np.arange(0, 299, np.pi / 9), np.arange(300), counts)
+    >>> resolution(resampled) is None, round(encoder_lattice(resampled).step, 9)
+    (True, 0.1)
+    """
+    held = signal[1:][signal[1:] == signal[:-1]]
+    return lattice(signal) or (lattice(held) if np.unique(held).size > FEWEST else None)
+
+
 def noise_level(signal: FloatArray, step: float | None = None) -> float:
     """The noise of a signal, but no less than the encoder's rounding q/√12 and 10⁻⁹.
 
