@@ -68,6 +68,8 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
     """The integer-order model that comes nearest, where one was tried."""
     spread: Spread | None = None
     """What each recording says alone, where there are several."""
+    window: float | None = None
+    """Seconds of a window, where recordings were fitted in windows (:mod:`fracid.estimation.windows`)."""
     cut: CutCheck | None = None
     """How far the orders move with where the record begins, where that was asked for."""
 
@@ -188,6 +190,7 @@ class RecordingBlock(Block):
     initial: dict[str, Estimate] = Field(alias="initial_state")
     parameters: dict[str, Estimate]
     sha256: str = Field("", alias="data_sha256")
+    windows: dict[str, dict[str, float]] = Field({})
 
 
 class ModelBlock(Block):
@@ -227,6 +230,7 @@ class FitBlock(Block):
     memory: str
     step: float
     substeps: int | None = Field(None, ge=1)
+    window: float | None = Field(None, gt=0)
     orders: dict[str, OrderEstimate]
     parameters: dict[str, Estimate]
     recordings: dict[str, RecordingBlock]

@@ -41,6 +41,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.cards import listed
 from fracid.errors import SMALLEST, Failure, FailureReason, InputError, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
@@ -63,6 +64,7 @@ from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
+from fracid.estimation.windows import beginning, chosen_window, lengthened, prediction_of, windowed
 from fracid.findings import Finding
 from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
@@ -206,14 +208,19 @@ def identify(
         clock.begin("checks of the data", "look")
         seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
         clock.begin("search", "search")
-        work = problem if entry.keeps_its_own else coarse_problem(problem)
+        window = None if entry.keeps_its_own else chosen_window(problem)
+        work = problem if entry.keeps_its_own else beginning(problem, window) if window else coarse_problem(problem)
+        problem = windowed(problem, window) if window else problem
         with _counted(work, entry, watching, callback) as tell:
             watch = Watch(log, tell)
             result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
                                       executor=executor, journal=journal)  # fmt: skip
+            if window and not result.interrupted:
+                work, at = _lengthened(work, result.best.point, problem, fixed_step, jobs)
+                result, attempts = refined(work, at, jobs, watch), ()
         analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
                              alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
-                             sampled=problem)  # fmt: skip
+                             sampled=problem, window=window)  # fmt: skip
         if result.interrupted:
             watching.interrupted()
         elif not np.isfinite(result.best.cost):
@@ -319,6 +326,8 @@ class _Findings:
     """The problem with its own bounds, where some were opened."""
     within: float = np.inf
     """The cost within those."""
+    window: float | None = None
+    """Seconds of a window, where the recordings are fitted in windows."""
 
     @property
     def opened(self) -> tuple[OpenedBound, ...]:
@@ -366,7 +375,7 @@ class _Findings:
         if observer.recordings is not None:
             problem, x = self.at_every_sample(self.problem), self.result.best.point
             estimates = _estimates(problem, x, self.known, self.verdicts)
-            fitted = {e.name: _recording(problem, x, estimates, e, "fit") for e in problem.experiments}
+            fitted = {n: _recording(problem, x, estimates, n, "fit") for n in problem.recordings}
             observer.recordings(fitted | self.validated)
 
     def settle(self, given: _Given) -> None:
@@ -425,7 +434,9 @@ class _Findings:
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
         check = discretisation_check(problem, x, self.known, given.jobs, substeps=self.substeps, near=self.near)
         self.check = replace(check, refinement=taken)
-        fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
+        fixed = (  # nor is what it found polished; of windows the step was chosen on parts of them
+            self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem) or self.window is not None
+        )
         finer = None if fixed else finer_step(problem, x, self.check, given.jobs, self.near)
         if finer is not None:
             self.take(finer, given)
@@ -464,7 +475,9 @@ def _predicted(analysis: _Findings, given: _Given) -> None:
     """Simulate what was held out; what is wrong with the step is known by now."""
     problem, x = analysis.problem, analysis.result.best.point
     for e in given.validation:
-        analysis.validated[e.name], reason = _validate(analysis.at_every_sample(problem), x, e, given.jobs)
+        analysis.validated[e.name], reason = _validate(
+            analysis.at_every_sample(problem), x, e, analysis.window, given.jobs
+        )
         analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
     if given.validation:
         analysis.show(given.observer)
@@ -475,7 +488,7 @@ def _predicted(analysis: _Findings, given: _Given) -> None:
 
 def _each_alone(analysis: _Findings, given: _Given) -> None:
     problem = analysis.problem
-    if len(problem.experiments) > 1 and problem.cost_function.loss is not None:
+    if len(problem.recordings) > 1 and problem.cost_function.loss is not None:
         analysis.spread = spread(problem, analysis.result.best.point, jobs=given.jobs)
         analysis.warnings += analysis.spread.sentences()
 
@@ -641,13 +654,14 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
             verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     outcome = Outcome.INTERRUPTED if analysis.interrupted else analysis.result.outcome
-    fitted = {e.name: _recording(problem, best.point, estimates, e, "fit") for e in problem.experiments}
+    fitted = {n: _recording(problem, best.point, estimates, n, "fit") for n in problem.recordings}
     ended = () if outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
     later = (*analysis.seen[len(analysis.first) :], *ended)
     findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     partial = PARTIAL if outcome is Outcome.INTERRUPTED else ""
     messages = (partial, *(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
-                *_warnings(problem, precision, analysis.verdicts), *analysis.warnings)  # fmt: skip
+                *_warnings(problem, precision, analysis.verdicts), *analysis.warnings,
+                *_followed(problem, best.point, analysis.window))  # fmt: skip
     return Fit(
         problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
@@ -655,13 +669,39 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
-        alternative=alternative, spread=analysis.spread, cut=analysis.cut if isinstance(analysis.cut,
-        CutCheck) else None,
+        alternative=alternative, spread=analysis.spread, window=analysis.window,
+        cut=analysis.cut if isinstance(analysis.cut, CutCheck) else None,
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
         claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons,
     )  # fmt: skip
+
+
+def _lengthened(
+    parts: Problem, x: FloatArray, whole: Problem, fixed_step: bool, jobs: int
+) -> tuple[Problem, FloatArray]:
+    """A problem in windows, and where to begin, from the minimum of that in parts of them.
+
+    Its step is chosen there: at the end of a window what half a step changes has grown, and led to another minimum.
+    """
+    if not fixed_step:
+        check = discretisation_check(parts, x, uncertainty(parts, x, jobs=jobs), jobs)
+        if (finer := finer_step(parts, x, check, jobs)) is not None:
+            parts, x = finer.problem, finer.best.point
+    whole = replace(whole, substeps=parts.substeps)
+    return whole, lengthened(parts, x, whole)
+
+
+def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator[str]:
+    """For how long the model predicts recordings that were fitted in windows."""
+    if window is not None:
+        seconds, count = prediction_of(problem, x).seconds, len(problem.experiments)
+        how_long = f"for longer than {seconds:.2g} s" if math.isfinite(seconds) else "to its end without a new start"
+        yield (
+            f"No simulation follows {listed(problem.recordings)} {how_long}: identified from {count} windows of "
+            f"{window:.2g} s, each with a start of its own."
+        )
 
 
 # --- search ----------------------------------------------------------------------------------------
@@ -690,14 +730,13 @@ class _Clock:
 # --- what the minimum says -------------------------------------------------------------------------
 
 
-def _recording(
-    problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], e: Experiment, use: str
-) -> RecordingFit:
+def _recording(problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate], name: str, use: str) -> RecordingFit:
     """One recording beside its simulation, which is NaN where the run fails."""
+    e = problem.experiments[problem.recordings[name][1]][0]
     begun = zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True)
     initial = {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in begun}
-    own = {n: estimates[f"{n} [{e.name}]"] for n in problem.parametrisation.own_parameters}
-    return fit_of(problem, x, e, use, initial, own | _release(estimates, e))
+    own = {n: estimates[f"{n} [{name}]"] for n in problem.parametrisation.own_parameters}
+    return fit_of(problem, x, name, use, initial, own | _release(estimates, e))
 
 
 def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:
@@ -707,10 +746,13 @@ def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Esti
     return {"release_time": Estimate(e.release_time, "s")} if e.release_time else {}
 
 
-def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[RecordingFit, str]:
+def _validate(
+    problem: Problem, x: FloatArray, e: Experiment, window: float | None, jobs: int
+) -> tuple[RecordingFit, str]:
     """Find a recording's own unknowns, all that is shared fixed at x; in words why, where every run failed."""
     sampled = problem.with_shared(x, (e,))
-    alone = coarse_problem(sampled)
+    sampled = windowed(sampled, window) if window else sampled
+    alone = sampled if window else coarse_problem(sampled)
     quiet = Watch()
     if not alone.names:
         best = alone.evaluate(alone.start)
@@ -724,7 +766,7 @@ def _validate(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tupl
             alone, best = exact
     precision = uncertainty(alone, best.point, jobs=jobs)
     estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
-    return _recording(on_every_sample(alone, sampled), best.point, estimates, e, "validate"), best.reason
+    return _recording(on_every_sample(alone, sampled), best.point, estimates, e.name, "validate"), best.reason
 
 
 def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, precision: Uncertainty | Failure) -> str:

@@ -21,7 +21,7 @@ from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
 from fracid.estimation.profile_walk import refit
 from fracid.estimation.tangent import Tangent
-from fracid.problem import Experiment, Problem
+from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.scatter import SpreadBlock
 from fracid.tasks.job import in_threads
@@ -116,7 +116,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     >>> bool(spread(problem, problem.start).birge[0] < 2)
     True
     """
-    if len(problem.experiments) < 2:
+    if len(problem.recordings) < 2:
         raise InputError("There is one recording to fit; a spread needs two or more.")
     if problem.cost_function.loss is None:
         raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no spread of it.")
@@ -125,18 +125,18 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
 
     J = derivatives_of_each(problem, np.asarray(x), jobs)
 
-    def alone(e: Experiment) -> tuple[FloatArray, FloatArray]:
-        one = replace(problem, experiments=(e,))
-        best, precision = _alone(one, np.array([at[n] for n in one.names]), J.get(e.name))
+    def alone(name: str) -> tuple[FloatArray, FloatArray]:
+        one = replace(problem, experiments=problem.experiments[problem.recordings[name][1]])
+        best, precision = _alone(one, np.array([at[n] for n in one.names]), J.get(name))
         if precision is None or isinstance(precision, Failure):
             return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
         where = [one.names.index(problem.names[i]) for i in shared]
         return best[where], precision.standard_error[where]
 
-    estimates = in_threads(at_least("jobs", jobs, 1), alone, problem.experiments)
+    estimates = in_threads(at_least("jobs", jobs, 1), alone, problem.recordings)
     values, errors = (np.array(rows) for rows in zip(*estimates, strict=True))
     names = tuple(problem.names[i] for i in shared)
-    return Spread(names, tuple(e.name for e in problem.experiments), values, errors)
+    return Spread(names, tuple(problem.recordings), values, errors)
 
 
 def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArray, Uncertainty | Failure | None]:

@@ -91,7 +91,9 @@ from fracid.estimation.block_covariance import (
     block_long_run,
     block_sandwiched,
     block_widening,
+    clustered,
     summed,
+    window_sums,
 )
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.bounded import lowest, reach
@@ -412,9 +414,15 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     ]
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
     wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
+    sums = None if len(problem.recordings) == len(problem.experiments) else window_sums(blocks, scores, bread)
     del rows, scores, samples  # as large as all recordings, and squares of all unknowns follow
     known = 2 * level * prior / norm**2
     covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) for parts in (S, S0))
+    if sums is not None:
+        from_window_to_window = clustered(blocks, bread.inverse, sums)
+        here = np.diag(covariance)[blocks.shared] * wider[blocks.shared] ** 2
+        ratio = np.divide(from_window_to_window, here, out=np.ones_like(here), where=here > 0)
+        wider[blocks.shared] *= np.sqrt(np.maximum(1.0, ratio))
     inverse, directions, condition = bread.inverse, bread.unseen / norm, bread.condition
     for square, factor in ((inverse, 1 / norm), (covariance, wider / norm), (white, 1 / norm)):  # in place
         square *= factor

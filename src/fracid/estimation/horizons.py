@@ -5,7 +5,7 @@ short part of the record, and lengthens it as long as the fit holds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -47,6 +47,15 @@ LEAP = 4.0
 MANY = 200
 """Swings that tell a frequency so well that of long records a horizon may leap."""
 
+FAR = 2.0
+"""A cost of whole windows that is so many times that of their first thirds is of starts that are off."""
+
+LENGTHENS = 1.3
+"""So much longer does the part of a window become."""
+
+OF_WINDOWS: Mapping[str, Any] = {"tolerance": 1e-6, "budget": 30}
+"""Least squares of windows: smaller gains are those of kinks, which friction makes and starts amplify."""
+
 STILL = 0.5
 """Of the first horizon: a standstill that leaves less motion on it shifts all horizons."""
 
@@ -77,7 +86,17 @@ def growing(problem: Problem, x: FloatArray, jobs: int, watch: Watch, also: Sequ
 
 
 def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Result:
-    """Least squares from x."""
+    """Least squares from x; of windows at whose ends x is far off, first on ever more of each."""
+    x = np.clip(x, problem.space.lower, problem.space.upper)
+    if problem.in_windows:
+        options = {**OF_WINDOWS, **options}
+    for seconds in _of_windows(problem, x):
+        begins = problem.until(seconds)
+        part = f"the first {seconds:.3g} s of each window"
+        result = minimised(begins, _descent(begins, x, tolerance=1e-2, budget=12), jobs, watch, part)
+        if result.interrupted:
+            return replace(result, best=problem.evaluate(result.best.point))
+        x = result.best.point
     return minimised(problem, _descent(problem, x, **options), jobs, watch)
 
 
@@ -241,6 +260,16 @@ def horizons(problem: Problem) -> Iterator[float]:
         yield still + horizon
         many = horizon >= MANY * first and any(e.means > 1 for e in problem.experiments)
         horizon *= LEAP if many or known else GROWTH
+
+
+def _of_windows(problem: Problem, x: FloatArray) -> Iterator[float]:
+    """Seconds of windows, from a third of them on, where x is far off at their ends: what a start is off by grows."""
+    whole = max(e.time[-1] for e in problem.experiments)
+    seconds = whole / 3
+    if problem.in_windows and not problem.cost(x) < FAR * problem.until(seconds).cost(x):
+        while seconds < whole:
+            yield seconds
+            seconds *= LENGTHENS
 
 
 def _first_horizon(e: Experiment) -> float:

@@ -27,7 +27,7 @@ from fracid.units import shown_unit, typeset_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.problem import Experiment, Problem
+    from fracid.problem import Problem
 
 VERDICTS = {"practically not": "practically non-identifiable", "not at all": "not identifiable"}
 """Verdicts whose name in files says less than tables have room for."""
@@ -126,6 +126,8 @@ class RecordingFit:
     """Output → the standard deviation of its samples, in its unit, shape (n_samples,); empty where none is known."""
     uneven: bool = False
     """Whether its samples are meant to lie unevenly."""
+    windows: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Window → state → its value at the window's start, where the recording was fitted in windows; else empty."""
 
     def zero_of(self, output: str) -> str:
         """Where an output is zero, ``hanging`` or ``upright``; "" where that is not the model's to say.
@@ -228,21 +230,25 @@ class RecordingFit:
 
 
 def fit_of(
-    problem: Problem, x: FloatArray, e: Experiment, use: str, initial: Mapping[str, Estimate],
+    problem: Problem, x: FloatArray, name: str, use: str, initial: Mapping[str, Estimate],
     parameters: Mapping[str, Estimate],
 ) -> RecordingFit:  # fmt: skip
     """One recording beside its simulation at x, which is NaN where the run fails."""
-    simulated, model = problem.fitted(x, e), problem.model
+    simulated, model, (e, at) = problem.followed(x, name), problem.model, problem.recordings[name]
     if isinstance(simulated, Failure):
         fitted, cost = np.full(e.measured.shape, np.nan), np.inf
     else:
-        fitted = simulated
-        cost = problem.cost_function.value(e.time, e.in_deviations(e.measured - fitted), e.scored)
+        fitted, error = simulated, e.in_deviations(e.measured - simulated)
+        cost = problem.cost_function.value(e.time, np.where(np.isnan(error), 0.0, error), e.scored)
     deviations = () if e.deviation is None else zip(problem.outputs, e.deviation.T, strict=True)
+    states = model.states
+    windows = {} if e is problem.experiments[at][0] else {
+        w.name: dict(zip(states, problem.unpack(x, w)[2].tolist(), strict=True)) for w in problem.experiments[at]
+    }  # fmt: skip
     return RecordingFit(
-        e.name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),
+        name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),
         dict(zip(problem.outputs, fitted.T, strict=True)), cost, initial, parameters, e.sha256, e.units,
-        model.zero, model.pendulum, e.scored, dict(deviations), e.times is not None,
+        model.zero, model.pendulum, e.scored, dict(deviations), e.times is not None, windows,
     )  # fmt: skip
 
 

@@ -58,7 +58,7 @@ from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
-from fracid.signals.swing import common_period, final_value, half_swings, quickening, swing_period
+from fracid.signals.swing import common_period, final_value, half_swings, quickening, stands, swing_period
 
 REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
 """Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
@@ -435,6 +435,12 @@ class _Page:
         self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
         self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
+        signals = recording.signals
+        self.stands = (
+            self.driven
+            and recording.step is not None
+            and stands(signals["alpha"], signals.get("theta"), recording.step)
+        )
         self.model, self.starts = rotary_pendulum(rig), starts
 
     def text(self) -> str:
@@ -449,7 +455,9 @@ class _Page:
             "[model]",
             'name = "rotary-pendulum"                # your own: name = "my_rig.py:model"',
             toml_line("rig", self.rig, why),
-            toml_line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
+            toml_line("zero", "upright", "# alpha = 0 where the pendulum stands: what moves it away grows; or hanging")
+            if self.stands
+            else toml_line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
         ]
 
     def _parameters(self) -> list[str]:

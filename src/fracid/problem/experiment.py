@@ -86,6 +86,10 @@ class Experiment(CardDisplay):
     """The recording at its own rate, where this is a coarser one of it (:mod:`fracid.problem.coarse`)."""
     means: int = 1
     """How many samples of the source each sample is the mean of."""
+    whole: Experiment | None = None
+    """The recording, where this is a window of it (:mod:`fracid.estimation.windows`)."""
+    begun: tuple[FloatArray, FloatArray] | None = None
+    """Outputs and their slopes at the start of a window, as the samples on both sides of it show them."""
 
     def __post_init__(self) -> None:
         """Take arrays of numbers alone, of whatever package: a table of pandas, say; what is masked is none."""
@@ -189,6 +193,11 @@ class Experiment(CardDisplay):
         return self if self.source is None else self.source
 
     @property
+    def recording(self) -> Experiment:
+        """The recording itself, of which this may be a window."""
+        return self if self.whole is None else self.whole
+
+    @property
     def most_moved(self) -> FloatArray:
         """The output that moves most, shape (n_samples,)."""
         return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
@@ -274,7 +283,7 @@ class Experiment(CardDisplay):
 
     def first_values(self) -> tuple[FloatArray, FloatArray]:
         """Outputs and their slopes at the start [rad, rad/s], from a parabola through the first samples."""
-        return self.sampled._first_values
+        return self.begun or self.sampled._first_values
 
     @cached_property
     def _first_values(self) -> tuple[FloatArray, FloatArray]:

@@ -106,11 +106,13 @@ class Parametrisation:
         for name, value in self.parameters.items():
             if isinstance(value, Free) and name not in self.per_recording:
                 shared.append(Unknown(name, units[name], "parameter", name, None, value))
+        begun = set[str]()
         for e in self.experiments:
-            for name in self.per_recording:
+            for name in self.per_recording if (of := e.recording.name) not in begun else ():
                 value = self.parameters[name]
                 assert isinstance(value, Free)
-                own.append(Unknown(f"{name} [{e.name}]", units[name], "parameter", name, e.name, value))
+                own.append(Unknown(f"{name} [{of}]", units[name], "parameter", name, of, value))
+            begun.add(of)
             own += self._initial_unknowns(e)
             if isinstance(e.release_time, Free):
                 own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", e.name, e.release_time))
@@ -200,12 +202,13 @@ class Parametrisation:
     @cached_property
     def _acting(self) -> dict[str, list[int]]:
         """For each recording the unknowns that its run takes: those that all share, and its own."""
-        shared = [i for i, u in enumerate(self.unknowns) if u.experiment is None]
-        acting = {e.name: [*shared] for e in self.experiments}
+        by_experiment: dict[str | None, list[int]] = {}
         for i, u in enumerate(self.unknowns):
-            if u.experiment is not None:
-                acting[u.experiment].append(i)
-        return acting
+            by_experiment.setdefault(u.experiment, []).append(i)
+        return {
+            e.name: [i for of in dict.fromkeys((None, e.recording.name, e.name)) for i in by_experiment.get(of, ())]
+            for e in self.experiments
+        }
 
     @cached_property
     def _fixed(self) -> dict[str, tuple[FloatArray, ...]]:

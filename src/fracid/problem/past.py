@@ -92,6 +92,8 @@ def release_in_past(e: Experiment) -> int:
     A free fall's rise is t², so its root is a line, and meets zero at the release: the speed alone is slow to tell.
     """
     assert e.past is not None
+    if e.whole is not None:  # of a window: in motion all along
+        return 0
     signals = np.vstack([e.past, e.measured])
     x: FloatArray = np.asarray(signals[:, np.argmax(np.ptp(e.past, axis=0))], dtype=np.float64)
     t: FloatArray = np.arange(len(x), dtype=np.float64) * e.step

@@ -22,6 +22,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.past import Past
 from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, start_of
+from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, Windows, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
@@ -91,6 +92,9 @@ class Problem(CardDisplay):
     """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
+    windows: Windows = "auto"
+    """Seconds of the windows in which recordings are fitted, each with a start of its own, or ``none``; ``auto``: where
+    no simulation follows them to their end (:mod:`fracid.estimation.windows`)."""
     memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
 
@@ -219,6 +223,18 @@ class Problem(CardDisplay):
         """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,)."""
         return self.parametrisation.absent(x)
 
+    @property
+    def in_windows(self) -> bool:
+        """Whether its experiments are windows of recordings."""
+        return all(e.whole is not None for e in self.experiments)
+
+    @property
+    def recordings(self) -> dict[str, tuple[Experiment, slice]]:
+        """Each recording by name, with its experiments: most have one, themselves; of others they are windows."""
+        wholes = [e.recording for e in self.experiments]
+        firsts = [i for i, e in enumerate(wholes) if i == 0 or e.name != wholes[i - 1].name]
+        return {wholes[a].name: (wholes[a], slice(a, b)) for a, b in pairwise([*firsts, len(wholes)])}
+
     @cached_property
     def blocks(self) -> Blocks | None:
         """Which unknowns and rows belong to which recording; None where so few are a recording's own that all are one.
@@ -267,6 +283,18 @@ class Problem(CardDisplay):
     def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
         return self.simulator.outputs(x, e)
+
+    def followed(self, x: FloatArray, name: str) -> FloatArray | Failure:
+        """Simulated outputs of a whole recording, shape (n_samples, n_outputs); NaN between windows that lie apart."""
+        whole, at = self.recordings[name]
+        outputs = np.full(whole.measured.shape, np.nan)
+        for e in self.experiments[at]:
+            simulated = self.fitted(x, e)
+            if isinstance(simulated, Failure):
+                return simulated
+            first = round((e.start - whole.start) / whole.step)
+            outputs[first : first + len(simulated)] = simulated
+        return outputs
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""

@@ -66,7 +66,7 @@ from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.sensors import QUANTITIES, Sensor
-from fracid.problem.unknowns import Free, Prior, Tied, Value
+from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
@@ -217,6 +217,7 @@ class _Fit(_Table):
     per_recording: list[str] = []
     initial_state: str = "estimate"
     history: _History = "none"
+    windows: Windows = "auto"
     method: str = "pi2"
     memory: str = "compressed"
     tolerance: float = 1e-10
@@ -456,6 +457,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         model, fitted, orders, parameters, tuple(fit.per_recording),
         cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
         fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps or 1, fit.weights,  # type: ignore[arg-type]
+        fit.windows,
     )  # fmt: skip
     validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)

@@ -15,6 +15,8 @@ InitialState = Literal["estimate", "rest", "measured", "held"]
 
 Weights = Literal["equal", "noise"]
 
+Windows = float | Literal["auto", "none"]
+
 FAR = 5.0
 """A search does not start further than this from a prior's mean [standard deviations]."""
 

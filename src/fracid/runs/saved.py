@@ -33,9 +33,10 @@ from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.starts import Start
+from fracid.estimation.windows import windowed
 from fracid.findings import Finding
 from fracid.fit import ResultBlock, StartBlock, fit_card
-from fracid.problem import Experiment, Problem
+from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
@@ -71,6 +72,8 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     def problem(self) -> Problem:
         """The project's, with the bounds that the fit opened and the step that it chose."""
         problem = reopened(self.project.problem, self.opened_bounds)
+        if (window := self.result.get("window")) is not None:
+            problem = windowed(problem, window)
         chosen = self.result.get("substeps")
         if self.project.fixed_step or chosen in (None, problem.substeps):
             return problem
@@ -173,10 +176,13 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     @cached_property
     def recordings(self) -> dict[str, RecordingFit]:
         """Each recording beside its simulation, as in :attr:`fracid.Fit.recordings`; NaN where the run fails."""
-        validating = [(self.problem.with_shared(self.x, (e,)), e, "validate") for e in self.project.validation]
+        window = self.result.get("window")
+        validating = [self.problem.with_shared(self.x, (e,)) for e in self.project.validation]
+        validating = [p if window is None else windowed(p, window) for p in validating]
         return {
-            e.name: self._recording(problem, e, use)
-            for problem, e, use in [*((self.problem, e, "fit") for e in self.problem.experiments), *validating]
+            name: self._recording(problem, name, use)
+            for problem, use in [(self.problem, "fit"), *((p, "validate") for p in validating)]
+            for name in problem.recordings
         }
 
     @property
@@ -201,13 +207,13 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
                         (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores,
                         self.claim_reasons)  # fmt: skip
 
-    def _recording(self, problem: Problem, e: Experiment, use: str) -> RecordingFit:
-        entry = self.result.get("recordings", {}).get(e.name, {})
+    def _recording(self, problem: Problem, name: str, use: str) -> RecordingFit:
+        entry = self.result.get("recordings", {}).get(name, {})
         initial, own = (
             {n: record_of(Estimate, v) for n, v in entry.get(key, {}).items()}
             for key in ("initial_state", "parameters")
         )
-        return fit_of(problem, _vector(problem, self.values), e, use, initial, own)
+        return fit_of(problem, _vector(problem, self.values), name, use, initial, own)
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):
@@ -392,6 +398,7 @@ def _values(result: Mapping[str, Any]) -> dict[str, float]:
     for name, r in result.get("recordings", {}).items():
         shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
         shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
+        shared |= {f"{n}(0) [{w}]": v for w, states in r.get("windows", {}).items() for n, v in states.items()}
     return {n: float(v) for n, v in shared.items() if v is not None}
 
 

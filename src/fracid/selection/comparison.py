@@ -45,6 +45,7 @@ from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
+from fracid.estimation.windows import PARTS, chosen_window, windowed
 from fracid.findings import with_code
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
@@ -297,6 +298,8 @@ class _Fold:
 
     held_out: tuple[Experiment, ...]
     ladder: Ladder
+    window: float | None
+    """Seconds of the windows in which recordings are fitted, where no simulation follows them."""
 
 
 @dataclass(frozen=True)
@@ -330,9 +333,12 @@ def _made(place: _Place) -> _Fold:
     fitted = tuple(e for e in every if e.name not in place.held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in place.held_out)
     keep, rungs = origin.only
+    window = chosen_window(problem)
+    window = window and window / PARTS  # where any start leads to the minimum
     fitted_problem = replace(problem, experiments=fitted)
+    fitted_problem = windowed(fitted_problem, window) if window else fitted_problem
     beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
-    return _Fold(others, ladder(fitted_problem, keep=keep, rungs=rungs, others=others, alternatives=beside))
+    return _Fold(others, ladder(fitted_problem, keep=keep, rungs=rungs, others=others, alternatives=beside), window)
 
 
 _fold_of_file = lru_cache(maxsize=32)(_made)
@@ -384,16 +390,15 @@ def _fit_structure(
     values = dict(zip(problem.names, best.point.tolist(), strict=True))
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
-        scores = {e.name: _score(problem, e, errors) for e in problem.experiments}
+        scores = {n: _score(problem, e, errors) for n, (e, _) in problem.recordings.items()}
         return as_json(FittedBlock, {
             "values": values, "cost": None, "outcome": str(errors), "in_sample": scores, "parameters": len(values),
             "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
             "squares": None, "samples": 2.0,
         })  # fmt: skip
-    predicted = {e.name: _predicted(structure, values, e, jobs) for e in others}
-    every = {e.name: (e, r) for e, r in zip(problem.experiments, errors, strict=True)} | {
-        name: (e, r) for name, (_, e, r) in predicted.items() if not isinstance(r, Failure)
-    }
+    followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
+    predicted = {e.name: _predicted(structure, values, e, place.fold.window, jobs) for e in others}
+    every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
     precision = uncertainty(problem, best.point, jobs=jobs)
     intervals = (
         [] if isinstance(precision, Failure) else [precision.interval(best.point, i) for i in range(len(values))]
@@ -408,10 +413,12 @@ def _fit_structure(
         "parameters": len(values),
         "at_bound": at_bound,
         "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
-        "in_sample": {e.name: _score(problem, e, r) for e, r in zip(problem.experiments, errors, strict=True)},
+        "in_sample": {n: _score(problem, *found) for n, found in followed.items()},
         "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
         "left_over": leftovers(problem, best.point),
-        "curves": {name: _curves(problem, e, r, len(every)) for name, (e, r) in every.items()},
+        "curves": {
+            name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
+        },
         "outcome": outcome,
     })  # fmt: skip
 
@@ -500,31 +507,33 @@ def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **optio
 
 
 def _predicted(
-    structure: Structure, values: Mapping[str, float], e: Experiment, jobs: int
+    structure: Structure, values: Mapping[str, float], e: Experiment, window: float | None, jobs: int
 ) -> tuple[Problem, Experiment, FloatArray | Failure]:
-    """The errors on a recording that was not fitted, its own unknowns found again."""
+    """The simulation of a recording that was not fitted, its own unknowns found again."""
     alone = structure.on(values, e)
+    alone = windowed(alone, window) if window else alone
     x = alone.start
     if alone.names and alone.cost_function.loss is None:
         x = _descended(alone, x, jobs, Watch()).point
     elif alone.names:
         x = growing(alone, x, jobs, Watch()).best.point
-    errors = alone.errors(x)
-    return alone, e, errors if isinstance(errors, Failure) else errors[0]
+    return alone, alone.recordings[e.name][0], alone.followed(x, e.name)
 
 
-def _curves(problem: Problem, e: Experiment, error: FloatArray, recordings: int) -> dict[str, list[float | None]]:
+def _curves(problem: Problem, e: Experiment, simulated: FloatArray, recordings: int) -> dict[str, list[float | None]]:
     some = drawn(e.time.size, recordings)
-    simulated = (e.measured - e.in_units(error))[some].T.tolist()
-    return {n: [json_number(float(f"{v:.5g}")) for v in y] for n, y in zip(problem.outputs, simulated, strict=True)}
+    return {
+        n: [json_number(float(f"{v:.5g}")) for v in y]
+        for n, y in zip(problem.outputs, simulated[some].T.tolist(), strict=True)
+    }
 
 
-def _score(problem: Problem, e: Experiment, error: FloatArray | Failure) -> dict[str, Any]:
-    if isinstance(error, Failure):
+def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> dict[str, Any]:
+    if isinstance(simulated, Failure):
         nothing = dict.fromkeys(problem.outputs)
-        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(error)}
+        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(simulated)}
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
-    error = e.in_units(error)
+    error = np.where(np.isnan(simulated), 0.0, e.measured - simulated)
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}

@@ -24,17 +24,19 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
 
     @cache
     def derivatives() -> list[FloatArray]:
-        J = None if problem.blocks is not None else jacobian(problem, x, np.arange(len(x)))
-        none = [np.zeros((*e.measured.shape, 0)) for e in problem.experiments]
+        windows = len(recordings) < len(problem.experiments)
+        J = None if problem.blocks is not None or windows else jacobian(problem, x, np.arange(len(x)))
+        none = [np.zeros((*e.measured.shape, 0)) for e in recordings]
         return J if isinstance(J, list) else none
 
     def of(number: int, output: int, simulated: FloatArray) -> LeftOver:
-        return _left_over(problem.experiments[number], simulated, output, lambda: derivatives()[number][:, output])
+        return _left_over(recordings[number], simulated, output, lambda: derivatives()[number][:, output])
 
-    fitted = [problem.fitted(x, e) for e in problem.experiments]
+    recordings = [e for e, _ in problem.recordings.values()]
+    fitted = [problem.followed(x, e.name) for e in recordings]
     return {
         f"{e.name}, {GREEK.get(output, output)}": of(number, k, y)
-        for number, (e, y) in enumerate(zip(problem.experiments, fitted, strict=True)) if not isinstance(y, Failure)
+        for number, (e, y) in enumerate(zip(recordings, fitted, strict=True)) if not isinstance(y, Failure)
         for k, output in enumerate(problem.outputs)
     }  # fmt: skip
 

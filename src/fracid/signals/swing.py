@@ -32,6 +32,12 @@ from fracid.arrays import FloatArray
 from fracid.signals.noise import noise_floor, white_noise
 from fracid.signals.resolution import resolution
 
+SMOOTHED = 0.1
+"""Of a balanced pendulum: accelerations are slopes over so long [s]."""
+
+SURELY = 5.0
+"""Standard errors from which on it is balanced."""
+
 BEYOND = 0.1
 """A side is reached at this part of the largest deviation."""
 
@@ -365,3 +371,33 @@ def _mean_over(x: FloatArray, m: int) -> FloatArray:
 def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:
     """|dx/dt| by central differences over w samples to each side; at the ends as beside them."""
     return np.pad(np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w])), w, mode="edge")
+
+
+def stands(alpha: FloatArray, theta: FloatArray | None, step: float) -> bool:
+    r"""Whether a pendulum is balanced about α = 0: what drives it away, in α̈ = g sin α + c cos α θ̈ − b α̇, is sure.
+
+    A hanging one has g below 0.  Angles in rad, shape (n_samples,); `step` in s.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 20, 0.01)
+    >>> alpha = 0.03 * (np.sin(2 * t) + np.sin(5 * t))
+    >>> stands(alpha, None, 0.01)                       # nothing but gravity moves it: it hangs
+    False
+    >>> arm = -0.03 * (13 / 4 * np.sin(2 * t) + 34 / 25 * np.sin(5 * t))  # θ̈ = 9 α − α̈
+    >>> stands(alpha, arm, 0.01)
+    True
+    """
+    from scipy.signal import savgol_filter
+
+    width = max(5, round(SMOOTHED / step) | 1)
+    if len(alpha) < 10 * width or np.max(np.abs(alpha)) > 1.0:
+        return False
+    a, rate, acceleration = (savgol_filter(alpha, width, 3, deriv=k, delta=step) for k in range(3))
+    columns = [np.sin(a), -rate, np.ones(len(a))]
+    columns += [] if theta is None else [np.cos(a) * savgol_filter(theta, width, 3, deriv=2, delta=step)]
+    A = np.column_stack(columns)
+    found, *_ = np.linalg.lstsq(A, acceleration)
+    left = acceleration - A @ found
+    error = math.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * np.mean(left**2) * width)
+    return bool(found[0] > SURELY * error)

@@ -107,7 +107,7 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
     findings += noisy_start(problem, x, uncertainty, jobs=jobs, parabola=parabola)
     findings += _stopped_short(problem, x, uncertainty, parabola)
     findings += misread(problem, x, uncertainty, jobs=jobs)
-    return (*findings, *(f for e in problem.experiments for f in _cannot_explain(problem, x, e)))
+    return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
 def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
@@ -190,7 +190,7 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
     """Orders that are not known well, where the records have few swings."""
     if isinstance(uncertainty, Failure):
         return
-    longest = max(problem.experiments, key=lambda e: swing_count(e.most_moved))
+    longest = max((e for e, _ in problem.recordings.values()), key=lambda e: swing_count(e.most_moved))
     y = longest.most_moved
     swings, period, begins = swing_count(y), swing_period(y), swing_start(y)
     late = float(np.std(y[-(len(y) // 4 + 1) :]))
@@ -356,10 +356,11 @@ def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray
 
 
 def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:
-    fitted = problem.fitted(x, e)
+    fitted = problem.followed(x, e.name)
     if isinstance(fitted, Failure):
         return
-    for o, y, z in zip(problem.outputs, e.measured.T, fitted.T, strict=True):
+    there = np.isfinite(fitted[:, 0])
+    for o, y, z in zip(problem.outputs, e.measured[there].T, fitted[there].T, strict=True):
         rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)
         part, times = rms / max(spread, 1e-300), rms / noise
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:

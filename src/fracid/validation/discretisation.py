@@ -114,6 +114,9 @@ def discretisation_check(
         return Discretisation(*costs, {}, {}, warning=f"With pi2 at half the step the best run fails: {after.reason}.")
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
+    if problem.in_windows:  # at a window's end what a start is off by has grown
+        best = uninterrupted(refined(second, x, jobs, Watch(), budget=10)).best
+        return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point)
     finer = _minimum_beside(problem, x, second, jobs, near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
         finer = x + finer - _minimum_beside(problem, x, problem, jobs, near)

@@ -1,0 +1,162 @@
+"""A rig that stands upright, or tumbles, is fitted in windows: which samples, which unknowns, which answer."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.estimation.windows import (
+    PARTS,
+    beginning,
+    chosen_window,
+    dies,
+    lengthened,
+    prediction,
+    prediction_of,
+    windowed,
+)
+from fracid.problem import Free
+
+STEP, SPAN = 0.01, 20.0
+TRUTH = {"gravity": 0.147, "J": 3e-3, "b_angle": 2e-3, "coulomb_angle": 2e-3}
+COUNT = 2 * math.pi / 4096
+
+
+def balanced(seed, end=SPAN):
+    """Angle and held torque of a rod that a controller with noise of its own keeps upright, shape (n_samples,)."""
+    rng, t = np.random.default_rng(seed), np.arange(0, end + STEP / 2, STEP)
+    angle, rate, seen, torque = 0.02, 0.0, np.zeros(len(t)), np.zeros(len(t))
+    for k in range(len(t)):
+        seen[k] = COUNT * round((angle + 1e-3 * rng.standard_normal()) / COUNT)
+        aim = 0.1 * np.sign(np.sin(2 * np.pi * t[k] / 3.7))
+        torque[k] = -0.4 * (angle - aim) - 0.03 * rate + 0.01 * rng.standard_normal()
+        for _ in range(10):  # Heun's method
+            h, slopes = STEP / 10, []
+            for a, v in ((angle, rate), (0.0, 0.0)):
+                a, v = (a, v) if not slopes else (angle + h * slopes[0][0], rate + h * slopes[0][1])
+                friction = TRUTH["b_angle"] * v + TRUTH["coulomb_angle"] * np.tanh(v / 0.02)
+                slopes.append((v, (torque[k] + TRUTH["gravity"] * np.sin(a) - friction) / TRUTH["J"]))
+            angle, rate = (x + h * (s + e) / 2 for x, s, e in zip((angle, rate), *slopes, strict=True))
+    return seen, torque
+
+
+def upright(measured, torque, **changes):
+    e = fracid.Experiment("stand", STEP, measured[:, None], torque[:, None], between={"torque": "hold"})
+    values = {n: Free(1.3 * TRUTH[n], TRUTH[n] / 20, TRUTH[n] * 20) for n in ("J", "b_angle", "coulomb_angle")}
+    return fracid.Problem(
+        fracid.model("pendulum", zero="upright"), (e,), {"mu": 1.0}, values, initial_state="estimate", **changes
+    )
+
+
+@pytest.fixture(scope="module")
+def stand():
+    return upright(*balanced(1))
+
+
+def test_a_rod_that_stands_is_predicted_for_a_time_and_one_that_hangs_to_the_end(stand):
+    Λ = (TRUTH["gravity"] / TRUTH["J"]) ** 0.5  # of what grows, without friction
+    found = prediction(stand, stand.start)
+    assert math.log(10) / Λ < found.window < 4 * math.log(10) / Λ
+    assert found.window < found.seconds < SPAN
+    hangs = replace(stand, model=fracid.model("pendulum", zero="hanging"))
+    assert math.isinf(prediction(hangs, hangs.start).seconds)
+    assert chosen_window(hangs) is None
+    assert chosen_window(stand) == PARTS * found.window
+
+
+def test_windows_hold_every_sample_once_and_share_all_but_their_starts(stand):
+    e, pieces = stand.experiments[0], windowed(stand, 1.0)
+    np.testing.assert_array_equal(np.concatenate([w.measured for w in pieces.experiments]), e.measured)
+    assert [*pieces.recordings] == ["stand"]
+    assert sum(u.experiment is None for u in pieces.unknowns) == 3
+    assert {u.target for u in pieces.unknowns if u.experiment} == {"angle", "rate"}
+    outputs = pieces.followed(pieces.start, "stand")
+    alone = np.concatenate([pieces.fitted(pieces.start, w) for w in pieces.experiments])
+    np.testing.assert_array_equal(outputs, alone)
+
+
+def test_what_a_recording_has_for_itself_is_one_value_for_all_its_windows(stand):
+    values = {**stand.parameters, "angle_rest": Free(0.0, -0.1, 0.1)}
+    pieces = windowed(replace(stand, parameters=values, per_recording=("angle_rest",)), 1.0)
+    assert [u.name for u in pieces.unknowns if u.target == "angle_rest"] == ["angle_rest [stand]"]
+    k = pieces.names.index("angle_rest [stand]")
+    moved = pieces.start + 0.05 * np.eye(len(pieces.start))[k]
+    for w in pieces.experiments:
+        assert np.abs(pieces.fitted(moved, w) - pieces.fitted(pieces.start, w)).max() > 1e-4, w.name
+
+
+def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(stand, monkeypatch):
+    monkeypatch.setattr("fracid.estimation.windows.MOST", 4)
+    pieces = windowed(stand, 1.0)
+    assert len(pieces.experiments) == 4
+    whole, _ = pieces.recordings["stand"]
+    inside = np.zeros(len(whole.measured), bool)
+    for w in pieces.experiments:
+        first = round((w.start - whole.start) / STEP)
+        inside[first : first + len(w.measured)] = True
+    np.testing.assert_array_equal(np.isnan(pieces.followed(pieces.start, "stand")[:, 0]), ~inside)
+    np.testing.assert_array_equal(whole.scored, inside)
+
+
+def test_orders_that_are_no_integers_give_each_window_the_samples_before_it(stand):
+    pieces = windowed(replace(stand, orders={"mu": Free(1.0, 0.6, 1.2)}), 1.0)
+    assert [w.past is None for w in pieces.experiments][:2] == [True, False]
+    np.testing.assert_array_equal(
+        pieces.experiments[1].past, stand.experiments[0].measured[: len(pieces.experiments[1].past)]
+    )
+    assert all(w.past is None for w in windowed(stand, 1.0).experiments)
+    assert beginning(replace(stand, orders={"mu": Free(0.9, 0.6, 1.2)}), 1.0).orders == {"mu": 0.9}
+
+
+def test_the_search_on_windows_begins_where_that_on_their_parts_ends(stand):
+    parts, whole = beginning(stand, 1.5), windowed(stand, 1.5)
+    x = np.arange(1.0, 1 + len(parts.unknowns))
+    at = lengthened(parts, x, whole)
+    assert at[:3].tolist() == x[:3].tolist()
+    own = {u.name: v for u, v in zip(parts.unknowns, x, strict=True)}
+    for k, w in enumerate(whole.experiments):
+        first = at[whole.names.index(f"angle(0) [{w.name}]")]
+        assert first == own[f"angle(0) [stand, window {PARTS * k + 1}]"]
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, math.inf, math.nan, "long", True])
+def test_a_length_of_windows_that_is_none_is_refused(stand, seconds):
+    with pytest.raises(InputError, match='expected "auto", "none", or the seconds of a window'):
+        chosen_window(replace(stand, windows=seconds))
+
+
+def test_windows_are_refused_where_nothing_says_how_one_begins(stand):
+    two = fracid.model("two-mass")
+    e = fracid.Experiment("two", STEP, np.zeros((200, 1)), np.zeros((1, len(two.inputs))))
+    problem = fracid.Problem(two, (e,), {"lambda": 1.0, "mu": 1.0}, outputs=("motor",))
+    assert chosen_window(problem) is None
+    with pytest.raises(InputError, match='Type windows = "none"'):
+        chosen_window(replace(problem, windows=1.0))
+
+
+def test_a_swing_that_dies_is_no_matter_for_windows(stand):
+    t = np.arange(0, 10, STEP)
+    free = fracid.Experiment("free", STEP, (np.exp(-t / 3) * np.cos(7 * t))[:, None], np.zeros((1, 1)))
+    assert dies(free)
+    assert not dies(stand.experiments[0])
+
+
+@pytest.mark.broad
+def test_a_rod_that_stands_is_identified_and_the_answer_improves_with_the_record():
+    held, widths = [], []
+    for seed, end in ((1, SPAN), (2, SPAN), (3, 3 * SPAN)):
+        fit = fracid.identify(upright(*balanced(seed, end)), fixed_step=False)
+        assert fit.window is not None
+        assert any("No simulation follows stand for longer than" in w for w in fit.warnings)
+        assert len(fit.recordings["stand"].time) == round(end / STEP) + 1
+        for n in ("J", "b_angle", "coulomb_angle"):
+            low, high = fit.parameters[n].interval95
+            held.append(low <= TRUTH[n] <= high)
+        widths.append((high - low) / TRUTH[n])
+        assert math.isfinite(prediction_of(fit.problem, fit.x).seconds)
+    assert sum(held) >= len(held) - 1
+    assert max(widths[:2]) < 0.1
+    assert widths[2] < 0.8 * min(widths[:2])
