@@ -102,7 +102,7 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
         "x0": initialiser(case.past[-1]), "states": len(model.states), "inputs": max(1, len(model.inputs)),
         "derivatives": len(model.states) + len(model.relaxing),
         "state_names": _comment(", ".join(model.states)), "input_names": _comment(", ".join(model.inputs)),
-        "outputs": len(model.outputs), "output_names": _comment(", ".join(model.outputs)),
+        "outputs": len(model.shown), "output_names": _comment(", ".join(model.shown)),
         "order_values": tables.order_values,
         "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
         "inputs_when": "u at the end of the step" + ", for the next" * gl,

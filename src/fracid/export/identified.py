@@ -150,5 +150,5 @@ class Identified:
         model, x, u = self.problem.model, self.case.past[-1], np.array([q.value for q in self.inputs])
         return tuple(
             Quantity(n, model.output_unit(n), float(x[h] if isinstance(h, int) else h(0.0, x, u, self.case.parameters)))
-            for n, h in model.outputs.items()
+            for n, h in model.shown.items()
         )

@@ -81,10 +81,10 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
     """
     tree, read = model.outputs_program, Python(model.outputs_program).made()
     for x, u, p in _places(model):
-        out = np.zeros(len(model.outputs))
+        out = np.zeros(len(model.shown))
         with np.errstate(all="ignore"):
             read(0.0, x, u, p, out)
-            solved = [x[h] if isinstance(h, int) else h(0.0, x, u, p) for h in model.outputs.values()]
+            solved = [x[h] if isinstance(h, int) else h(0.0, x, u, p) for h in model.shown.values()]
         if not np.array_equal(out, solved, equal_nan=True):
             raise InputError(
                 f"The source of the outputs of {model.name!r} reads otherwise than it runs: it was changed after it "

@@ -227,6 +227,8 @@ class Model(CardDisplay):
     """Input → its unit; SI where it says nothing."""
     output_units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; "rad" of an angle, else 1 where it says nothing."""
+    derived: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+    """Output that a recording has → the output of which it is the derivative, and how often that is differentiated."""
     about: str = ""
     """One line for lists of models."""
     input_rates: Mapping[str, str] = field(default_factory=dict)
@@ -274,6 +276,11 @@ class Model(CardDisplay):
         {'theta': 0, 'alpha': 2}
         """
         return {name: i for name, i in self.outputs.items() if isinstance(i, int)}
+
+    @property
+    def shown(self) -> dict[str, int | Output]:
+        """The outputs that functions of the state give: those that are derivatives of others are not among them."""
+        return {name: h for name, h in self.outputs.items() if name not in self.derived}
 
     @property
     def friction(self) -> dict[str, Friction]:
@@ -397,7 +404,7 @@ class Model(CardDisplay):
         >>> sorted(fracid.model("capacitor").outputs_program.constants)
         ['R']
         """
-        return read_outputs(tuple(self.outputs.values()), self.parameter_names, len(self.states), len(self.inputs))
+        return read_outputs(tuple(self.shown.values()), self.parameter_names, len(self.states), len(self.inputs))
 
     def integer_order(self, name: str) -> float | None:
         """Return the value of an order in the integer-order model, None where there is none.

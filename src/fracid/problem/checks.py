@@ -237,7 +237,7 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
     seen = [*(i for n, i in p.model.output_states.items() if n in p.outputs), *p.rates.values()]
     for k, name in enumerate(p.outputs):
         h = p.model.outputs[name]
-        if isinstance(h, int) or name in e.sensors:
+        if isinstance(h, int) or name in e.sensors or name in p.model.derived:
             continue
         at_start = h(0.0, start.initial, e.inputs[0], start.parameters)
         off, size = e.measured[0, k] - at_start, np.ptp(e.measured[:, k])

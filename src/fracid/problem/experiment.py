@@ -8,7 +8,7 @@ one in a thousand, and read at them, and the inputs, which go straight from samp
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -144,7 +144,8 @@ class Experiment(CardDisplay):
                     f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
                     f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
                 )
-        _refuse_other_dimensions(recording, model)
+        sensors = options.get("sensors", {})
+        _refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
         if recording.step is None and not recording.uneven:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         for name in initial or {}:
@@ -311,18 +312,31 @@ def _numbers(name: str, values: Any) -> FloatArray:
         raise InputError(f"{name} is no array of real numbers: of angles radians, shape (n_samples, n).") from None
 
 
-def _refuse_other_dimensions(recording: Recording, model: Model) -> None:
-    """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which."""
-    inputs = {n: (u, "1") for n, u in model.input_units.items() if n not in recording.assumed}
-    for name, possible in ({n: ("rad", "1") for n in model.angles} | inputs).items():
-        unit = recording.units.get(name, possible[0])
-        if unit not in possible:
-            what = "an angle" if name in model.angles else f"a quantity in {possible[0]}"
-            right = " ".join(repr(u) for u, (_, si) in UNITS.items() if si == possible[0])
-            raise InputError(
-                f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
-                f"{right}. Is it another column?"
-            )
+def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:
+    """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which.
+
+    What a sensor scales, such as a potentiometer, is in its unit.
+    """
+    possible: dict[str, tuple[str, ...]] = {n: ("rad", "1") for n in model.angles}
+    possible |= {n: (model.output_unit(n), "1") for n in model.derived}
+    possible |= {n: ("m", "1", "rad") for n in model.outputs if model.output_unit(n) == "m"}
+    possible |= {n: (u, "1") for n, u in model.input_units.items() if n not in recording.assumed}
+    for name, units in possible.items():
+        unit = recording.units.get(name, units[0])
+        if unit in units or name in scaled:
+            continue
+        what = "an angle" if name in model.angles else f"a quantity in {units[0]}"
+        right = " ".join(repr(u) for u, (_, si) in UNITS.items() if si == units[0])
+        rate = {f"{units[0]}/s": "_rate", f"{units[0]}/s^2": "_acceleration"}.get(unit)
+        hint = f" Its derivative has a name of its own: type {name}{rate} = {{ ... }}." if rate else ""
+        if unit in ("V", "A") and name in model.outputs:
+            hint = f" Of a potentiometer type gain = ..., its {unit} in a {units[0]}, or the range of it, and bias."
+        if (unit, units[0]) == ("m/s^2", "rad/s^2"):
+            hint = " Of an accelerometer type radius = ..., how far it is from the axis [m], or the range of it."
+        raise InputError(
+            f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
+            f"{right}.{hint or ' Is it another column?'}"
+        )
 
 
 def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:

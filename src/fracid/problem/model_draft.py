@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from fracid.models.written.tree import Number
 from fracid.problem.draft import Draft, toml_file, toml_line, toml_range, toml_text
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
+from fracid.problem.sensors import QUANTITIES, integrated, with_rates
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, inspect_recording
 from fracid.recording.guess import Columns, unit_of
@@ -91,7 +93,7 @@ class _Page:
     ) -> None:  # fmt: skip
         self.name, self.file, self.time, self.variable, self.folder = name, files[0], time, variable, folder
         self.table = table_of(name)
-        self.model: Model = model(name, **({} if zero is None else {"zero": zero}))
+        self.model: Model = with_rates(model(name, **({} if zero is None else {"zero": zero})), columns or ())
         self.notes: list[str] = []
         self.beside = [self._beside(read_table(file, variable).beside) for file in files]
         self.columns = self._columns(columns)
@@ -108,7 +110,8 @@ class _Page:
         self.first = FirstValues({}, {}, 1.0) if self.special else self._first_values()
 
     def _recording_of(self, file: Path) -> Recording:
-        recording = inspect_recording(file, self.columns, time=self.time, variable=self.variable).bridge_blanks()
+        channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
+        recording = inspect_recording(file, channels, time=self.time, variable=self.variable).bridge_blanks()
         for why in recording.report.unusable:
             raise InputError(f"{file.name}: {why}")
         if len(recording.time) < FEWEST:
@@ -162,6 +165,8 @@ class _Page:
             fields, why = self._unit(raw, column, name)
             columns[name] = {"column": int(place) if place.isdigit() else column} | fields
             self.notes.append(f"{name} is taken from {column!r}, {why}.")
+        if given is None and not {*columns} & {*self.model.outputs}:
+            columns |= self._of_sensors(raw)
         if not {*columns} & {*self.model.outputs}:
             raise InputError(
                 f"{self.file.name} has none of {', '.join(self.model.outputs)}, which are measured of {self.name}; it "
@@ -170,10 +175,30 @@ class _Page:
         for name, fields in columns.items():
             if "unit" not in fields and given is not None and (unit := self._own_unit(name)) != "rad":
                 fields["unit"] = unit
-        unused = [c for c in raw.signals if c not in roles.values()]
+        taken = [*roles.values(), *(c["column"] for c in columns.values())]
+        unused = [c for c in raw.signals if c not in taken]
         if given is None and unused:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
+
+    def _of_sensors(self, raw: Recording) -> Columns:
+        """A gyroscope, an accelerometer or a potentiometer where no column is called like an output: by its unit."""
+        for output, (column, unit) in product(self.model.outputs, raw.units.items()):
+            own, width = self.model.output_unit(output), float(np.ptp(raw.signals[column]))
+            fields: dict[str, Any] = {"column": column}
+            name = output + {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}.get(unit, "")
+            if (own, unit) == ("rad", "m/s^2"):
+                name, fields["radius"] = f"{output}_acceleration", {"start": 0.2, "lower": 0.0, "upper": 2.0}
+            elif own in ("rad", "m") and unit == "V" and "V" not in self.model.input_units.values():
+                middle = float(np.mean(raw.signals[column]))
+                fields["gain"] = {"start": width, "lower": width / SPAN, "upper": SPAN * width}
+                fields["bias"] = {"start": middle, "lower": middle - width, "upper": middle + width}
+            elif name == output:
+                continue
+            self.model = with_rates(self.model, [name])
+            self.notes.append(f"{name} is taken from {column!r}, whose unit the header says: a sensor of {output}.")
+            return {name: fields}
+        return {}
 
     def _own_unit(self, name: str) -> str:
         return self.model.output_unit(name) if name in self.model.outputs else self.model.input_units.get(name, "1")
@@ -190,6 +215,10 @@ class _Page:
         r = self.recording
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
+        for n, (of, degree) in self.model.derived.items():
+            signals[of] = integrated(signals.pop(n), r.report.clock.step, degree)[0]
+        for n, c in ((n, c) for n, c in self.columns.items() if "gain" in c):
+            signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         begins = self.table["model"].get("begins", {})
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
         free = [n for n in rows if self._sought(n) and rows[n]["start"] != 0.0]

@@ -41,7 +41,7 @@ from fracid.models import Model
 from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
-from fracid.problem.sensors import Reading, Sensor
+from fracid.problem.sensors import Reading, Sensor, integrated
 from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
 from fracid.solver.right_hand_side import compile_rhs
 
@@ -309,6 +309,10 @@ class Parametrisation:
             reach |= {
                 j: (max(3.0 * sizes[i] + abs(guess[j]), fastest[i]), f"{units[i]}/s") for i, j in self.rates.items()
             }
+            for i, moved in self._integrated(e).items():
+                j, unit = self.model.rates.get(i), self.model.output_unit(self._derived[i][0])
+                reach[i] = float(np.ptp(moved[0])), unit
+                reach |= {} if j is None else {j: (float(np.ptp(moved[1])), f"{unit}/s")}
             reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
         ranges = {
             i: (Free(guess[i], guess[i] - width, guess[i] + width), unit)
@@ -356,6 +360,10 @@ class Parametrisation:
             x0[i] = (value - sensor.bias) / sensor.gain
             if self.initial_state in ("estimate", "measured") and i in self.rates:
                 x0[self.rates[i]] = slope / sensor.gain
+        for i, (value, slope) in self._integrated(e).items():
+            x0[i] = value[0]
+            if i in self.model.rates:
+                x0[self.model.rates[i]] = slope[0]
         if e.past is not None:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
@@ -365,6 +373,20 @@ class Parametrisation:
                 if self.model.states[z] not in e.initial:
                     x0[z] = self._slides(e, x0, delta)
         return x0
+
+    @cached_property
+    def _derived(self) -> dict[int, tuple[str, str, int]]:
+        """State of which a derivative alone is scored → the output that it is, that derivative, and of which degree."""
+        derived = ((of, n, k) for n, (of, k) in self.model.derived.items() if n in self.outputs)
+        states = self.model.output_states
+        return {states[of]: (of, n, k) for of, n, k in derived if of in states and of not in self.outputs}
+
+    def _integrated(self, e: Experiment) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Such a state and its rate, from the derivative as it was recorded: both swing about 0, shape (n_samples,)."""
+        steps = np.diff(e.sampled.time, prepend=e.sampled.time[0])
+        radii = {n: start_of(s.radius) or 1.0 for n, s in e.sensors.items()}
+        return {i: integrated(e.sampled.measured[:, self.outputs.index(n)] / radii.get(n, 1.0), steps, k)
+                for i, (_, n, k) in self._derived.items()}  # fmt: skip
 
     @cached_property
     def rates(self) -> dict[int, int]:

@@ -65,7 +65,7 @@ from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
-from fracid.problem.sensors import QUANTITIES, Sensor
+from fracid.problem.sensors import QUANTITIES, Sensor, with_rates
 from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
@@ -423,6 +423,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     optimiser_from_name(fit.optimiser)
     paper = preset == "paper"
     model, parameters = _model(content.model, path.parent, paper)
+    model = with_rates(model, (n for r in content.recording for n in r.model_extra or {}))
     orders = _orders(content.model.orders, model)
     pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
     _refuse_twins(content.recording)

@@ -38,7 +38,7 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
     roles: dict[str, str] = {}
     for signal, pattern in patterns.items():
         free = [c for c in columns if c not in roles.values()]
-        exact = [c for c in free if c.lower() == signal]
+        exact = [c for c in free if re.sub(r"\s*[\[(].*", "", c.lower()) == signal]  # "angle [rad]"
         found = exact or [c for c in free if re.search(pattern, c.lower()) and not re.search(RATE, c.lower())]
         if model != ROTARY:  # "pole_pos" is the cart's only where no other column is
             own = {s: p for s, p in patterns.items() if s != signal}

@@ -10,6 +10,11 @@ rest at the first value.  Of each a number or :class:`Free`; what is free is a p
 ``delay_alpha``, ``gain_theta``, ``bias_voltage``, ``lowpass_alpha``, shared by all recordings whose channel says so, or
 each recording's own (``per_recording``).
 
+A gyroscope measures an angle's rate, an accelerometer's signal is twice differentiated: ``angle_rate`` and
+``angle_acceleration`` are outputs of every model that has an output ``angle``, differentiated along the run, whatever
+the orders are (:func:`with_rates`).  An accelerometer on a pendulum, at the distance ``radius`` from its axis, shows
+gravity too.
+
 Outputs are *simulated* late: the run is read between its steps, by a cubic, so that a delay of a thousandth of a sample
 counts as such.  What the first samples show of the time before the start, up to the delay's upper bound, is not scored.
 """
@@ -21,19 +26,29 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+import numpy as np
+
+from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, InputError, refuse_beyond
 from fracid.models import Model, Parameter
+from fracid.models.written.formulas import Formula
+from fracid.models.written.tree import Entry, Function, Number, Return
 from fracid.problem.unknowns import Free, Value
 
-Quantity = Literal["delay", "gain", "bias", "lowpass"]
+Quantity = Literal["delay", "gain", "bias", "lowpass", "radius"]
 
 QUANTITIES: dict[Quantity, str] = {
     "delay": "how late the channel is",
     "gain": "by what the channel is scaled",
     "bias": "what the channel adds",
     "lowpass": "time constant of the channel's low-pass",
+    "radius": "how far the accelerometer is from the axis",
 }
 """What a channel may have, and what it is."""
+
+
+UNITS = {"delay": "s", "gain": "1", "lowpass": "s", "radius": "m"}
+"""A bias is in the channel's."""
 
 
 class Reading(NamedTuple):
@@ -46,6 +61,8 @@ class Reading(NamedTuple):
     """In the channel's unit."""
     lowpass: float = 0.0
     """Time constant [s]."""
+    radius: float = 0.0
+    """[m]"""
 
 
 @dataclass(frozen=True)
@@ -73,6 +90,8 @@ class Sensor:
     """In the channel's unit."""
     lowpass: float | Free = 0.0
     """Time constant of a low-pass of first order [s]; 0 for none."""
+    radius: float | Free = 0.0
+    """Of an angle's acceleration that is recorded in m/s^2: how far from the axis [m]; gravity is seen too."""
 
     def __post_init__(self) -> None:
         """Refuse what no channel does."""
@@ -90,10 +109,10 @@ class Sensor:
             )
         for value in gain:
             refuse_beyond("gain's size", abs(value), SMALLEST)
-        if self.range("lowpass")[0] < 0:
-            raise InputError(
-                f"lowpass = {_text(*self.range('lowpass'))} s is not possible; expected a time constant of 0 or more."
-            )
+        for name, what in (("lowpass", "a time constant"), ("radius", "a distance")):
+            if self.range(name)[0] < 0:  # type: ignore[arg-type]
+                limits = _text(*self.range(name))  # type: ignore[arg-type]
+                raise InputError(f"{name} = {limits} {UNITS[name]} is not possible; expected {what} of 0 or more.")
 
     def range(self, name: Quantity) -> tuple[float, float]:
         """Lowest and highest value, the same for a number."""
@@ -121,6 +140,48 @@ class Sensor:
             parameters[f"{name}_{channel}"] if isinstance(value := getattr(self, name), Free) else float(value)
             for name in QUANTITIES
         ))  # fmt: skip
+
+
+RATES = {"_rate": 1, "_acceleration": 2}
+"""How an output is called that is another's derivative, and how often that is differentiated."""
+
+
+def with_rates(model: Model, signals: Iterable[str]) -> Model:
+    """Give a model those of the signals as outputs that are the rate or the acceleration of one that it has.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> gyro = with_rates(fracid.model("pendulum"), ["angle_rate", "torque"])
+    >>> gyro.derived, gyro.output_unit("angle_rate")
+    ({'angle_rate': ('angle', 1)}, 'rad/s')
+    """
+    known = (*model.outputs, *model.inputs)
+    found = {n: (n.removesuffix(end), k) for n in signals if n not in known for end, k in RATES.items()
+             if n.endswith(end) and n.removesuffix(end) in model.outputs}  # fmt: skip
+    functions = {n: model.outputs[of] for n, (of, _) in found.items()}
+    outputs = {n: Formula(Function(n, ("t", "x", "u", "p"), (Return(Entry("x", Number(h))),)))
+               if isinstance(h, int) else h for n, h in functions.items()}  # fmt: skip
+    units = {n: model.output_unit(of) + ("/s" if k == 1 else "/s^2") for n, (of, k) in found.items()}
+    return replace(model, outputs={**model.outputs, **outputs}, output_units={**model.output_units, **units},
+                   derived={**model.derived, **found})  # fmt: skip
+
+
+def integrated(signal: FloatArray, step: float | FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
+    """What a derivative was taken of, and its rate, if both move about 0; shape (n_samples,) each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(0, 2 * np.pi, 0.01)
+    >>> float(abs(integrated(np.cos(t), 0.01, 1)[0] - np.sin(t)).max()) < 0.02
+    True
+    """
+    signals = [signal]
+    for _ in range(degree):
+        integral = np.cumsum(step * signals[-1])
+        signals.append(integral - integral.mean())
+    return signals[-1], signals[-2]
 
 
 def with_sensors(
@@ -166,8 +227,8 @@ def with_sensors(
 def _parameter(name: str, value: Free, channel: str, unit: str) -> Parameter:
     quantity: Quantity = name.partition("_")[0]  # type: ignore[assignment]
     return Parameter(
-        name, {"delay": "s", "gain": "1", "bias": unit, "lowpass": "s"}[quantity], value.start,
-        f"{QUANTITIES[quantity]}: {channel}", lower=0.0 if quantity == "lowpass" else -math.inf,
+        name, UNITS.get(quantity, unit), value.start, f"{QUANTITIES[quantity]}: {channel}",
+        lower=0.0 if quantity in ("lowpass", "radius") else -math.inf,
     )  # fmt: skip
 
 

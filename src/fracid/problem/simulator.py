@@ -40,6 +40,9 @@ from fracid.solver.solve import integrate, time_scale
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
+GRAVITY = 9.80665
+"""[m/s^2]"""
+
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
 
@@ -94,7 +97,7 @@ class Simulator:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         model, names = self.parametrisation.model, self.parametrisation.outputs
-        if e.times is not None and not e.sensors:
+        if e.times is not None and not e.sensors and not model.derived:
             return np.column_stack([self._at_samples(x, e, run, n) for n in names])
         if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
@@ -121,11 +124,19 @@ class Simulator:
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
-        y = self.parametrisation.model.outputs[output]
+        model = self.parametrisation.model
+        y = model.outputs[output]
         if isinstance(y, int):
             return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
         u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
         values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p)
+        if output in model.derived:
+            from scipy.interpolate import CubicSpline
+
+            angle, values = values, CubicSpline(run.time, values)(run.time, model.derived[output][1])
+            if radius := self.parametrisation.readings(x, e, e.sensors).get(output, Reading()).radius:
+                gravity = -GRAVITY if model.zero == "upright" else GRAVITY
+                values = radius * values + gravity * np.sin(angle)
         return replace(run, states=values[:, None], orders=np.ones(1))
 
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
@@ -210,7 +221,7 @@ class Simulator:
         count += 0 if e.past is None else round(len(e.past) * self.substeps - self._first(e))
         driven = []
         for name, column in columns:
-            delay, gain, bias, lowpass = actuators.get(name, Reading())
+            delay, gain, bias, lowpass, _ = actuators.get(name, Reading())
             if len(u) == 1:
                 driven.append(Driven(gain * column + bias, gain * column + bias))
             else:

@@ -168,6 +168,19 @@ def header_unit(word: str) -> str | None:
     return unit if unit in UNITS and unit not in ("1", "counts") else None
 
 
+def unit_in_name(name: str) -> str:
+    """The unit that a column's name ends in, ``force_N`` or ``gyro_rad_s``; "" for none: one small letter is an index.
+
+    Examples
+    --------
+    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "theta_m", "phi")]
+    ['mm', 'deg_s', '', '']
+    """
+    words = name.split("_")[1:]
+    ends = ("_".join(words[k:]) for k in range(len(words)))
+    return next((end for end in ends if header_unit(end) and (len(end) > 1 or end.isupper())), "")
+
+
 def hold(raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Fill each blank with the last value before it; blanks at the start stay."""
     last = np.maximum.accumulate(np.where(np.isnan(raw), 0, np.arange(raw.size)))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Note
-from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold
+from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -114,7 +114,7 @@ def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | Non
 def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
     """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
     column, counts = table.find(channel.column), channel.counts_per_turn
-    header = table.units[column]
+    header = table.units[column] or unit_in_name(table.names[column])
     counting = header.lower() in COUNTING
     if counts is not None and channel.unit != "counts":
         if channel.unit is not None or not counting:
@@ -141,6 +141,7 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
     if not guessed and header.lower() in ELSEWHERE:
         base_unit, scale = ELSEWHERE[header.lower()]
         raise InputError(f'{name} is in {header}, as the header says; type unit = "{base_unit}", scale = {scale}.')
+    unit = "1" if re.search(r"[/^²³%]", header) else unit  # a quotient, a power or a share is no angle
     return replace(
         channel, unit=unit
     ), f"{name}: what the header says of it, {short_text(header)!r}, is taken as {unit}."
