@@ -31,6 +31,7 @@ LAYERS = (
     {"identification"},
     {"filtering", "plots", "runs"},
     {"experiments", "export"},
+    {"feedback"},
     {"report"},
     {"workflows"},
     {"cli"},

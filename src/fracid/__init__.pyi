@@ -26,6 +26,8 @@ from fracid.experiments.plan import Plan as Plan
 from fracid.experiments.space import DesignSpace as DesignSpace
 from fracid.export import export_run as export_run
 from fracid.export.state_space import integer_model as integer_model
+from fracid.feedback.study import Control as Control
+from fracid.feedback.study import control as control
 from fracid.filtering import Track as Track
 from fracid.filtering import observer as observer
 from fracid.fit import Fit as Fit
@@ -80,6 +82,8 @@ from fracid.validation.unknown_past import CutCheck as CutCheck
 from fracid.validation.unknown_past import cut_check as cut_check
 from fracid.workflows.comparison import FinishedComparison as FinishedComparison
 from fracid.workflows.comparison import run_comparison as run_comparison
+from fracid.workflows.feedback import FinishedControl as FinishedControl
+from fracid.workflows.feedback import run_control as run_control
 from fracid.workflows.fit import FinishedRun as FinishedRun
 from fracid.workflows.fit import run as run
 from fracid.workflows.monte_carlo import FinishedNoiseStudy as FinishedNoiseStudy

@@ -3,6 +3,7 @@
 from fracid.cli import check, demo, export, fit, models, noise, report, resume
 from fracid.cli import comparison as compare
 from fracid.cli import draft as init
+from fracid.cli import feedback as control
 from fracid.cli import figures as draw
 from fracid.cli import planning as design
 from fracid.cli import posterior_draws as posterior
@@ -14,14 +15,16 @@ from fracid.cli import simulation as simulate
 from fracid.cli.app import app, main
 from fracid.cli.completion import WithTables
 
-__all__ = ["app", "check", "compare", "demo", "design", "draw", "export", "fit", "init", "main", "models", "noise",
-           "posterior", "profile", "regress", "report", "reproduce", "resid", "resume", "simulate"]  # fmt: skip
+__all__ = ["app", "check", "compare", "control", "demo", "design", "draw", "export", "fit", "init", "main", "models",
+           "noise", "posterior", "profile", "regress", "report", "reproduce", "resid", "resume",
+           "simulate"]  # fmt: skip
 
 PANELS = {
     "Look": ["check", "models", "init"],
     "Identify": ["fit", "regress", "resume"],
     "Judge": ["resid", "profile", "posterior", "compare", "noise", "reproduce"],
     "Plan": ["design"],
+    "Control": ["control"],
     "Take away": ["report", "draw", "export", "simulate"],
     "Try": ["demo"],
 }

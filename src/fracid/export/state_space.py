@@ -129,7 +129,7 @@ class Operator:
 
 
 @lru_cache(maxsize=64)
-def positive_sum(order: float, band: tuple[float, float]) -> Operator:
+def positive_sum(order: float, band: tuple[float, float], within: tuple[float, float] = (DECIBEL, DEGREES)) -> Operator:
     """1/s^order as a sum of lags, below order 1 with residues above 0.
 
     Parameters
@@ -138,11 +138,13 @@ def positive_sum(order: float, band: tuple[float, float]) -> Operator:
         Strictly between 0 and 2.
     band : (float, float)
         Where it must be right [rad/s].
+    within : (float, float)
+        How right, in dB and degrees.
 
     Returns
     -------
     Operator
-        With the fewest poles that meet :data:`DECIBEL` and :data:`DEGREES`.
+        With the fewest poles that are.
 
     Raises
     ------
@@ -166,14 +168,17 @@ def positive_sum(order: float, band: tuple[float, float]) -> Operator:
     low, high = wide = band[0] / BELOW, band[1]
     for count in itertools.count(2):
         for lower, higher in itertools.product(WIDER, WIDER):
-            operator = Operator(order, *_fitted(order, wide, np.geomspace(low / lower, high * higher, count)), wide)
+            poles = np.geomspace(low / lower, high * higher, count)
+            operator = Operator(order, *_fitted(order, wide, poles, within), wide)
             decibel, degrees = operator.errors
-            if decibel <= DECIBEL and degrees <= DEGREES and operator.poles[0] == 0.0:
+            if decibel <= within[0] and degrees <= within[1] and operator.poles[0] == 0.0:
                 return replace(operator, band=band)
     raise AssertionError  # with more poles any band is met
 
 
-def _fitted(order: float, band: tuple[float, float], poles: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _fitted(
+    order: float, band: tuple[float, float], poles: FloatArray, within: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
     """Poles, 0 among them, and residues of s^−order: relative errors as large, for their bounds, in size and angle."""
     from scipy.optimize import nnls
 
@@ -181,7 +186,7 @@ def _fitted(order: float, band: tuple[float, float], poles: FloatArray) -> tuple
     s, above = 1j * np.geomspace(*band, places)[:, None], order > 1
     poles = poles if above else np.append(0.0, poles)
     ratio = s ** (order - above) / (s + poles)
-    size, angle = math.log(10) / 20 * DECIBEL, math.radians(DEGREES)
+    size, angle = math.log(10) / 20 * within[0], math.radians(within[1])
     wanted = np.repeat([1 / size, 0.0], places)
     amplitudes, _ = nnls(np.vstack([ratio.real / size, ratio.imag / angle]), wanted, maxiter=100 * len(poles))
     kept = amplitudes > 0
@@ -238,8 +243,10 @@ class LinearModel:
 
     def exact_response(self, omega: ArrayLike) -> ComplexArray:
         """The same of the fractional model."""
-        rows = list(self.rows)
-        return np.array([np.linalg.solve(self._matrix(1j * w), self.G)[rows] for w in np.ravel(omega)])
+        s = 1j * np.ravel(omega)[:, None, None]
+        matrices = np.eye(len(self.F)) * self.weight * s**self.orders - self.F
+        driven = np.linalg.solve(matrices, np.broadcast_to(self.G, (len(s), *self.G.shape)))
+        return np.asarray(driven[:, list(self.rows)])
 
     def _matrix(self, s: complex) -> ComplexArray:
         return np.asarray(np.diag(self.weight * s**self.orders) - self.F)
@@ -423,19 +430,21 @@ class IntegerModel:
             _keep_relaxing.py_func(relaxing, x, f, start)
         return states, True
 
-    def linearised(self, name: str, about: FloatArray, parameters: FloatArray) -> LinearModel:
-        """About a state, with these parameters in the place of the model's own, by central differences.
+    def linearised(
+        self, name: str, about: FloatArray, parameters: FloatArray, inputs: FloatArray | None = None
+    ) -> LinearModel:
+        """About a state and inputs, 0 if left out, with these parameters in the place of the model's own.
 
-        They are within 2e-10 of the exact derivatives (a test takes these from the tree, by SymPy).
+        Central differences, within 2e-10 of the exact derivatives (a test takes these from the tree, by SymPy).
         """
         n, m = len(self.orders), len(self.model.inputs)
-        F, G = np.empty((n, n)), np.empty((n, m))
+        F, G, u = np.empty((n, n)), np.empty((n, m)), np.zeros(m) if inputs is None else inputs
         for i in range(n):
             d = 1e-6 * (np.arange(n) == i)
-            F[:, i] = (self.f(about + d, np.zeros(m), parameters) - self.f(about - d, np.zeros(m), parameters)) / 2e-6
+            F[:, i] = (self.f(about + d, u, parameters) - self.f(about - d, u, parameters)) / 2e-6
         for i in range(m):
             d = 1e-6 * (np.arange(m) == i)
-            G[:, i] = (self.f(about, d, parameters) - self.f(about, -d, parameters)) / 2e-6
+            G[:, i] = (self.f(about, u + d, parameters) - self.f(about, u - d, parameters)) / 2e-6
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
         return LinearModel(name, about, self.model.inputs, outputs, self.orders, self.weight, F, G,
                            np.diag(-self.decay) + self.B @ F @ self.C, self.B @ G, self.C[list(rows)],

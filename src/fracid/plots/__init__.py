@@ -41,6 +41,7 @@ A family of figures is one file; what they share is in :mod:`fracid.plots.appear
 from fracid.plots.comparison import amplitudes as amplitudes
 from fracid.plots.comparison import ladder as ladder
 from fracid.plots.cost_profiles import profiles as profiles
+from fracid.plots.feedback import control_loop as control_loop
 from fracid.plots.fitted import fitted_over_time as fitted_over_time
 from fracid.plots.linear import linear_response as linear_response
 from fracid.plots.noise import noise_levels as noise_levels

@@ -1,4 +1,4 @@
-"""The page of a study: what compare, design, posterior, profile or noise found, from the record that it wrote.
+"""The page of a study: what compare, control, design, posterior, profile or noise found, from the record that it wrote.
 
 One template for all: the answer first, figures, numbers, how to reproduce it.  :data:`STUDIES` says of each file what
 its page takes from it; of a comparison the curves of every structure can be chosen.
@@ -29,6 +29,7 @@ from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as
 from fracid.schemas.draws import PosteriorBlock
+from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
@@ -152,7 +153,23 @@ def _disturbed(record: Mapping[str, Any]) -> Found:
                  tables={"Bias, spread and coverage": rows})  # fmt: skip
 
 
+def _controlled(record: Mapping[str, Any]) -> Found:
+    c = record["conditions"]
+    rows = [
+        {"controller": d["controller"]["kind"], **{n: number(w) for n, w in d["controller"]["weights"].items()},
+         "holds": f"{d['held']} of {d['draws']} draws", "gain margin [dB]": number(d["gain_margin"], ".3g"),
+         "phase margin [°]": number(d["phase_margin"], ".3g")} for d in (*record["tried"], record["design"])
+    ]  # fmt: skip
+    facts = (f"{1 / c['period']:.4g} Hz", f"{c['input']} up to {with_unit(c['most'], c['unit'])}",
+             f"delay {1e3 * c['delay']:.3g} ms", f"seed {record['seed']}")  # fmt: skip
+    return Found(record["sentence"], record["share"] == 1.0, model=record["model"], facts=facts,
+                 notes=tuple(record["notes"]), tables={"Controllers, the last over all draws": rows})  # fmt: skip
+
+
 STUDIES = {
+    "control.json": Study("Control", "control", ControlRecord, _controlled, {
+        "control": "Open loop, margins of each draw, and the motion of the worst",
+    }),
     "compare.json": Study("Comparison of structures", "compare", Comparison, _compared, {
         "ladder": "RMSE by friction model", "amplitude-*": "Orders over the amplitude of the swing",
     }, ("best.toml",)),

@@ -12,6 +12,7 @@ from fracid.fit import ResultBlock
 from fracid.regression.linear import RegressionResultBlock
 from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
+from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import LikelihoodBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.validation.residual_records import ResidualsBlock
@@ -25,6 +26,7 @@ FILES: dict[str, type[Block | Record]] = {
     "compare.json": Comparison,
     "noise.json": StudyBlock,
     "posterior.json": PosteriorBlock,
+    "control.json": ControlRecord,
 }
 """What a command leaves for other programs; regression.json is that of one regression."""
 

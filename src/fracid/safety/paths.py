@@ -33,7 +33,8 @@ RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".h
               ".xlsx", ".tdms", ".mf4", ".mdf", ".mcap", ".db3")  # fmt: skip
 """Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
 
-STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior"}
+STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior",
+           "control.json": "fracid control"}  # fmt: skip
 
 INSTEAD = {
     ("project", "recording"): "a recording, not a project. Write a project of it: fracid init {path}",

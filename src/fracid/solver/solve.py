@@ -17,7 +17,7 @@ By which method, :data:`fracid.solver.methods.METHODS` says, with the order of e
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -285,8 +285,14 @@ def _solve(
     return replace(trajectory, time=within, states=trajectory.at(within))
 
 
-def integrate(equation: Equation, initial: InitialCondition, step: float, steps: int, options: Options) -> Trajectory:
-    """Run a compiled right-hand side with everything checked already: the core of :func:`solve_fde`."""
+def integrate(
+    equation: Equation, initial: InitialCondition, step: float, steps: int, options: Options,
+    loop: Callable[[Any, Run, FloatArray], tuple[int, int]] | None = None,
+) -> Trajectory:  # fmt: skip
+    """Run a compiled right-hand side with everything checked already: the core of :func:`solve_fde`.
+
+    By the loop of its method, or another that takes the same.
+    """
     past, states, method = initial.known, len(initial.values), METHODS[options.method]
     out = _room(steps, options.every, states)
     out[0] = initial.values
@@ -311,7 +317,7 @@ def integrate(equation: Equation, initial: InitialCondition, step: float, steps:
         after=after,
     )
     try:
-        last, how = method.run(equation.rhs, run, out)
+        last, how = (loop or method.run)(equation.rhs, run, out)
     except Exception as error:
         forget_mode()
         raise InputError(f"The right-hand side {name_of(equation.rhs)} fails on the way: {type(error).__name__}: "

@@ -7,6 +7,7 @@ module                                function                        command
 :mod:`fracid.workflows.resumption`    :func:`fracid.resume_run`       ``fracid resume``
 :mod:`fracid.workflows.comparison`    :func:`fracid.run_comparison`   ``fracid compare``
 :mod:`fracid.workflows.monte_carlo`   :func:`fracid.run_noise_study`  ``fracid noise``
+:mod:`fracid.workflows.feedback`      :func:`fracid.run_control`      ``fracid control``
 :mod:`fracid.workflows.profiles`      :func:`fracid.run_profiles`     ``fracid profile``
 :mod:`fracid.workflows.residuals`     :func:`fracid.run_residuals`    ``fracid resid``
 :mod:`fracid.workflows.regression`    ``run_regression``              ``fracid regress``

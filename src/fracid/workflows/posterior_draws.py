@@ -110,7 +110,7 @@ def run_posterior(
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
         open_folder(folder, words)
-        with journal_of(folder, _header(saved), _fault, watching, "simulations") as kept:
+        with journal_of(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations") as kept:
             drawn = posterior(
                 saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
             )
@@ -120,10 +120,10 @@ def run_posterior(
     return FinishedPosterior(folder, figures, record, drawn)
 
 
-def _header(saved: SavedRun) -> dict[str, Any]:
-    """All that a batch depends on beside its key, which has the method, the draws and the seed."""
+def header_of_run(saved: SavedRun, kind: str) -> dict[str, Any]:
+    """All of a run that a batch of its study depends on; its key has the rest."""
     return {
-        "kind": "posterior",
+        "kind": kind,
         "project": digest_of(saved.project),
         "fit": dict(zip(saved.problem.names, saved.x.tolist(), strict=True)),
         "data": {r.name: r.sha256 for r in saved.project.recordings},

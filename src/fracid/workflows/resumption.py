@@ -30,7 +30,7 @@ from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
 from fracid.workflows.fit import FinishedRun, run
 
-STUDIES = ("compare", "noise", "posterior")
+STUDIES = ("compare", "noise", "posterior", "control")
 """The commands that are typed again."""
 
 ASKED = ("preset", "optimiser", "seed", "starts", "cut", "executor")

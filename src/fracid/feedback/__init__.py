@@ -1,0 +1,7 @@
+"""Controllers of an identified model, and over which part of what is known of it they hold.
+
+==================================  ====================================================================================
+:mod:`fracid.feedback.regulators`       postures, the reduced model about one, regulators, margins
+:mod:`fracid.feedback.study`        the loop as it is found, draws of the unknowns, the design that holds on most
+==================================  ====================================================================================
+"""

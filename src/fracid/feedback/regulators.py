@@ -1,0 +1,257 @@
+r"""Controllers of an identified model about a posture, designed on its reduced realisation.
+
+The reduced realisation is that of :mod:`fracid.export.state_space` with sums that are right within :data:`REDUCED` over
+the band of the loop, sampled with the input held and late (:func:`sampled`).  The regulator minimises
+
+.. math::  \sum_k \sum_i (y_i/\bar y_i)^2 + ρ\,(u/\bar u)^2,
+
+with :math:`\bar y` the deviations that are allowed, :math:`\bar u` the input that there is, and takes the states from a
+Kalman filter that thinks of the noise of the sensors and of an input that is off by :math:`σ\bar u`: the larger that,
+the nearer its margins to those of the regulator that sees all states (Doyle and Stein, 1979).
+
+Margins are those of the fractional model itself, the loop opened at the input: its response at iω, with hold and delay,
+times that of the controller at :math:`e^{iωT}`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import least_squares
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError, unknown_name
+from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, positive_sum
+from fracid.models import Model
+from fracid.schemas.feedback import Controller
+
+REDUCED = (0.3, 2.0)
+"""Errors that a sum may have over the band of a loop, in dB and degrees: it has some five terms."""
+
+SLOWEST = 3e-4
+"""Lowest frequency of that band, over half the sampling rate."""
+
+BALANCED = 1e-6
+"""What is left of f at a posture, of what the whole input does."""
+
+IMAGES = (-1, 0, 1)
+"""Multiples of the sampling rate from where a frequency is seen."""
+
+REAL = 0.1
+"""Angle from −1 [rad] at which the ends of a response are taken for real."""
+
+PLACES = 600
+"""Frequencies at which margins are looked for."""
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Where a model rests."""
+
+    name: str
+    states: FloatArray
+    """x_e, shape (n_states,)."""
+    inputs: FloatArray
+    """u_e, shape (n_inputs,)."""
+
+
+def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int) -> Posture:
+    """Where a model rests with outputs at given values; of the rest the least that balances it.
+
+    Raises
+    ------
+    InputError
+        If there is no such posture, or output, or nothing balances the model there.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> model = fracid.model("joint", gravity=0.2)
+    >>> posture = posture_of(model, model.parameter_vector(), "", {"angle": 0.5}, 0)
+    >>> [round(float(v), 4) for v in (posture.states[0], posture.inputs[0])]
+    [0.5, 0.0959]
+    """
+    p, names = _moving(model, parameters), ("upright", "hanging") if model.pendulum else ("rest",)
+    name = name or names[0]
+    if name not in names:
+        raise unknown_name("posture", name, names)
+    for n in at:
+        if n not in model.output_states:
+            raise unknown_name("output at a posture", n, tuple(model.output_states))
+    values, x = _by_name(model, parameters), np.zeros(len(model.states))
+    if model.postures is not None:
+        x = model.postures(model, values)[name].copy()
+    elif model.pendulum:
+        x[model.output_states[model.pendulum]] = (name != model.zero) * math.pi + values.get(
+            model.angles[model.pendulum].rest, 0.0
+        )
+    for n, value in at.items():
+        x[model.output_states[n]] = value
+    held = np.isin(np.arange(len(x)), [*model.output_states.values(), *model.relaxing_states])
+    u, out = np.zeros(len(model.inputs)), np.zeros(len(x) * (1 + bool(model.relaxing)))
+    rhs = getattr(model.rhs, "py_func", model.rhs)
+
+    def left(unknown: FloatArray) -> FloatArray:
+        x[~held], u[channel] = unknown[:-1], unknown[-1]
+        rhs(0.0, x, u, p, out)
+        return out[: len(x)].copy()
+
+    start = np.append(x[~held], 0.0)
+    size = np.abs(left(np.append(start[:-1], 1.0)) - left(start)).max() or 1.0
+    found = least_squares(left, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    if np.abs(left(found.x)).max() > BALANCED * size:
+        where = ", ".join(f"{n} = {x[i]:.4g}" for n, i in model.output_states.items())
+        raise InputError(f"{model.name} does not rest at {where}, whatever its input: there is no posture to control.")
+    return Posture(name, x.copy(), u.copy())
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A model linearised about a posture, from one input to some outputs."""
+
+    linear: LinearModel
+    channel: int
+    delay: float
+    """From the input that is asked for to the output that shows it [s]."""
+
+    @classmethod
+    def of(
+        cls, model: Model, orders: FloatArray, parameters: FloatArray, posture: Posture, outputs: tuple[str, ...],
+        channel: int, delay: float, period: float,
+    ) -> Plant:  # fmt: skip
+        """Reduced to the band of a loop with this period."""
+        band = (SLOWEST * math.pi / period, math.pi / period)
+        sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
+        system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
+        linear = system.linearised(posture.name, posture.states, _moving(model, parameters), posture.inputs)
+        picked = [list(model.output_states).index(n) for n in outputs]
+        rows = tuple(linear.rows[i] for i in picked)
+        size = np.abs(system.C).sum(axis=0)  # of what each z adds to its state
+        balanced = replace(linear, outputs=outputs, rows=rows, A=linear.A * size[:, None] / size,
+                           B=linear.B * size[:, None], C=linear.C[picked] / size)  # fmt: skip
+        return cls(balanced, channel, delay)
+
+    def response(self, omega: FloatArray, period: float) -> Any:
+        """Of the fractional model, held, late and sampled, shape (n_omega, n_outputs)."""
+        images = (omega[:, None] + 2 * math.pi / period * np.array(IMAGES)).ravel()
+        half = 0.5 * images * period
+        held = np.sinc(half / np.pi) * np.exp(-1j * (half + images * self.delay))
+        exact = self.linear.exact_response(images)[:, :, self.channel] * held[:, None]
+        return exact.reshape(len(omega), len(IMAGES), -1).sum(axis=1)
+
+
+def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A, B and C of the realisation with its input held and late: the inputs under way are its last states.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> lag = SimpleNamespace(A=np.array([[-1.0]]), B=np.array([[1.0]]), C=np.array([[1.0]]))
+    >>> A, B, C = sampled(Plant(lag, 0, 0.15), 0.1)
+    >>> A.round(4).tolist(), B.ravel().tolist()
+    ([[0.9048, 0.0464, 0.0488], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]], [0.0, 0.0, 1.0])
+    """
+    A, B = plant.linear.A, plant.linear.B[:, [plant.channel]]
+    whole, n = math.floor(plant.delay / period + 1e-9), len(A)
+    late = max(0.0, plant.delay - whole * period)
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n:] = A, B
+    all_of_it, first, rest = (expm(t * block) for t in (period, late, period - late))
+    older, newer = rest[:n, :n] @ first[:n, n:], rest[:n, n:]  # of the input before, and of that now
+    more = whole + (late > 1e-9 * period)
+    F, G, C = np.zeros((n + more, n + more)), np.zeros((n + more, 1)), np.zeros((len(plant.linear.C), n + more))
+    F[:n, :n], C[:, :n] = all_of_it[:n, :n], plant.linear.C
+    F[n : n + more - 1, n + 1 :] = np.eye(max(0, more - 1))
+    if more:
+        G[-1] = 1.0
+    if more > whole:
+        F[:n, [n]] = older
+    if whole:
+        F[:n, [n + more - whole]] = newer
+    else:
+        G[:n] = newer
+    return F, G, C
+
+
+def regulator(
+    plant: Plant, period: float, allowed: FloatArray, most: float, noise: FloatArray, rho: float, sigma: float
+) -> Controller:
+    """A linear quadratic regulator behind a Kalman filter.
+
+    Parameters
+    ----------
+    plant : Plant
+    period : float
+        [s]
+    allowed : ndarray, shape (n_outputs,)
+        Deviations that weigh as much as the whole input.
+    most : float
+        The whole input.
+    noise : ndarray, shape (n_outputs,)
+        Standard deviation of each sensor.
+    rho, sigma : float
+        What the input weighs, and how far it is off as the filter thinks, of the whole.
+
+    Raises
+    ------
+    InputError
+        If the input does not reach, or the outputs do not show, what would have to be held.
+    """
+    A, B, C = sampled(plant, period)
+    Q, R, V = C.T @ np.diag(allowed**-2.0) @ C, np.array([[rho / most**2]]), np.diag(noise**2)
+    try:
+        P = solve_discrete_are(A, B, Q, R)
+        S = solve_discrete_are(A.T, C.T, (sigma * most) ** 2 * B @ B.T, V)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise InputError(
+            f"No regulator holds {plant.linear.name}: the input does not reach all that moves by itself, or "
+            f"{' and '.join(plant.linear.outputs)} do not show it ({error})."
+        ) from None
+    K, M = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), np.linalg.solve(C @ S @ C.T + V, C @ S).T
+    seen = np.eye(len(A)) - M @ C
+    return Controller("LQR", {"rho": rho, "sigma": sigma}, period, (A @ seen).tolist(), (A @ M).tolist(),
+                      (-K @ seen).tolist(), (-K @ M).tolist(), B.tolist())  # fmt: skip
+
+
+def margins(plant: Plant, controller: Controller) -> tuple[float, float, float]:
+    """Gain margin [dB], phase margin [°] and the least distance of the open loop from −1.
+
+    The gain may grow or shrink, the phase turn either way: the nearest of them counts.
+
+    Examples
+    --------
+    A loop 1/s that is sampled often has nearly 90°, and bears the gain that its sampling does:
+
+    >>> from types import SimpleNamespace
+    >>> integrator = SimpleNamespace(exact_response=lambda w: (1 / (1j * w))[:, None, None])
+    >>> p = Controller("pid", {}, 0.01, [[0.0]], [[0.0]], [[0.0]], [[-1.0]], [[0.0]])
+    >>> [round(m, 1) for m in margins(Plant(integrator, 0, 0.0), p)]
+    [47.4, 89.7, 1.0]
+    """
+    top = math.pi / controller.period
+    omega = np.geomspace(SLOWEST * top, top, PLACES)
+    loop = -np.sum(plant.response(omega, controller.period) * controller.response(omega), axis=1)
+    gains, phases = np.log(np.abs(loop)), np.angle(-loop)  # 0 at −1
+    turned = np.abs(np.diff(phases)) < math.pi
+    ends = gains[[0, -1]][np.abs(phases[[0, -1]]) < REAL]  # at rest and at half the sampling rate a loop is real
+    at_minus_one = np.append(_at_zeros(phases, gains)[turned[_zeros(phases)]], ends)
+    at_one = _at_zeros(gains, np.unwrap(phases))
+    gain = 20 / math.log(10) * float(np.abs(at_minus_one).min(initial=math.inf))
+    phase = np.degrees(np.abs(np.angle(np.exp(1j * at_one))).min(initial=math.pi))
+    return gain, float(phase), float(np.abs(1 + loop).min())
+
+
+def _zeros(y: FloatArray) -> Any:
+    return np.flatnonzero(np.diff(np.signbit(y)))
+
+
+def _at_zeros(y: FloatArray, other: FloatArray) -> FloatArray:
+    """Another curve where y crosses 0, both straight between their points."""
+    k = _zeros(y)
+    part = y[k] / (y[k] - y[k + 1])
+    return np.asarray(other[k] + part * (other[k + 1] - other[k]))

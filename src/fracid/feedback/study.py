@@ -1,0 +1,477 @@
+"""A controller of an identified model, and over which part of what is known of the model it holds.
+
+Designs are tried on the first of some draws of the unknowns; the one that holds on most of them, and of equals the one
+with the greatest distance from instability, is tried on all.  A trial is a simulation of the fractional model with all
+its friction, with delay, encoder, noise, sampling and limits as found (:mod:`fracid.solver.closed_loop`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.cards import Card, CardDisplay
+from fracid.errors import Failure, InputError, unknown_name
+from fracid.estimation.covariance import uncertainty
+from fracid.feedback.regulators import Plant, Posture, margins, posture_of, regulator
+from fracid.figures import Style, draw
+from fracid.problem import Experiment, Problem
+from fracid.problem.simulator import LIMIT
+from fracid.quantiles import NORMAL_95
+from fracid.safety.json_files import json_number
+from fracid.safety.schema import as_json, record_of
+from fracid.schemas.feedback import SECONDS, Conditions, Controller, ControlRecord, Design, Trial
+from fracid.signals.noise import noise_floor
+from fracid.signals.resolution import resolution
+from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.closed_loop import Loop, step_closed
+from fracid.solver.memory import compressed
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import integrate, time_scale
+from fracid.tasks.job import Progress, Task
+from fracid.tasks.journal import Journal
+from fracid.tasks.tasks import Part, run_tasks
+from fracid.units import with_unit
+from fracid.validation.study_records import binomial95
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAWS, FIRST = 200, 40
+"""Of the unknowns, and those on which all designs are tried."""
+
+WEIGHTS = {"rho": (0.1, 1.0, 10.0), "sigma": (0.03, 0.3)}
+"""Of the regulators that are tried: what the input weighs, and how far it is off for the filter."""
+
+OFF = 0.1
+"""How far off the posture a trial begins: rad of an angle, and of anything else this part of its range."""
+
+FALLEN = 0.5
+"""How far a pendulum may be off [rad]; any other output ten times as far as it begins, or this."""
+
+QUIET = 0.5
+"""Over the last quarter of a trial the output that began off is within this part of it (rms)."""
+
+UNSEEN = 0.01
+"""By how much a direction that the recordings do not see may change the response, along a tenth of it."""
+
+
+class Fitted(Protocol):
+    """A fit, of this session or of a folder."""
+
+    @property
+    def problem(self) -> Problem:
+        """What was fitted."""
+
+    @property
+    def x(self) -> FloatArray:
+        """Where it ended."""
+
+
+@dataclass(frozen=True, repr=False)
+class Control(ControlRecord, CardDisplay):
+    """A controller with the draws on which it holds."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return as_json(Control, self)
+
+    def plot(self, *, style: str | Style = "screen") -> Figure:
+        """Open loop, margins over the draws and the motion of the worst; see :func:`fracid.plots.control_loop`."""
+        return draw("control_loop", self, style=style)
+
+    def _card(self) -> Card:
+        c, d = self.conditions, self.design
+        return Card(f"Control of {self.model} about {c.posture}", (
+            ("verdict", self.sentence),
+            ("controller", f"{d.controller.kind}, {len(d.controller.A)} states, {1 / c.period:.4g} Hz"),
+            ("gain margin", margin_text(d.gain_margin, self.gain_margin95, "dB")),
+            ("phase margin", margin_text(d.phase_margin, self.phase_margin95, "°")),
+            *(("note", n) for n in self.notes),
+        ))  # fmt: skip
+
+
+def margin_text(value: float | None, band: tuple[float | None, float | None], unit: str) -> str:
+    """A margin and its band.
+
+    Examples
+    --------
+    >>> margin_text(12.345, (10.0, None), "dB")
+    '12.3 dB, in 95 % of the draws 10 to ∞ dB'
+    """
+    best, low, high = ("∞" if v is None else f"{v:.3g}" for v in (value, *band))
+    return f"{best} {unit}, in 95 % of the draws {low} to {high} {unit}"
+
+
+# --- the loop as it is found ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A fitted model with what its controller meets."""
+
+    problem: Problem
+    x: FloatArray
+    conditions: Conditions
+
+    @property
+    def experiment(self) -> Experiment:
+        """The first recording, which says what is its own."""
+        return self.problem.experiments[0]
+
+    @property
+    def channel(self) -> int:
+        """Of the input."""
+        return self.problem.model.inputs.index(self.conditions.input)
+
+    def delay(self, x: FloatArray) -> float:
+        """From the controller to what it sees: off what was given as much as off the fit [s]."""
+        given, name = self.conditions.delay, self.conditions.input
+        return max(0.0, given + delay_of(self.problem, x, name) - delay_of(self.problem, self.x, name))
+
+    def posture(self, x: FloatArray) -> Posture:
+        """Where the model rests with other values of the unknowns."""
+        c, model = self.conditions, self.problem.model
+        at = {n: c.states[model.states[i]] for n, i in model.output_states.items()}
+        named = c.posture if c.posture != "rest" else ""
+        return posture_of(model, self.problem.unpack(x, self.experiment)[1], named, at, self.channel)
+
+    def plant(self, x: FloatArray) -> Plant:
+        """Linearised."""
+        orders, parameters, *_ = self.problem.unpack(x, self.experiment)
+        c = self.conditions
+        return Plant.of(self.problem.model, orders, parameters, self.posture(x), c.outputs, self.channel,
+                        self.delay(x), c.period)  # fmt: skip
+
+    def run(self, x: FloatArray, controller: Controller, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time, outputs less their reference and the input after each step, up to the end or the fall."""
+        c, model = self.conditions, self.problem.model
+        orders, p, *_ = self.problem.unpack(x, self.experiment)
+        rest = np.array([c.states[n] for n in model.states])
+        u = np.zeros((1, len(model.inputs)))
+        u[0, self.channel] = c.at_rest
+        rows = np.array([model.output_states[n] for n in c.outputs])
+        start = rest.copy()
+        for n, off in c.off.items():
+            start[model.output_states[n]] += off
+        h, samples = c.period / c.steps, math.ceil(c.seconds / c.period)
+        bounds = np.tile((-np.inf, np.inf), (len(rest), 1))
+        for n, most in c.within.items():
+            if most is not None:
+                i = model.output_states[n]
+                bounds[i] = rest[i] - most, rest[i] + most
+        noise = np.random.default_rng(seed).standard_normal((samples + 1, len(c.outputs)))
+        A, B, C, D, E = (np.array(getattr(controller, n), dtype=np.float64) for n in "ABCDE")
+        loop = Loop(
+            A, B, C, D, E, rows, rest[rows], np.array([c.quanta[n] for n in c.outputs]),
+            noise * [c.noise[n] for n in c.outputs], np.array([c.at_rest, c.least, c.most]), self.channel, c.steps,
+            round(self.delay(x) / h),
+        )  # fmt: skip
+        applied = np.full(samples * c.steps + 1, c.at_rest)
+
+        def closed(rhs: Any, run: Any, out: FloatArray) -> tuple[int, int]:
+            ended: tuple[int, int] = step_closed(rhs, run, loop, applied, out)
+            return ended
+
+        equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
+        run = integrate(equation, InitialCondition(start), h, samples * c.steps,
+                        Options("pi2", compressed(), limit=LIMIT, bounds=bounds), closed)  # fmt: skip
+        return run.time[:: c.steps], (run.states[:, rows] - rest[rows])[:: c.steps], applied[: len(run.time) : c.steps]
+
+    def trial(self, x: FloatArray, controller: Controller, seed: int) -> dict[str, Any]:
+        """Simulate, and look at the margins; plain JSON values of a :class:`Trial`."""
+        c = self.conditions
+        time, y, u = self.run(x, controller, seed)
+        i = c.outputs.index(next(iter(c.off)))
+        ends = bool(time[-1] > c.seconds - 1.5 * c.period)
+        quiet = float(np.sqrt(np.mean(y[3 * len(y) // 4 :, i] ** 2))) <= QUIET * abs(c.off[c.outputs[i]])
+        gain, phase, distance = margins(self.plant(x), controller)
+        return as_json(Trial, Trial(
+            ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
+            float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
+            float(np.mean((u <= c.least) | (u >= c.most))), json_number(gain), phase, distance,
+        ))  # fmt: skip
+
+
+def delay_of(problem: Problem, x: FloatArray, channel: str) -> float:
+    """What actuator and sensors of the first recording are late [s]."""
+    e = problem.experiments[0]
+    of = problem.parametrisation.readings
+    late = [r.delay for r in of(x, e, e.sensors).values()]
+    return max(0.0, max(late, default=0.0) + sum(r.delay for n, r in of(x, e, e.actuators).items() if n == channel))
+
+
+def conditions_of(
+    problem: Problem, x: FloatArray, *, posture: str = "", at: Mapping[str, float] | None = None,
+    input_: str | None = None, limit: float | None = None, rate: float | None = None, delay: float | None = None,
+    off: Mapping[str, float] | None = None, within: Mapping[str, float] | None = None, seconds: float = SECONDS,
+) -> ClosedLoop:  # fmt: skip
+    """The loop as the recordings have it, but for what is given; as of :func:`control`."""
+    at, within = at or {}, within or {}
+    model, e = problem.model, problem.experiments[0]
+    if not model.inputs:
+        raise InputError(f"{model.name} has no input: there is nothing to control it with.")
+    for channel, s in {**e.sensors, **e.actuators}.items():
+        if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):  # type: ignore[arg-type]
+            raise InputError(f"A loop knows the delay of {channel}, and not its gain, bias or lowpass: correct the "
+                             "recording for them first.")  # fmt: skip
+    moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
+    name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])
+    if name not in moved:
+        raise unknown_name("input", name, model.inputs)
+    parameters = problem.unpack(x, e)[1]
+    if model.drive and parameters[model.parameter_names.index(model.drive)] == 0.0:
+        raise InputError(f"{model.drive} is 0: what {name} does to {model.name} is not known. Give it its value under "
+                         "[parameters], and fit again.")  # fmt: skip
+    most = limit or max(float(np.abs(f.all_inputs[:, model.inputs.index(name)]).max()) for f in problem.experiments)
+    if not most > 0:
+        raise InputError(f"Nothing drove the recordings, so how much {name} there is is not known: type --limit, in "
+                         f"{model.input_units.get(name, 'SI units')}.")  # fmt: skip
+    there = posture_of(model, parameters, posture, at, model.inputs.index(name))
+    outputs = tuple(n for n in problem.outputs if n in model.output_states)
+    if not outputs:
+        raise InputError(f"None of {', '.join(problem.outputs)} is a state of {model.name}: a loop needs one.")
+    y = {n: np.concatenate([f.measured[:, problem.outputs.index(n)] for f in problem.experiments]) for n in outputs}
+    units = {n: e.units.get(n, model.output_unit(n)) for n in outputs}
+    first = model.pendulum if model.pendulum in outputs else outputs[-1]
+    begins = dict(off or {}) or {first: OFF * (1.0 if units[first] == "rad" else float(np.ptp(y[first])) or 1.0)}
+    for n in (*begins, *within):
+        if n not in outputs:
+            raise unknown_name("output", n, outputs)
+    far = {n: FALLEN if n == model.pendulum else 10 * abs(begins[n]) if n in begins else math.inf for n in outputs}
+    period = e.step if rate is None else 1 / rate
+    if not 0 < period < math.inf:
+        raise InputError(f"rate = {rate!r}: expected a number of samples a second above 0.")
+    conditions = Conditions(
+        there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name,
+        model.input_units.get(name, "1"), float(there.inputs[model.inputs.index(name)]), -most, most,
+        delay_of(problem, x, name) if delay is None else delay, period,
+        max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs, units,
+        {n: resolution(v) or 0.0 for n, v in y.items()},
+        {n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, begins,
+        {n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds,
+    )  # fmt: skip
+    return ClosedLoop(problem, x, conditions)
+
+
+# --- draws ----------------------------------------------------------------------------------------------
+
+
+def draws_of(problem: Problem, x: FloatArray, count: int, seed: int, jobs: int) -> tuple[FloatArray, FloatArray]:
+    """Unknowns as probable as their intervals say, within their bounds, and directions that were not seen.
+
+    Raises
+    ------
+    InputError
+        If the unknowns have no intervals.
+    """
+    if not len(x):
+        return np.tile(x, (count, 1)), np.empty((0, 0))
+    found = uncertainty(problem, x, jobs=jobs)
+    if isinstance(found, Failure):
+        raise InputError(f"How sure the values are is not known, so no controller can be judged: {found}")
+    known = np.isfinite(np.diag(found.covariance))
+    random, points = np.random.default_rng(seed), np.tile(x, (count, 1))
+    if known.any():
+        some = np.ix_(known, known)
+        points[:, known] = random.multivariate_normal(x[known], found.covariance[some], count, check_valid="ignore")
+    for i in np.flatnonzero(~known & np.isfinite(found.ends).all(axis=1)):  # at a bound: each side of its own
+        z = random.standard_normal(count) / NORMAL_95
+        points[:, i] = x[i] + np.where(z < 0, z * (x[i] - found.ends[i, 0]), z * (found.ends[i, 1] - x[i]))
+    return np.clip(points, problem.space.lower, problem.space.upper), found.unseen
+
+
+def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
+    """What the recordings cannot tell must not matter to the loop."""
+    top = math.pi / loop.conditions.period
+    omega = np.geomspace(1e-3 * top, 0.5 * top, 50)
+    here = loop.plant(loop.x).response(omega, loop.conditions.period)
+    for direction in unseen:
+        other = np.clip(loop.x * (1 + 0.1 * direction), loop.problem.space.lower, loop.problem.space.upper)
+        there = loop.plant(other).response(omega, loop.conditions.period)
+        if np.abs(there - here).max() > UNSEEN * np.abs(here).max():
+            names = [n for n, d in zip(loop.problem.names, direction, strict=True) if abs(d) > UNSEEN]
+            raise InputError(
+                f"The recordings do not tell {' and '.join(names)} apart, and what {loop.conditions.input} does hangs "
+                "on them: fix one of them, or fit a recording that is driven."
+            )
+
+
+def control(
+    fit: Fitted,
+    *,
+    posture: str = "",
+    at: Mapping[str, float] | None = None,
+    input_: str | None = None,
+    limit: float | None = None,
+    rate: float | None = None,
+    delay: float | None = None,
+    off: Mapping[str, float] | None = None,
+    within: Mapping[str, float] | None = None,
+    seconds: float = SECONDS,
+    draws: int = DRAWS,
+    points: FloatArray | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    journal: Journal | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Control:
+    """Design a controller of a fit, and simulate it over what is known of the model.
+
+    Parameters
+    ----------
+    fit : Fit or SavedRun
+    posture : str
+        ``upright`` or ``hanging`` of a pendulum; ``upright`` if left out.
+    at : mapping, optional
+        Output → its value at the posture; 0 where it says nothing.
+    input_ : str, optional
+        The one that is driven.
+    limit : float, optional
+        The greatest input; that of the recordings if left out.
+    rate, delay : float, optional
+        Samples a second of the controller, and seconds until its input shows; those of the recording if left out.
+    off, within : mapping, optional
+        Output → how far from the posture it begins, and may go.
+    seconds : float
+        Of a simulation.
+    draws : int
+        Of the unknowns.
+    points : ndarray, shape (draws, n_unknowns), optional
+        The draws, such as those of a posterior, in place of the covariance's.
+    seed : int
+        Random seed.
+    jobs : int
+        Threads; the result is the same for any number.
+    journal, progress
+        As for :func:`fracid.run_tasks`.
+
+    Returns
+    -------
+    Control
+
+    Raises
+    ------
+    InputError
+        For a model without input or posture, a loop whose gain is not identifiable, a delay that it cannot bear.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from types import SimpleNamespace
+    >>> still = fracid.Experiment("twin", 0.01, np.zeros((500, 1)), np.zeros((1, 1)), initial={"angle": 0.3})
+    >>> problem = fracid.Problem(fracid.model("pendulum"), (still,), {"mu": 0.97}, initial_state="held")
+    >>> found = control(SimpleNamespace(problem=problem, x=problem.start), limit=0.3, draws=2, seconds=4.0)
+    >>> found.share, found.design.phase_margin > 30
+    (1.0, True)
+    """
+    plan = planned(
+        fit, posture=posture, at=at, input_=input_, limit=limit, rate=rate, delay=delay, off=off,
+        within=within, seconds=seconds, draws=draws, points=points, seed=seed, jobs=jobs,
+    )  # fmt: skip
+    return plan.run(jobs=jobs, journal=journal, progress=progress)
+
+
+def planned(fit: Fitted, *, draws: int, points: FloatArray | None, seed: int, jobs: int, **loop: Any) -> Plan:
+    """What is to be tried; refuses what cannot be controlled."""
+    closed, unseen = conditions_of(fit.problem, fit.x, **loop), np.empty((0, 0))
+    if points is None:
+        points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs)
+    _refuse_unseen(closed, unseen)
+    return Plan(closed, points, _designs(closed), seed)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A loop, draws of its unknowns and the designs to be tried on them."""
+
+    loop: ClosedLoop
+    points: FloatArray
+    designs: list[Controller]
+    seed: int
+
+    @cached_property
+    def mark(self) -> str:
+        """Of all that a trial depends on beside its design and draw."""
+        content = json.dumps(as_json(Conditions, self.loop.conditions)).encode() + self.points.tobytes()
+        return sha256(content).hexdigest()[:12]
+
+    def run(self, **how: Any) -> Control:
+        """Try the designs on the first draws, and the best on all; `how` is of :func:`fracid.run_tasks`."""
+        first, c = min(FIRST, len(self.points)), self.loop.conditions
+        total = (len(self.designs) - 1) * first + len(self.points)
+        trials = self._tried(self.designs, range(first), Part("trials", 0, total), how)
+        tried = tuple(_design(self.loop, d, t) for d, t in zip(self.designs, trials, strict=True))
+        best = max(range(len(tried)), key=lambda i: (tried[i].held, tried[i].distance))
+        if not tried[best].held:
+            late = f" A delay of {1e3 * c.delay:.3g} ms may be more than the loop bears." * (c.delay > 0)
+            off = ", ".join(f"{n} {with_unit(v, c.units[n])}" for n, v in c.off.items())
+            raise InputError(
+                f"None of {len(tried)} controllers holds {c.posture} in any of {first} draws, from {off} off and with "
+                f"{c.input} up to {with_unit(c.most, c.unit)}.{late} Begin nearer (--off), or give more (--limit, "
+                "--rate)."
+            )
+        done = len(self.designs) * first
+        (more,) = self._tried([self.designs[best]], range(first, len(self.points)), Part("trials", done, total), how)
+        return _judged(self.loop, self.designs[best], [*trials[best], *more], tried, self.points, self.seed)
+
+    def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:
+        """Of each design its trials."""
+        tasks = [
+            Task(f"{self.mark} {d.kind} {json.dumps(d.weights)}, draw {k}", (self.points[k], d, self.seed + k))
+            for d in designs for k in draws
+        ]  # fmt: skip
+        done = iter(run_tasks(self.loop.trial, tasks, part=part, **how).values())
+        return [[record_of(Trial, next(done)) for _ in draws] for _ in designs]
+
+
+def _designs(loop: ClosedLoop) -> list[Controller]:
+    c = loop.conditions
+    allowed = np.array([c.within[n] or max(map(abs, c.off.values())) for n in c.outputs])
+    noise = np.array([math.hypot(c.noise[n], c.quanta[n] / math.sqrt(12)) for n in c.outputs])
+    plant, noise = replace(loop.plant(loop.x), delay=c.delay), np.maximum(noise, 1e-4 * allowed)
+    most = min(c.most - c.at_rest, c.at_rest - c.least)
+    if most <= 0:
+        raise InputError(f"Resting at {c.posture} takes {with_unit(c.at_rest, c.unit)} of {c.input}, and there are "
+                         f"{with_unit(c.most, c.unit)}.")  # fmt: skip
+    return [
+        regulator(plant, c.period, allowed, most, noise, *weights) for weights in itertools.product(*WEIGHTS.values())
+    ]
+
+
+def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:
+    held = sum(t.holds for t in trials)
+    gain, phase, distance = margins(replace(loop.plant(loop.x), delay=loop.conditions.delay), controller)
+    return Design(controller, len(trials), held, json_number(gain), phase, distance)
+
+
+def _judged(
+    loop: ClosedLoop,
+    controller: Controller,
+    trials: list[Trial],
+    tried: tuple[Design, ...],
+    points: FloatArray,
+    seed: int,
+) -> Control:
+    worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, trials[k].distance))
+    values = dict(zip(loop.problem.names, points[worst].tolist(), strict=True))
+    return Control(
+        loop.problem.model.name, loop.conditions, _design(loop, controller, trials), tried,
+        tuple(trials), values, worst, seed, binomial95(sum(t.holds for t in trials), len(trials)),
+        tuple(_notes(loop)), loop,
+    )  # fmt: skip
+
+
+def _notes(loop: ClosedLoop) -> list[str]:
+    if any(np.any(e.all_inputs) for e in loop.problem.experiments):
+        return []
+    return [f"Nothing drove the recordings: what {loop.conditions.input} does rests on constants that were given."]

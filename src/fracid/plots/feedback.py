@@ -1,0 +1,65 @@
+"""A control loop: the open loop, its margins over the draws, and the motion of the worst of them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fracid.plots.appearance import BLUE, INK, ORANGE, VERMILLION, finish, label, new, plain, symbol
+from fracid.units import shown_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fracid.figures import Style
+    from fracid.schemas.feedback import ControlRecord
+
+AROUND = 3.0
+"""How far the plane of the open loop reaches."""
+
+
+def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Figure:
+    """Draw the open loop about −1, the margins of each draw, and outputs and input of the worst.
+
+    Parameters
+    ----------
+    control : fracid.Control
+        Of this session.
+    style : str or Style
+        ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    c, loop, controller = control.conditions, control.loop, control.design.controller
+    figure = new(8.4, 6.4, style)
+    (plane, scatter), (motion, drive) = figure.subplots(2, 2)
+    omega = np.geomspace(1e-4, 1, 2000) * math.pi / c.period
+    worst = np.array(list(control.worst.values()))
+    for x, colour, name in ((worst, VERMILLION, "worst draw"), (loop.x, BLUE, "fit")):
+        at = -np.sum(loop.plant(x).response(omega, c.period) * controller.response(omega), axis=1)
+        plane.plot(at.real, at.imag, color=colour, label=name)
+    turn = np.linspace(0, 2 * math.pi, 200)
+    plane.plot(np.cos(turn), np.sin(turn), color="0.7", lw=0.7)
+    plane.plot(-1, 0, "+", color=INK, ms=12)
+    plane.set(xlim=(-AROUND, AROUND), ylim=(-AROUND, AROUND), aspect="equal")
+    label(plane, "open loop", "real part", "imaginary part")
+    finite = [t for t in control.trials if t.gain_margin is not None]
+    for holds, colour, name in ((True, BLUE, "holds"), (False, VERMILLION, "falls")):
+        some = [t for t in finite if t.holds == holds]
+        if some:
+            scatter.plot([t.gain_margin for t in some], [t.phase_margin for t in some], "o", ms=3, color=colour,
+                         label=name)  # fmt: skip
+    label(scatter, f"margins of {len(control.trials)} draws", "gain margin [dB]", "phase margin [°]")
+    time, y, u = loop.run(worst, controller, control.seed + control.worst_draw)
+    for i, (n, colour) in enumerate(zip(c.outputs, (BLUE, ORANGE, VERMILLION, INK), strict=False)):
+        unit, factor = shown_unit(c.units[n])
+        motion.plot(time, factor * y[:, i], color=colour, label=f"{symbol(n)} [{unit or '–'}]")
+    label(motion, "motion of the worst draw", "time [s]", f"from {c.posture}")
+    drive.step(time, u, where="post", color=INK, lw=0.7)
+    label(drive, "its input", "time [s]", f"{plain(c.input)} [{c.unit}]")
+    finish(figure, f"{plain(control.model)}, {c.posture}: {control.design.held} of {control.design.draws} draws hold")
+    return figure

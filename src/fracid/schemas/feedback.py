@@ -1,0 +1,176 @@
+"""control.json: a controller, what it was held to, and the draws of the unknowns on which it holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, computed_field
+
+from fracid.arrays import FloatArray
+from fracid.safety.json_files import json_number
+from fracid.safety.schema import Ends, Listed, Number, Record, _listed
+
+SECONDS = 10.0
+"""Of a trial."""
+
+Matrix = Annotated[list[list[float]], BeforeValidator(_listed)]
+
+
+@dataclass(frozen=True)
+class Controller(Record):
+    """u = C v + D e, then v ← A v + B e + E u: e the outputs less their reference, u the input less its own, limited.
+
+    Examples
+    --------
+    >>> follow = Controller("pid", {"P": 2.0}, 0.01, [[0.0]], [[0.0]], [[0.0]], [[-2.0]], [[0.0]])
+    >>> follow.response(np.array([1.0])).round(3).tolist()
+    [[(-2+0j)]]
+    """
+
+    kind: str
+    """``LQR``, ``PID`` …"""
+    weights: Mapping[str, float]
+    """What it was designed with."""
+    period: float
+    """From sample to sample [s]."""
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    E: Matrix
+
+    def response(self, omega: FloatArray) -> Any:
+        """From e to u at iω while the input is not limited, shape (n_omega, n_outputs)."""
+        A, B, C, D, E = (np.array(m) for m in (self.A, self.B, self.C, self.D, self.E))
+        z, identity = np.exp(1j * omega * self.period), np.eye(len(A))
+        inner = z[:, None, None] * identity - A - E @ C
+        return (C @ np.linalg.solve(inner, np.broadcast_to(B + E @ D, (len(z), *B.shape))) + D)[:, 0]
+
+
+@dataclass(frozen=True)
+class Trial(Record):
+    """One draw under one controller."""
+
+    holds: bool
+    until: float
+    """When it left, or the end [s]."""
+    peak: dict[str, float]
+    """Output → largest deviation."""
+    effort: float
+    """Root mean square of the input less its value at the posture."""
+    limited: float
+    """Part of the time at which the input was at a limit."""
+    gain_margin: Number
+    """[dB]; None where any gain is borne."""
+    phase_margin: float
+    """[°]; 180 where it never comes to the size of 1."""
+    distance: float
+    """Of the open loop from −1, at least."""
+
+
+@dataclass(frozen=True)
+class Design(Record):
+    """A controller and how often it held."""
+
+    controller: Controller
+    draws: int
+    held: int
+    gain_margin: Number
+    """At the fitted values [dB]."""
+    phase_margin: float
+    """[°]"""
+    distance: float
+
+
+@dataclass(frozen=True)
+class Conditions(Record):
+    """The loop as it was found, and what it is held to."""
+
+    posture: str
+    states: dict[str, float]
+    """At the posture."""
+    input: str
+    unit: str
+    at_rest: float
+    """The input at the posture."""
+    least: float
+    most: float
+    delay: float
+    """[s]"""
+    period: float
+    """[s]"""
+    steps: int
+    """Of the solver, in a period."""
+    outputs: Listed[str]
+    units: dict[str, str]
+    quanta: dict[str, float]
+    """Steps of the encoders; 0 for none."""
+    noise: dict[str, float]
+    """Standard deviations."""
+    off: dict[str, float]
+    """Where a trial begins, less the posture."""
+    within: dict[str, Number]
+    """Deviations beyond which it has fallen; None for none."""
+    seconds: float = SECONDS
+
+
+@dataclass(frozen=True, repr=False)
+class ControlRecord(Record):
+    """A controller with the draws on which it holds."""
+
+    model: str
+    conditions: Conditions
+    design: Design
+    """The chosen one, over all draws."""
+    tried: Listed[Design]
+    """All of them, over the first draws."""
+    trials: Listed[Trial]
+    """Of the chosen design, one for each draw."""
+    worst: dict[str, float]
+    """Unknown → its value in the draw that fell first, or else is nearest to instability."""
+    worst_draw: int
+    """Which that is."""
+    seed: int
+    share95: Ends
+    """The binomial interval of the share."""
+    notes: Listed[str] = ()
+    loop: Annotated[Any, Field(exclude=True)] = None
+    """What simulates it, in the session that designed it."""
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def share(self) -> float:
+        """Of the draws on which it holds."""
+        return self.design.held / self.design.draws
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def gain_margin95(self) -> tuple[float | None, float | None]:
+        """In which 95 % of the draws have theirs [dB]; None for any."""
+        low, high = _band([math.inf if t.gain_margin is None else t.gain_margin for t in self.trials])
+        return json_number(low), json_number(high)
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def phase_margin95(self) -> tuple[float, float]:
+        """In which 95 % of the draws have theirs [°]."""
+        return _band([t.phase_margin for t in self.trials])
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def sentence(self) -> str:
+        """What was found."""
+        low, high = (100 * v for v in self.share95)
+        return (
+            f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held} of "
+            f"{self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %)."
+        )
+
+
+def _band(values: list[float]) -> tuple[float, float]:
+    low, high = np.quantile(values, (0.025, 0.975), method="nearest").tolist()
+    return low, high

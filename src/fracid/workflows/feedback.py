@@ -1,0 +1,109 @@
+"""A controller of a run with its folder: ``fracid control``, to be called from Python too.
+
+Every trial goes into the folder's journal as it ends, and the same call continues from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fracid.feedback.study import DRAWS, Control, planned
+from fracid.report.index import write_study_page
+from fracid.runs.folder import open_folder
+from fracid.runs.saved import load_run
+from fracid.safety.paths import refuse_mistaken
+from fracid.safety.schema import fault_of
+from fracid.schemas.feedback import Trial
+from fracid.tasks.display import unless_given
+from fracid.tasks.job import one_blas_thread
+from fracid.tasks.progress import Observer
+from fracid.workflows.figures import saved
+from fracid.workflows.posterior_draws import DRAWN, header_of_run
+from fracid.workflows.records import command_of, json_document, write_files
+from fracid.workflows.study import Finished, folder_of, journal_of, refuse_fit
+
+
+@dataclass(frozen=True, repr=False)
+class FinishedControl(Finished):
+    """A controller with its folder."""
+
+    FILE, FOUND = "control.json", "control"
+
+    control: Control
+
+
+def run_control(
+    run: str | Path,
+    *,
+    draws: int = DRAWS,
+    posterior: bool = False,
+    trust: bool = False,
+    out: str | Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    observer: Observer | None = None,
+    command: Sequence[str] | None = None,
+    **loop: Any,
+) -> FinishedControl:
+    """Design a controller of a run and write it down: what ``fracid control`` does.
+
+    Parameters
+    ----------
+    run : str or Path
+        The folder of a fit.
+    draws, seed, jobs
+        As of :func:`fracid.control`.
+    posterior : bool
+        Take the draws of ``fracid posterior``, in the folder ``posterior`` of the run.
+    out : str or Path, optional
+        The folder; ``control`` in that of the run if left out.
+    trust, observer, command
+        As of :func:`fracid.run`.
+    **loop
+        What else :func:`fracid.control` takes: posture, at, input_, limit, rate, delay, off, within, seconds.
+
+    Raises
+    ------
+    InputError
+        As of :func:`fracid.control`, and for a folder that holds a fit or cannot be written.
+    NotTrusted
+        If the project names code of its own, and `trust` is not given.
+    Unfinished
+        Where something ended it early, Ctrl-C too; what was done is kept.
+
+    Examples
+    --------
+    >>> run_control("nowhere/rig")
+    Traceback (most recent call last):
+    fracid.errors.InputError: There is no nowhere/rig. ...
+    """
+    run, watching = Path(run), unless_given(observer)
+    refuse_mistaken(run, "run")
+    with one_blas_thread():
+        fit = load_run(run, trust=trust)
+        folder, points = folder_of(out, run, "control"), None
+        refuse_fit(folder, "the controller")
+        if posterior:
+            with np.load(run / "posterior" / DRAWN) as file:
+                weights = np.exp(file["log_weights"])
+                chosen = np.random.default_rng(seed).choice(len(weights), draws, p=weights / weights.sum())
+                points = file["points"][chosen]
+        plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
+        words = command_of("control", run, {"out": out, "draws": draws, "seed": seed}) if command is None else command
+        open_folder(folder, words)
+        with journal_of(
+            folder, header_of_run(fit, "control"), lambda _, trial: fault_of(trial, Trial), watching, "trials"
+        ) as kept:
+            found = plan.run(jobs=jobs, **kept)
+        watching.stage("figures")
+        record = found.to_json() | {"source": str(run)}
+        write_files(folder, {FinishedControl.FILE: json_document(record)})
+        figures = saved([("control", found.plot())], folder)
+        write_study_page(folder, FinishedControl.FILE)
+    watching.stage("")
+    return FinishedControl(folder, figures, record, found)

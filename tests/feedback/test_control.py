@@ -1,0 +1,186 @@
+"""A loop in the solver is the solver's motion, regulators are python-control's, margins are where loops fall."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import fracid
+from fracid.errors import InputError
+from fracid.feedback import study
+from fracid.feedback.regulators import Plant, margins, regulator, sampled
+from fracid.solver.inputs import Driven
+
+HOW = {"posture": "", "at": {}, "input_": None, "rate": None, "delay": None, "off": {}, "within": {}, "seconds": 3.0}
+
+
+def twin(model=None, outputs=1, orders=None, inputs=None, **more):
+    model = model or fracid.model("pendulum", coulomb_angle=1e-3)
+    inputs = np.zeros((1, len(model.inputs))) if inputs is None else inputs
+    e = fracid.Experiment("twin", 0.01, np.zeros((500, outputs)), inputs, **more)
+    return fracid.Problem(model, (e,), orders or {"mu": 0.95}, initial_state="held")
+
+
+def fit_of(problem):
+    return SimpleNamespace(problem=problem, x=problem.start)
+
+
+def loop_of(problem, **how):
+    return study.conditions_of(problem, problem.start, **{**HOW, "limit": 0.3, **how})
+
+
+def regulated(loop, **plant):
+    c = loop.conditions
+    return regulator(replace(loop.plant(loop.x), **plant), c.period, np.full(len(c.outputs), 0.5), c.most,
+                     np.full(len(c.outputs), 1e-3), 1.0, 0.1)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def upright():
+    return loop_of(twin(), delay=0.013)
+
+
+def test_the_motion_of_a_loop_is_that_of_the_solver_under_the_inputs_that_it_gave(upright, monkeypatch):
+    monkeypatch.setattr("fracid.solver.solve.ALIKE", 1)  # its start takes the mean at the first jumps
+    model = upright.problem.model
+    time, y, u = upright.run(upright.x, regulated(upright), 1)
+    inputs = np.r_[u[:1], u[:-1]][:, None]
+    again = fracid.simulate(model, orders={"mu": 0.95}, initial={"angle": np.pi + 0.1}, step=0.01, end=time[-1],
+                            inputs=Driven(inputs, u[:, None]), method="pi2-implicit", corrected=False)  # fmt: skip
+    assert np.abs(u).max() > 0.1
+    np.testing.assert_allclose(y[:, 0] + np.pi, again.states[:, 0], atol=1e-8)
+
+
+def test_an_input_acts_after_its_delay(upright):
+    _, _, u = upright.run(upright.x, regulated(upright), 1)
+    assert u[0] == pytest.approx(0.0, abs=1e-9)  # 13 ms are one step of 10 ms
+    assert abs(u[1]) > 0.1
+
+
+def test_a_regulator_has_the_gains_of_python_control(upright):
+    control = pytest.importorskip("control")
+    plant = upright.plant(upright.x)
+    A, B, C = sampled(plant, 0.01)
+    found = regulator(plant, 0.01, np.array([0.5]), 0.3, np.array([1e-3]), 1.0, 0.1)
+    K, *_ = control.dlqr(A, B, C.T @ C / 0.25, np.array([[1 / 0.09]]))
+    M, *_ = control.dlqe(A, B, C, np.array([[0.03**2]]), np.array([[1e-6]]))
+    np.testing.assert_allclose(found.B, M, rtol=1e-6)  # python-control's is the predictor's
+    np.testing.assert_allclose(found.C + np.array(found.D) @ C, -K, rtol=1e-6)
+
+
+def test_a_loop_falls_just_beyond_its_gain_margin():
+    loop = loop_of(twin(fracid.model("pendulum")), off={"angle": 1e-4}, seconds=15.0)
+    made = regulated(loop)
+    gain, _, _ = margins(loop.plant(loop.x), made)
+    grown = gain_of(made, 10 ** (0.9 * gain / 20)), gain_of(made, 10 ** (1.1 * gain / 20))
+    holds = [loop.trial(loop.x, c, 1)["holds"] for c in grown]
+    shrunk = [loop.trial(loop.x, gain_of(made, 10 ** (s * gain / 20)), 1)["holds"] for s in (-0.9, -1.1)]
+    assert holds[0]
+    assert shrunk[0]
+    assert not holds[1] or not shrunk[1]
+
+
+def gain_of(controller, k):
+    """The controller with its output k times as large, its filter as it was."""
+    C, D, E = (np.array(m) for m in (controller.C, controller.D, controller.E))
+    return replace(controller, C=(k * C).tolist(), D=(k * D).tolist(), E=(E / k).tolist())
+
+
+def test_the_reduced_model_has_few_states_and_the_response_of_the_fractional_one(upright):
+    linear = upright.plant(upright.x).linear
+    assert len(linear.A) <= 12
+    omega = np.geomspace(3.0, 100.0, 20)
+    np.testing.assert_allclose(linear.response(omega), linear.exact_response(omega), rtol=0.1)
+
+
+def test_a_delay_of_samples_and_a_part_is_that_of_a_finer_grid(upright):
+    plant = Plant(upright.plant(upright.x).linear, 0, 0.025)
+    A, B, C = sampled(plant, 0.01)
+    fine = sampled(replace(plant, delay=0.0), 0.005)
+    u, x, z, coarse, grid = np.sin(np.arange(40)), np.zeros(len(A)), np.zeros(len(fine[0])), [], []
+    late = np.r_[np.zeros(5), np.repeat(u, 2)]
+    for k in range(40):
+        coarse.append((C @ x)[0])
+        x = A @ x + B[:, 0] * u[k]
+    for k in range(80):
+        grid.append((fine[2] @ z)[0])
+        z = fine[0] @ z + fine[1][:, 0] * late[k]
+    np.testing.assert_allclose(coarse, grid[::2], atol=1e-9 * np.abs(grid).max())
+
+
+def test_presliding_joints_are_held_too():
+    joint = fracid.model("joint", gravity=0.1, coulomb_angle=0.02, presliding_angle=0.01)
+    torque = np.sin(np.arange(500))[:, None] * (np.arange(len(joint.inputs)) == 0)
+    loop = loop_of(twin(joint, orders={"mu": 1.0}, inputs=torque), limit=None, at={"angle": 0.5})
+    assert loop.conditions.input == "torque"
+    assert loop.conditions.at_rest == pytest.approx(0.1 * np.sin(0.5))
+    time, y, _ = loop.run(loop.x, regulated(loop), 1)
+    assert time[-1] == pytest.approx(3.0)
+    assert np.abs(y[-100:, 0]).max() < 0.05
+
+
+@pytest.fixture(scope="module")
+def found():
+    rig = fracid.rotary_pendulum("srv02-rotpen", zero="hanging", coulomb_theta=1e-3)
+    volts = 3 * np.sin(0.02 * np.arange(400))[:, None]
+    run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=1.995,
+                          inputs=volts)  # fmt: skip
+    y = run.states[:, [0, 2]] + 2e-3 * np.random.default_rng(1).standard_normal((400, 2))
+    e = fracid.Experiment("twin", 5e-3, y, volts, initial={"alpha": 0.3})
+    free = {"C6": fracid.Free(2.2e-3, 1e-4, 1e-2), "b_theta": fracid.Free(1e-3, 0.0, 1.0)}
+    problem = fracid.Problem(rig, (e,), {"lambda": 1.0, "mu": 0.95}, free, initial_state="held")
+    truth = np.array([rig.parameter(n).value for n in problem.names])
+    return fracid.control(SimpleNamespace(problem=problem, x=truth), draws=5, seconds=3.0, within={"theta": 2.0})
+
+
+def test_a_rig_is_held_upright_over_draws_of_its_covariance(found):
+    assert found.conditions.posture == "upright"
+    assert found.conditions.states["alpha"] == pytest.approx(np.pi)
+    assert len(found.trials) == found.design.draws == 5
+    assert found.share == 1.0
+    assert found.phase_margin95[0] > 20
+    assert set(found.worst) == set(found.loop.problem.names)
+    assert len(found.tried) == 6
+    assert "holds upright in 5 of 5 draws" in repr(found)
+
+
+def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
+    titles = [axes.get_title() for axes in found.plot().axes]
+    assert "margins of 5 draws" in " ".join(titles)
+
+
+@pytest.mark.parametrize(
+    ("problem", "how", "words"),
+    [
+        (twin(fracid.rotary_pendulum(torque_per_volt=0.0), 2, {"lambda": 1.0, "mu": 1.0}), {}, "torque_per_volt is 0"),
+        (twin(), {"limit": None}, "Nothing drove the recordings"),
+        (twin(), {"posture": "sideways"}, "unknown posture"),
+        (twin(fracid.model("cart-pole"), 2, {"lambda": 1.0, "mu": 1.0}), {"at": {"angle": 1.0}}, "does not rest"),
+        (twin(), {"off": {"theta": 0.1}}, "theta"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_controlled_is_refused_in_a_sentence(problem, how, words):
+    with pytest.raises(InputError, match=words):
+        loop_of(problem, **how)
+
+
+def test_a_delay_that_the_loop_cannot_bear_is_named():
+    with pytest.raises(InputError, match="A delay of 200 ms may be more than the loop bears"):
+        fracid.control(fit_of(twin()), limit=0.15, delay=0.2, rate=25.0, draws=1, seconds=1.0)
+
+
+def test_a_posture_that_takes_more_than_there_is_is_refused():
+    with pytest.raises(InputError, match=r"takes .* of torque, and there are"):
+        fracid.control(fit_of(twin(fracid.model("joint", gravity=1.0), orders={"mu": 1.0})), limit=0.1,
+                       at={"angle": 1.0}, draws=2)  # fmt: skip
+
+
+def test_a_gain_that_the_recordings_cannot_tell_is_refused():
+    free = {n: fracid.Free(v, v / 9, v * 9) for n, v in (("gravity", 0.147), ("J", 3e-3))}
+    run = fracid.simulate(fracid.model("pendulum"), orders={"mu": 1.0}, initial={"angle": 1.0}, step=0.01, end=4.99)
+    e = fracid.Experiment("twin", 0.01, run.states[:, :1], np.zeros((1, 1)), initial={"angle": 1.0})
+    model = fracid.model("pendulum", b_angle=0.0)
+    problem = fracid.Problem(model, (e,), {"mu": 1.0}, free, initial_state="held")
+    with pytest.raises(InputError, match="do not tell gravity and J apart"):
+        fracid.control(fit_of(problem), limit=0.3, draws=2)
