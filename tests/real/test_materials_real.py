@@ -1,5 +1,7 @@
 """The recordings of materials that come with fracid, and what their pages say of them."""
 
+import os
+import re
 import shutil
 from pathlib import Path
 
@@ -7,11 +9,15 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.problem.project import project_from_text
+from helpers.materials import strip
 
+ROOT = Path(__file__).parents[2]
+RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
 REAL = Path(__file__).parents[2] / "examples" / "real"
 
 
-@pytest.mark.parametrize("folder", ["titin", "supercapacitor"])
+@pytest.mark.parametrize("folder", ["titin", "supercapacitor", "spruce-creep"])
 def test_a_licence_lies_beside_the_recordings(folder):
     assert "MIT" in (text := (REAL / folder / "LICENSE").read_text(encoding="utf-8")) or "CC BY 4.0" in text
 
@@ -53,3 +59,40 @@ def test_a_supercapacitor_is_called_integer(maker, branch):
     assert comparison.claim == "integer", comparison.claim_reasons
     rows = {row.name: row for row in comparison.rows}
     assert rows["C(v) of order q, orders free"].bic - rows["one RC branch, orders 1"].bic > branch - 10.0
+
+
+@pytest.mark.skipif(
+    not (RECORDINGS / "vhb4910").is_dir(),
+    reason=f"no recordings of VHB 4910 in {RECORDINGS}, which have no licence; say where with FRACID_RECORDINGS=FOLDER",
+)
+@pytest.mark.slow
+def test_an_elastomers_springpot_predicts_the_half_hour_and_is_not_claimed():
+    text = (REAL / "vhb4910" / "vhb4910.toml").read_text(encoding="utf-8")
+    project = project_from_text(text, RECORDINGS / "vhb4910" / "vhb4910.toml")
+    comparison = fracid.compare(project)
+    assert comparison.claim == "undecided", comparison.claim_reasons
+    held_out = {row.name: np.mean([score.rmse["force"] for score in row.held_out.values()])
+                for row in comparison.rows}  # fmt: skip
+    springpot = held_out["elastomer, orders free"]
+    assert springpot == pytest.approx(0.034, abs=0.003)
+    assert springpot < min(v for n, v in held_out.items() if n != "elastomer, orders free")
+
+
+@pytest.mark.broad
+def test_a_quarter_of_the_creep_of_spruce_determines_no_order():
+    fit = fracid.identify(fracid.load_project(REAL / "spruce-creep" / "spruce.toml"))
+    assert fit.claim == "undecided", fit.claim_reasons
+    low, high = fit.orders["nu"].interval95
+    assert low < 0.2 < 1.0 < high
+
+
+def test_the_project_of_the_page_reads_a_table_of_length_and_force(tmp_path):
+    page = (ROOT / "docs" / "relaxation.md").read_text(encoding="utf-8")
+    text = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1].replace("180.0", "20.0")
+    table = np.loadtxt(strip(tmp_path).parent / "fast.csv", delimiter=",", skiprows=1)[:, :3] * [1, 1e3, 1]
+    np.savetxt(tmp_path / "strip.csv", table, delimiter=",", header="t [s],stretch [mm],force [N]", comments="")
+    project = project_from_text(text, tmp_path / "strip.toml")
+    assert [*project.alternatives] == ["two Maxwell elements", "a stretched exponential"]
+    assert [e.units for e in (*project.problem.experiments, *project.validation)] == [{"force": "N"}] * 2
+    assert np.ptp(project.problem.experiments[0].inputs[:, 0]) == pytest.approx(0.5)
+    assert all(np.isfinite(p.cost(p.start)) for p in (project.problem, *project.alternatives.values()))
