@@ -32,6 +32,10 @@ PARTIAL = "PARTIAL: the fit was interrupted. These are the best values so far, n
 """The first warning of an interrupted fit: it stands on the page, on cards, in result.json."""
 
 
+Scores = Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]]
+"""Recording → use, RMSE of each output [SI], and the units of outputs that are no angles."""
+
+
 @dataclass(frozen=True, repr=False)
 class Fit(CardDisplay, FitPictures, WithPosterior):
     """The result of :func:`identify`."""
@@ -48,7 +52,7 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
     evaluations: int
     discretisation: Discretisation | None
     uncertainty: Uncertainty | None
-    seed: int
+    seed: int | None
     optimiser: str
     warnings: tuple[str, ...] = ()
     """Sentences, those of the findings among them."""
@@ -95,12 +99,15 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
         })  # fmt: skip
 
     def _card(self) -> Card:
-        p = self.problem
         scores = {n: (r.use, r.rmse, r.units) for n, r in self.recordings.items()}
+        return self._card_of(f"Fit of {self.problem.model.name}", scores)
+
+    def _card_of(self, title: str, scores: Scores) -> Card:
         search = f"{self.optimiser}, {self.evaluations} evaluations, {self.outcome}"
         claim = claimed(self.claim, doubts(self.to_json()))
-        return fit_card(f"Fit of {p.model.name}: {claim}", (self.orders, self.parameters), search,
-                        (p.cost_function.name, self.cost), self.warnings, scores, self.claim_reasons)  # fmt: skip
+        cost = self.problem.cost_function.name, self.cost
+        return fit_card(f"{title}: {claim}", (self.orders, self.parameters), search, cost, self.warnings, scores,
+                        self.claim_reasons)  # fmt: skip
 
     def _named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
@@ -113,7 +120,7 @@ def fit_card(
     search: str,
     cost: tuple[str, float | None],
     warnings: Sequence[str],
-    scores: Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]],
+    scores: Scores,
     reasons: Sequence[str] = (),
 ) -> Card:
     """The card of a fit, of this session or of a folder.

@@ -3,13 +3,13 @@
 import json
 import math
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fracid.errors import InputError
 from fracid.findings import Finding
+from fracid.fit import Fit
 from fracid.runs.saved import load_run
 from fracid.safety.schema import as_json
 from fracid.selection.integer_rival import Alternative, Trial
@@ -80,7 +80,7 @@ def test_a_run_shows_the_card_of_its_fit_without_simulating_anything(fitted):
     assert repr(run).splitlines()[1:] == repr(fit).splitlines()[1:]
     assert len(repr(run)) <= 1000
     assert "release 10°" in run._repr_html_()
-    assert "recordings" not in vars(run)
+    assert "made" not in vars(run.recordings)
 
 
 def test_a_run_has_the_attributes_of_its_fit(fitted):
@@ -93,13 +93,22 @@ def test_a_run_has_the_attributes_of_its_fit(fitted):
     assert run.timing.keys() >= fit.timing.keys()
 
 
-def test_a_run_reads_its_findings_and_its_alternative_back(fitted):
+def test_a_run_is_the_fit_that_was_written(fitted):
     run = load_run(fitted[0] / "run")
+    assert isinstance(run, Fit)
+    assert run.orders.keys() == fitted[1].orders.keys()
+    assert [s.origin for s in run.starts] == [s.origin for s in fitted[1].starts]
+    assert run.to_json() == json.loads((fitted[0] / "run" / "result.json").read_text(encoding="utf-8"))
+
+
+def test_a_run_reads_its_findings_and_its_alternative_back(copy):
     finding = Finding("misfit", "a: alpha", math.nan, 3.0, "roundings", "It is large.")
     trials = (Trial("friction", 0.2, 5.0, True), Trial("a delay", math.inf, math.inf))
     alternative = Alternative("every order 1", ("mu",), 0.2, {"b_alpha": 1.0}, 5.0, 100.0, "It does.", trials)
     blocks = {"findings": [finding.to_json()], "alternative": as_json(Alternative, alternative)}
-    read = replace(run, result={**run.result, **blocks})
+    path = copy / "run" / "result.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | blocks), encoding="utf-8")
+    read = load_run(copy / "run")
     assert math.isnan(read.findings[0].number)
     assert str(read.findings[0]) == str(finding)
     assert read.alternative == alternative

@@ -31,7 +31,7 @@ from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Progress, in_threads
 from fracid.tasks.progress import Observer
 
-Source = Fit | SavedRun | Project | Problem | Model
+Source = Fit | Project | Problem | Model
 
 Tell = Callable[[Progress], None]
 
@@ -179,11 +179,11 @@ def subject_of(
         return subject_of_model(source, space, free=free, orders=orders)
     if free or orders:
         raise InputError("free and orders are of a model alone; a run and a project have their own.")
-    if isinstance(source, Fit):
-        return subject_of_problem(source.problem, source.x, space, precision=source.uncertainty, jobs=jobs)
     if isinstance(source, SavedRun):
         return subject_of_problem(source.problem, source.x, space, name=source.folder.name,
                                   table=_tables(source.project), jobs=jobs)  # fmt: skip
+    if isinstance(source, Fit):
+        return subject_of_problem(source.problem, source.x, space, precision=source.uncertainty, jobs=jobs)
     if isinstance(source, Problem):
         return subject_of_problem(source, source.start, space, jobs=jobs)
     if isinstance(source, Project):

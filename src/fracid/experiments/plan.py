@@ -19,7 +19,6 @@ from fracid.experiments.subject import Subject
 from fracid.figures import Style, draw
 from fracid.fit import Fit
 from fracid.quantiles import NORMAL_95
-from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Number, Record, as_json
 from fracid.units import GREEK
 
@@ -99,7 +98,7 @@ class Plan(CardDisplay):
     alone: Mapping[str, float] | None = None
     """Order → the distance of the nearest of them from a rig on which it alone is off."""
 
-    def gain_over(self, run: Fit | SavedRun | None = None) -> dict[str, float]:
+    def gain_over(self, run: Fit | None = None) -> dict[str, float]:
         """By what factor the interval of each value becomes narrower.
 
         Parameters
@@ -119,8 +118,8 @@ class Plan(CardDisplay):
         """
         now = {n: v.standard_error_now for n, v in self.expected.items()}
         if run is not None:
-            now = {n: None if i is None else (i[1] - i[0]) / 2 / NORMAL_95
-                   for n, i in _intervals(run).items() if n in self.expected}  # fmt: skip
+            now = {n: None if e.interval95 is None else (e.interval95[1] - e.interval95[0]) / 2 / NORMAL_95
+                   for n, e in {**run.orders, **run.parameters}.items() if n in self.expected}  # fmt: skip
             if not now:
                 raise InputError(f"The run and the plan share no free value; the plan has {', '.join(self.expected)}.")
         return {n: math.inf if (before := now[n]) is None else before / v.standard_error
@@ -201,11 +200,3 @@ class Plan(CardDisplay):
 
 def _times(factor: float) -> str:
     return f"{factor:.3g}×" if math.isfinite(factor) else "from no interval"
-
-
-def _intervals(run: Fit | SavedRun) -> dict[str, tuple[float, float] | None]:
-    """Name → 95 % interval, of orders and parameters."""
-    if isinstance(run, Fit):
-        return {n: e.interval95 for n, e in {**run.orders, **run.parameters}.items()}
-    blocks = {**run.result["orders"], **run.result["parameters"]}
-    return {n: entry.get("interval95") for n, entry in blocks.items()}

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
     from fracid.fit import Fit
     from fracid.problem.project import Project
-    from fracid.runs.saved import SavedRun
     from fracid.validation.residual_analyses import Residuals
     from fracid.validation.residual_records import ResidualAnalysis
 
@@ -148,7 +147,7 @@ def _material(
     return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))
 
 
-def _plane(fit: Fit | SavedRun, cost: float, jobs: int) -> CostPlane | None:
+def _plane(fit: Fit, cost: float, jobs: int) -> CostPlane | None:
     from fracid.estimation.cost_plane import cost_plane, reaches
 
     if len(fit.problem.order_indices) < 2 or not isfinite(cost):

@@ -18,24 +18,21 @@ values within their bounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.bayes.inference import WithPosterior
-from fracid.cards import Card, CardDisplay
+from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
-from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.starts import Start
 from fracid.estimation.windows import windowed
-from fracid.findings import Finding
-from fracid.fit import ResultBlock, StartBlock, fit_card
+from fracid.fit import Fit, ResultBlock, StartBlock
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
@@ -43,11 +40,8 @@ from fracid.safety.json_files import json_of
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of, record_of
 from fracid.safety.text import ascii_short
-from fracid.selection.doubts import claimed, doubts
-from fracid.selection.integer_rival import Alternative
-from fracid.selection.opened_bounds import OpenedBound, reopened
+from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
-from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
 DIFFERENT = 1e-6
@@ -57,9 +51,12 @@ MOST_WORDS = 1000
 """Of a command, that are looked at for a project file."""
 
 
-@dataclass(frozen=True, repr=False)
-class SavedRun(CardDisplay, FitPictures, WithPosterior):
-    """What :func:`load_run` gives: the attributes of a :class:`fracid.Fit` that ``result.json`` has."""
+@dataclass(frozen=True, repr=False, kw_only=True)
+class SavedRun(Fit):
+    """What :func:`load_run` gives: a :class:`fracid.Fit` that was read; its covariance and its spread are not read.
+
+    Its recordings are simulated when they are first asked for, with the values of validation recordings too.
+    """
 
     folder: Path
     result: Mapping[str, Any]
@@ -68,122 +65,9 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
     values: Mapping[str, float]
     """Name of each unknown → its value, those of validation recordings too."""
 
-    @cached_property
-    def problem(self) -> Problem:
-        """The project's, with the bounds that the fit opened and the step that it chose."""
-        problem = reopened(self.project.problem, self.opened_bounds)
-        if (window := self.result.get("window")) is not None:
-            problem = windowed(problem, window)
-        chosen = self.result.get("substeps")
-        if self.project.fixed_step or chosen in (None, problem.substeps):
-            return problem
-        return replace(problem, substeps=chosen)
-
-    @property
-    def x(self) -> FloatArray:
-        """Where it ended, shape (n_unknowns,)."""
-        return _vector(self.problem, self.values)
-
-    @property
-    def orders(self) -> dict[str, Estimate]:
-        """The orders with what is known of them, as in :attr:`fracid.Fit.orders`."""
-        return {n: record_of(Estimate, entry) for n, entry in self.result["orders"].items()}
-
-    @property
-    def parameters(self) -> dict[str, Estimate]:
-        """The parameters with what is known of them, as in :attr:`fracid.Fit.parameters`."""
-        return {n: record_of(Estimate, entry) for n, entry in self.result.get("parameters", {}).items()}
-
-    @property
-    def claim(self) -> str:
-        """What is claimed of the orders, as in :attr:`fracid.Fit.claim`."""
-        return self.result.get("claim") or "undecided"
-
-    @property
-    def claim_reasons(self) -> tuple[str, ...]:
-        """Why, in sentences."""
-        return tuple(self.result.get("claim_reasons", ()))
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences, those of the findings among them."""
-        return tuple(self.result["warnings"])
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """Faults of data, project or model, as in :attr:`fracid.Fit.findings`."""
-        return tuple(record_of(Finding, entry) for entry in self.result.get("findings", []))
-
-    @property
-    def cost(self) -> float:
-        """The cost at the minimum; infinite where no run of the model reached the end of a recording."""
-        value = self.result["cost"]["value"]
-        return math.inf if value is None else float(value)
-
-    @property
-    def outcome(self) -> str:
-        """How the search ended, in words."""
-        return str(self.result["outcome"])
-
-    @property
-    def evaluations(self) -> int:
-        """How often the cost was evaluated."""
-        return int(self.result["evaluations"])
-
-    @property
-    def optimiser(self) -> str:
-        """The name of the search."""
-        return str(self.result["optimiser"])
-
-    @property
-    def seed(self) -> int | None:
-        """The seed of the search."""
-        return self.result.get("seed")
-
-    @property
-    def timing(self) -> dict[str, float]:
-        """Seconds spent, per stage."""
-        return dict(self.result.get("timing", {}))
-
-    @property
-    def opened_bounds(self) -> tuple[OpenedBound, ...]:
-        """The bounds of the project that stopped the search, and were opened."""
-        return tuple(record_of(OpenedBound, entry) for entry in self.result.get("opened_bounds", []))
-
-    @property
-    def discretisation(self) -> Discretisation | None:
-        """What the step of the solver does to the result, where that was checked."""
-        entry = self.result.get("discretisation")
-        return None if entry is None else record_of(Discretisation, entry)
-
-    @property
-    def alternative(self) -> Alternative | None:
-        """The integer-order model that comes nearest, where one was tried."""
-        entry = self.result.get("alternative")
-        return None if entry is None else record_of(Alternative, entry)
-
-    @property
-    def starts(self) -> tuple[Start, ...]:
-        """What became of each start, as in :attr:`fracid.Fit.starts`."""
-        return tuple(_start(entry, self.problem) for entry in self.result.get("starts", []))
-
-    @property
-    def cut(self) -> CutCheck | None:
-        """How far the orders move with where the record begins, where that was looked at."""
-        entry = self.result.get("cut")
-        return None if entry is None else CutCheck.of_json(entry)
-
-    @cached_property
-    def recordings(self) -> dict[str, RecordingFit]:
-        """Each recording beside its simulation, as in :attr:`fracid.Fit.recordings`; NaN where the run fails."""
-        window = self.result.get("window")
-        validating = [self.problem.with_shared(self.x, (e,)) for e in self.project.validation]
-        validating = [p if window is None else windowed(p, window) for p in validating]
-        return {
-            name: self._recording(problem, name, use)
-            for problem, use in [(self.problem, "fit"), *((p, "validate") for p in validating)]
-            for name in problem.recordings
-        }
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``result.json``."""
+        return dict(self.result)
 
     @property
     def resolutions(self) -> dict[str, dict[str, float | None]]:
@@ -199,21 +83,7 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
         result, project = self.result, self.project
         units = {e.name: e.units for e in (*project.problem.experiments, *project.validation)}
         scores = {n: (r["use"], r["rmse"], units.get(n, {})) for n, r in result["recordings"].items()}
-        orders = self.orders
-        search = f"{result['optimiser']}, {result['evaluations']} evaluations, {result['outcome']}"
-        title = f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}"
-        claim = claimed(self.claim, doubts(result))
-        return fit_card(f"{title}: {claim}", (orders, self.parameters), search,
-                        (result["cost"]["name"], result["cost"]["value"]), result["warnings"], scores,
-                        self.claim_reasons)  # fmt: skip
-
-    def _recording(self, problem: Problem, name: str, use: str) -> RecordingFit:
-        entry = self.result.get("recordings", {}).get(name, {})
-        initial, own = (
-            {n: record_of(Estimate, v) for n, v in entry.get(key, {}).items()}
-            for key in ("initial_state", "parameters")
-        )
-        return fit_of(problem, _vector(problem, self.values), name, use, initial, own)
+        return self._card_of(f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}", scores)
 
     def _differences(self) -> Iterator[str]:
         if _text(self.project.path) not in (None, self.project.text):
@@ -227,6 +97,41 @@ class SavedRun(CardDisplay, FitPictures, WithPosterior):
                         f"{name}: simulated again with the saved values, the rmse of {output} is {now:.6g} rad; the "
                         f"run found {before:.6g}. Another version of fracid wrote it, or a model's file has changed."
                     )
+
+
+class _Recordings(Mapping[str, RecordingFit]):
+    """Each recording beside its simulation, made when the first is asked for; NaN where the run fails."""
+
+    def __init__(self, make: Callable[[], dict[str, RecordingFit]]) -> None:
+        self._make = make
+
+    @cached_property
+    def made(self) -> dict[str, RecordingFit]:
+        return self._make()
+
+    def __getitem__(self, name: str) -> RecordingFit:
+        return self.made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.made)
+
+    def __len__(self) -> int:
+        return len(self.made)
+
+
+def _simulated(
+    problem: Problem, x: FloatArray, values: Mapping[str, float], result: Mapping[str, Any], project: Project
+) -> dict[str, RecordingFit]:
+    validating, window = [problem.with_shared(x, (e,)) for e in project.validation], result.get("window")
+    if window is not None:
+        validating = [windowed(p, window) for p in validating]
+    return {
+        name: fit_of(own, _vector(own, values), name, use, *(
+            {n: record_of(Estimate, v) for n, v in result["recordings"].get(name, {}).get(key, {}).items()}
+            for key in ("initial_state", "parameters")
+        ))
+        for own, use in [(problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
+    }  # fmt: skip
 
 
 def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
@@ -267,14 +172,37 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
-    run = SavedRun(folder, result, project, _values(result))
     try:
-        _ = run.problem
+        run = _read_back(folder, result, project)
     except InputError as error:
         raise InputError(f"{folder / 'result.json'} is not of the project beside it: {error} Fit it again.") from None
     if fault := next(_strange(run), ""):
         raise InputError(f"{folder / 'result.json'} is not of the project beside it: {fault}. Fit it again.")
     return run
+
+
+def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> SavedRun:
+    """The fit that result.json describes: of the project, with the bounds that it opened and the step that it took."""
+    block, values = record_of(ResultBlock, result), _values(result)
+    problem = reopened(project.problem, tuple(block.opened_bounds))
+    if block.window is not None:
+        problem = windowed(problem, block.window)
+    if not project.fixed_step and block.substeps is not None:
+        problem = replace(problem, substeps=block.substeps)
+    x = _vector(problem, values)
+    alike: dict[str, Any] = {n: getattr(block, n) for n in (
+        "parameters", "evaluations", "outcome", "optimiser", "seed", "timing", "discretisation", "alternative",
+        "claim_reasons", "window",
+    )}  # fmt: skip
+    listed: dict[str, Any] = {n: tuple(getattr(block, n)) for n in ("warnings", "findings", "opened_bounds")}
+    return SavedRun(
+        folder=folder, result=result, project=project, values=values, problem=problem, x=x, **alike, **listed,
+        orders={n: record_of(Estimate, entry) for n, entry in result["orders"].items()},
+        recordings=_Recordings(partial(_simulated, problem, x, values, result, project)),
+        cost=math.inf if block.cost.value is None else block.cost.value, claim=block.claim or "undecided",
+        starts=tuple(_start(start, problem) for start in block.starts),
+        cut=CutCheck.of_json(result["cut"]) if block.cut else None, uncertainty=None,
+    )  # fmt: skip
 
 
 def _strange(run: SavedRun) -> Iterator[str]:
@@ -407,8 +335,7 @@ def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
 
 
-def _start(entry: Mapping[str, Any], problem: Problem) -> Start:
+def _start(block: StartBlock, problem: Problem) -> Start:
     """What result.json says of a start."""
-    block = record_of(StartBlock, entry)
     point, end = (np.array([x.get(n, np.nan) for n in problem.names]) for x in (block.point, block.end))
     return Start(**dict(block) | {"point": point, "end": end})

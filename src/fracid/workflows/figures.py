@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.models import Model
     from fracid.problem.project import Project
-    from fracid.runs.saved import SavedRun
     from fracid.selection.comparison_records import Comparison
     from fracid.validation.monte_carlo import NoiseStudy
     from fracid.validation.residual_analyses import Analyses, Residuals
@@ -229,7 +228,7 @@ def of_study(study: NoiseStudy | SavedStudy, style: str = "screen") -> Figures:
         yield "noise", study.plot(style=style)
 
 
-def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:
+def of_search(fit: Fit, style: str = "screen") -> Figures:
     """Where many starts ended, and how far the orders move with the cut."""
     if len(fit.starts) > 1:
         yield "waterfall", fit.plot_starts(style=style)
@@ -237,7 +236,7 @@ def of_search(fit: Fit | SavedRun, style: str = "screen") -> Figures:
         yield "cut", fit.cut.plot(style=style)
 
 
-def of_plane(fit: Fit | SavedRun, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
+def of_plane(fit: Fit, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
     best = fit.x[list(fit.problem.order_indices[:2])]
     yield "cost-over-orders", _plane_figure(plane, best, folder, fit.problem.cost_function.name, style)
