@@ -232,7 +232,7 @@ def stiff_above_table() -> str:
 
     rows = []
     for order in (1.01, 1.05, 1.2, 1.5, 1.8):
-        limit = math.gamma(order + 2) / (4 * (2 ** (order + 2) - 1) * zeta.py_func(-order - 1))
+        limit = math.gamma(order + 2) / (4 * (2 ** (order + 2) - 1) * zeta(-order - 1))
         for rate in (1e3, 3e4, 1e6):
             runs = [solve_fde(decay, order, [1.0], step=1e-2, end=20.0, parameters=[rate], method=method)
                     for method in ("pi2-implicit", "bdf2")]  # fmt: skip

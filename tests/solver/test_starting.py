@@ -30,7 +30,7 @@ def error_by_definition(q, sigma, n):
 @pytest.mark.parametrize("sigma", [0.05, 0.3, 0.5, 0.8623, 0.97])
 def test_the_errors_of_powers_are_those_of_the_definition(q, sigma):
     knots = np.array([0, 1, 2, 7, 31, 32, 33, 50, 100, 400])
-    found = errors_of_powers(q, np.array([sigma]), knots)[0]
+    found = errors_of_powers(q, np.array([sigma]), knots)[0, 0]
     want = np.array([0.0] + [error_by_definition(q, sigma, int(n)) for n in knots[1:]])
     np.testing.assert_allclose(found, want, rtol=2e-7, atol=1e-13)
 
@@ -50,7 +50,7 @@ def test_the_errors_of_powers_are_those_of_the_sum_for_the_third_order_too(q, si
     summed = np.convolve(weights, n**sigma)[:401] - (a * (2**sigma - 2) - b) / 12
     exact = np.array([float(mpmath.gamma(sigma + 1) / mpmath.gamma(sigma + q + 1) * mpmath.mpf(int(k)) ** (sigma + q))
                       for k in n])  # fmt: skip
-    found = errors_of_powers(q, np.array([sigma]), knots, True)[0]
+    found = errors_of_powers(q, np.array([sigma]), knots, True)[0, 0]
     np.testing.assert_allclose(found[3:], (exact - summed)[knots[3:]], rtol=3e-4, atol=5e-9 * (1 + 400 ** (q - 1)))
 
 
@@ -99,7 +99,7 @@ def test_knots_ascend_are_odd_in_number_and_reach_the_end(steps):
     ],
 )
 def test_a_system_begins_with_the_sums_of_its_orders_and_the_power_of_time(orders, powers, want):
-    np.testing.assert_allclose(exponents(np.array(orders), np.array(powers)), want, atol=1e-12)
+    np.testing.assert_allclose(exponents(tuple(orders), tuple(powers)), want, atol=1e-12)
 
 
 @pytest.mark.parametrize("q", [0.1, 0.2, 0.4, 0.6, 0.8, 0.95])
@@ -174,5 +174,5 @@ def test_the_order_of_a_state_that_stands_still_does_not_show_in_the_others(meth
 
 @pytest.mark.parametrize("third", [False, True])
 def test_an_order_of_next_to_nothing_adds_no_exponent_and_writes_nowhere_else(third):
-    with_it, without = (exponents.py_func(np.array(q), np.array([0.3]), third) for q in ([1e-20, 0.45, 5e-10], [0.45]))
-    assert with_it.tolist() == without.tolist()
+    with_it, without = (exponents(tuple(q), (0.3,), third) for q in ([1e-20, 0.45, 5e-10], [0.45]))
+    assert with_it == without

@@ -25,19 +25,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
-from fracid.solver.compilation import when_called
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
-from fracid.solver.starting import _ends, _parabola_weights, errors_of_powers, exponents, knots_up_to
-from fracid.solver.weights import Kernel, third_weights, trapezoidal_weights
+from fracid.solver.starting import PI3, corrections, exponents
+from fracid.solver.weights import Kernel
 
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""
@@ -224,68 +222,10 @@ def _of_same_lags(kernels: list[Kernel]) -> Iterator[Kernel]:
 # --- start -------------------------------------------------------------------------------------------
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-
-
-@when_called(_matrix(types.float64, _vector, types.int64[::1], types.boolean))
-def _errors(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool) -> FloatArray:
-    """E_σ(n), kept compiled on disk."""
-    residuals: FloatArray = errors_of_powers(q, sigma, knots, third)
-    return residuals
-
-
-@when_called(_vector(_vector, _vector, types.boolean))
-def _exponents(orders: FloatArray, powers: FloatArray, third: bool) -> FloatArray:
-    """The exponents with which f begins, kept compiled on disk."""
-    values: FloatArray = exponents(orders, powers, third)
-    return values
-
-
 def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -> tuple[Any, ...]:
     """F, M, the knots and E."""
-    third = family == "pi3"
-    nothing = np.zeros((0, 0)), np.zeros((len(distinct), 1, 1)), np.array([0, 1, 2]), np.zeros((len(distinct), 0, 3))
-    if family == "gl":
-        return nothing
-    sigma = np.asarray(_exponents(orders, np.zeros(len(orders)), third))
-    s = max(len(sigma), 2) if third else len(sigma)
-    if s == 0:
-        return nothing
-    knots = np.asarray(knots_up_to.py_func(steps + 8))
-    fit = _fit_of_powers(sigma, s)
-    E = np.array([np.asarray(_errors(q, sigma, knots, third)) for q in distinct]).reshape(
-        len(distinct), len(sigma), len(knots)
-    )
-    if not third:
-        return fit, np.array([_together(q, e, fit, False) for q, e in zip(distinct, E, strict=True)]), knots, E
-    ends = np.array([-_ends.py_func(q, knots).T for q in distinct])
-    bend_and_rise = np.zeros((2, s))
-    bend_and_rise[0, :2], bend_and_rise[1, 0] = (-2, 1), 1  # f_2 − 2f_1 + f_0 and f_1 − f_0, of f_k − f_0
-    F, both = np.vstack([fit, bend_and_rise]), np.concatenate([E, ends], axis=1)
-    return F, np.array([_together(q, e, F, True) for q, e in zip(distinct, both, strict=True)]), knots, both
-
-
-def _fit_of_powers(sigma: FloatArray, s: int) -> FloatArray:
-    """From f_1 − f_0 … f_s − f_0 to the c of f_k − f_0 = Σ c_m k^σ_m; as :mod:`fracid.solver.starting` does it."""
-    k = np.arange(1.0, s + 1)
-    if len(sigma) < s:
-        return np.array([k**power / (1 + 4.0**power) for power in sigma]).reshape(len(sigma), s)
-    return np.asarray(np.linalg.inv(k[:, None] ** sigma), dtype=np.float64)
-
-
-def _together(q: float, E: FloatArray, fit: FloatArray, third: bool) -> FloatArray:
-    """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers."""
-    s = fit.shape[1]
-    M = np.zeros((s + 1, s + 1))
-    w, start = third_weights(q, s) if third else trapezoidal_weights(q, s)
-    for n in range(1, s + 1):
-        parabola = third and n <= 2
-        if parabola:
-            M[n, :3] = _parabola_weights.py_func(q, n)
-        else:
-            M[n, 0], M[n, 1 : n + 1] = start[n], w[:n][::-1]
-        rows = slice(None, -2 if parabola else None)
-        corrected = E[rows, n] @ fit[rows]
-        M[n, 1:] += corrected
-        M[n, 0] -= corrected.sum()
-    return M
+    sigma = () if family == "gl" else exponents(tuple(orders.tolist()), (), family == PI3)
+    if not sigma and family != PI3:
+        return np.zeros((0, 0)), np.zeros((len(distinct), 1, 1)), np.array([0, 1, 2]), np.zeros((len(distinct), 0, 3))
+    fit, *tables = corrections(family, tuple(distinct), sigma, steps + 8)
+    return fit[:, 1:], *tables

@@ -36,6 +36,7 @@ from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.closed_loop import Loop, step_closed
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.schemes import room_for
 from fracid.solver.solve import integrate, time_scale
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -178,8 +179,8 @@ class ClosedLoop:
         )  # fmt: skip
         applied = np.full(samples * c.steps + 1, c.at_rest)
 
-        def closed(rhs: Any, run: Any, out: FloatArray) -> tuple[int, int]:
-            ended: tuple[int, int] = step_closed(rhs, run, loop, applied, out)
+        def closed(rhs: int, run: Any, out: FloatArray) -> tuple[int, int]:
+            ended: tuple[int, int] = step_closed(rhs, run, *room_for(run), loop, applied, out)
             return ended
 
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)

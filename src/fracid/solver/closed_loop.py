@@ -17,8 +17,8 @@ import numpy as np
 from numba import types
 
 from fracid.arrays import FloatArray, IntArray
-from fracid.solver.compilation import RHS, helper, when_called
-from fracid.solver.history import BLOCK, enter, flush_denormals, look_ahead, nothing_yet, restore, room
+from fracid.solver.compilation import evaluate, helper, when_called
+from fracid.solver.history import BLOCK, HISTORY, enter, flush_denormals, look_ahead, restore, room
 from fracid.solver.loop_arguments import RUN
 from fracid.solver.schemes import (
     COMPLETED,
@@ -26,6 +26,7 @@ from fracid.solver.schemes import (
     LEFT,
     UNSETTLED,
     UNSOLVED,
+    WORK,
     WORN,
     _finite,
     _jump,
@@ -33,7 +34,6 @@ from fracid.solver.schemes import (
     _newton,
     _outside,
     _relax,
-    _share_of_a_jump,
 )
 
 
@@ -96,27 +96,26 @@ def _act(loop, n, x, v, applied):
         applied[m] = u
 
 
-@when_called(types.UniTuple(types.int64, 2)(RHS, RUN, LOOP, _vector, _matrix))
-def step_closed(rhs, run, loop, applied, out):
+@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, HISTORY, WORK, LOOP, _vector, _matrix))
+def step_closed(rhs, run, history, work, loop, applied, out):
     """Fill `out` with the states and `applied` with the input just after each step; gives the last good step and how.
 
     `applied` begins as the input before the controller's first.
     """
     orders, gain, u, p, past, _, start, h, steps, _, limit, bounds, kernels, _, _, relaxing, _ = run
-    (window, sums, ahead), head, states = nothing_yet(kernels, steps), 1, len(gain)
-    size = 2 * states if len(relaxing) else states
-    x0, x, f, before, trial = past[0], past[0].copy(), np.zeros(size), np.zeros(states), np.zeros(size)
-    now, after, v = u[0].copy(), u[0].copy(), np.zeros(len(loop.A))
-    known, newest, share = np.zeros(states), np.zeros(states), _share_of_a_jump(orders)
-    jump, entered, W, state = np.zeros(states), np.zeros(states), np.zeros((states + 1, 2 * states)), WORN
+    (window, sums, ahead), head, states = history, 1, len(gain)
+    (x, before, known, newest, share, jump, entered, _, _, _), (f, trial), now, W, relax_start = work
+    x0, after, v, state = past[0], u[0].copy(), np.zeros(len(loop.A)), WORN
     mode, last, how = flush_denormals(), steps, COMPLETED
+    for i in range(states):
+        x[i] = x0[i]
+        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
     _act(loop, 0, x, v, applied)
     now[loop.channel] = applied[0]
-    rhs(start, x, now, p, f)
+    evaluate(rhs, start, x, now, p, f)
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
-    relax_start = np.zeros((len(relaxing), 4))
     _keep_relaxing(relaxing, x, f, relax_start)
     for r in relaxing:
         newest[r] = 0.0
@@ -131,12 +130,12 @@ def step_closed(rhs, run, loop, applied, out):
             before[i] = f[i]
         for r in range(len(relaxing)):
             x[relaxing[r]] = relax_start[r, 0]
-        rhs(t, x, now, p, f)
+        evaluate(rhs, t, x, now, p, f)
         if len(relaxing):
             _relax(relaxing, x, f, relax_start, h, known)
             for r in relaxing:
                 x[r] = known[r]
-            rhs(t, x, now, p, f)
+            evaluate(rhs, t, x, now, p, f)
         state = _newton(rhs, t, x, now, p, f, known, newest, W, state, trial, relaxing, relax_start, h)
         if n % loop.per == 0:
             _act(loop, n, x, v, applied)

@@ -31,7 +31,9 @@ from typing import Any
 import llvmlite  # type: ignore[import-untyped]
 import numba as nb
 from numba import types
+from numba.core import cgutils
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.extending import intrinsic
 
 from fracid.safety.door import bytes_of
 
@@ -39,7 +41,7 @@ LOG = logging.getLogger("fracid.compilation")
 """Hears when something has to be compiled."""
 LOG.setLevel(logging.INFO)
 
-SOURCES = ("solver/*.py", "models/*.py", "export/recursion.py")
+SOURCES = ("solver/*.py", "models/*.py")
 """The modules that loops are made of; ``tests/solver/test_compilation.py`` looks for others."""
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
@@ -55,18 +57,38 @@ RHS = types.FunctionType(RHS_SIGNATURE)
 """A pointer to one."""
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def evaluate(_: Any, address: Any, t: Any, x: Any, u: Any, p: Any, out: Any) -> Any:  # noqa: ARG001
+    """Call the right-hand side that stands at an address."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
+        convention = context.call_conv
+        kind = convention.get_function_type(RHS_SIGNATURE.return_type, RHS_SIGNATURE.args)
+        there = builder.inttoptr(args[0], kind.as_pointer())
+        status, _ = convention.call_function(builder, there, types.void, RHS_SIGNATURE.args, args[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, *RHS_SIGNATURE.args), emit
+
+
+@cache
+def address_of(compiled: Any) -> int:
+    """Where a function that was compiled for one signature is in memory: handing it over by Python takes 50 µs."""
+    (overload,) = compiled.overloads.values()
+    return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
+
+
 class Kernel:
     """A function that is compiled for one signature when it is first called."""
 
-    def __init__(self, function: Callable[..., Any], signature: Any, wrapped: bool) -> None:
+    def __init__(self, function: Callable[..., Any], signature: Any, allocates: bool) -> None:
         """Compile nothing yet."""
         self._function, self._signature = function, signature
-        self._options = _OPTIONS | ({} if wrapped else _UNWRAPPED)
-        self.beside: Callable[[], object] | None = None
-        """Waits for a process that compiles this kernel; None where there is none."""
+        self._options = _OPTIONS | {"_nrt": allocates}
         self.compiled = cache(self._compiled)
         """Gives the compiled function."""
-        self._address = cache(self._placed)
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -74,28 +96,13 @@ class Kernel:
         return self.compiled()(*arguments)
 
     def _compiled(self) -> Any:
-        if self.beside is not None:
-            self.beside()
         return kept(self._signature, **self._options)(self._function)
 
-    def address(self) -> int:
-        """Where it is in memory, for a loop that calls it: through Python a call with a run takes 50 µs."""
-        return self._address()
 
-    def _placed(self) -> int:
-        (overload,) = self.compiled().overloads.values()
-        return int(overload.library.get_pointer_to_function(overload.fndesc.llvm_func_name))
-
-    def can_be_kept(self) -> bool:
-        """Tell whether it is not on disk yet, and there is a folder for it."""
-        dispatcher = _with_cache(self._function, self._options)
-        return isinstance(dispatcher._cache, _Cache) and dispatcher._cache.lacks(self._signature, dispatcher.targetctx)
-
-
-def when_called(signature: Any, wrapped: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
+def when_called(signature: Any, allocates: bool = True) -> Callable[[Callable[..., Any]], Kernel]:
     """Compile a function for this signature when it is first called; without the interpreter's lock when it runs.
 
-    One that is not `wrapped` has an address, and cannot be called from Python.
+    One that allocates nothing counts no references, which is less to compile.
 
     Examples
     --------
@@ -107,7 +114,7 @@ def when_called(signature: Any, wrapped: bool = True) -> Callable[[Callable[...,
     8.0
     """
 
-    return lambda function: Kernel(function, signature, wrapped)
+    return lambda function: Kernel(function, signature, allocates)
 
 
 def kept(signature: Any, keep: bool = True, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -193,11 +200,6 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
-
-    def lacks(self, signature: Any, target: Any) -> bool:
-        """Tell whether there is no file for this signature."""
-        path, _ = self._cache_file._place(self._index_key(signature, target.codegen()))
-        return not path.exists()
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         overload = None

@@ -52,6 +52,7 @@ References
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -60,6 +61,7 @@ from numba import types
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, when_called
+from fracid.solver.operators import gl_weights
 from fracid.solver.weights import (
     Kernel,
     Real,
@@ -93,22 +95,23 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
     if q == 1.0 or steps <= WHOLE:
         return exact_kernel(family, q, steps)
     if family == "gl":
-        return Kernel(*_derivative_kernel(q, -sine_ratio(q), lags, steps, tolerance))
+        w = gl_weights(q, lags + 1)
+        return Kernel(w, w, *_derivative_kernel(q, -sine_ratio(q), lags, steps, tolerance))
     if family == "pi3":
         return _third_kernel(q, lags, steps, tolerance)
     if family == "bdf":
         return _two_roots_kernel(q, max(lags, _bdf_lags(tolerance)), steps, tolerance)
-    return Kernel(*_integral_kernel(q, sine_ratio(1 - q), lags, steps, tolerance))
+    return _integral(q, lags, steps, tolerance)
 
 
-def compile_exponentials(family: str) -> None:
-    """Compile what :func:`compressed_kernel` takes a family's exponentials from."""
-    {"gl": _derivative_kernel, "bdf": _bdf_kernel}.get(family, _integral_kernel).compiled()
+def _integral(q: float, L: int, steps: int, tolerance: float) -> Kernel:
+    """The kernel of ``pi``."""
+    return Kernel(*trapezoidal_weights(q, L), *_integral_kernel(q, sine_ratio(1 - q), L, steps, tolerance))
 
 
 def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
-    pi = Kernel(*_integral_kernel(q, sine_ratio(1 - q), L - 1, steps + 1, tolerance))
+    pi = _integral(q, L - 1, steps + 1, tolerance)
     rise = -np.expm1(-np.log1p(pi.decay))  # 1 − 1/z
     share = 1 - (pi.decay - rise) / 12
     amplitude = pi.amplitude * (1 + pi.decay) * share
@@ -119,8 +122,8 @@ def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
 
 def _two_roots_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     """The exponentials of the root at ζ = 1, after lags enough for that at 3."""
-    w, start, decay, amplitude, ratio, ramp = _bdf_kernel(q, sine_ratio(1 - q), L, steps, tolerance)
-    return Kernel(w, start, decay, amplitude, ratio, ramp, 0.5)
+    kernel = Kernel(*bdf_weights(q, L), *_bdf_kernel(q, sine_ratio(1 - q), L, steps, tolerance))
+    return replace(kernel, start_shift=0.5)
 
 
 def _bdf_lags(tolerance: float) -> int:
@@ -235,14 +238,15 @@ def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray,
     """
     n, p = LOW_NODES, 2 if double else 1
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
-    M, c = np.empty(2 + n), np.ones(n + 1)
+    M, c = np.zeros(2 + n), np.zeros(n + 1)
+    c[0] = 1.0
     for k in range(n + 2):
         M[k] = -sine * spacing / math.expm1(-spacing * (a + k))
     for k in range(n):
         c[k + 1] = c[k] * Q * (1 - Q ** (k - n)) * (1 - A * Q ** (n + k)) / ((1 - A * Q**k) * (1 - Q ** (k + 1)))
     omega[0], slope_weight = M[0], M[1] if double else 0.0
     for i in range(1, n + 1):
-        s[i] = _next_root(c, s[1:i])
+        s[i] = _next_root(c, s, i)
         quotient = mass = value = 0.0  # Π/(s − s_i): its coefficients, its integral, its value at s_i
         for k in range(n - 1, -1, -1):
             quotient = c[k + 1] + quotient * s[i]
@@ -255,15 +259,15 @@ def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray,
 
 
 @helper
-def _next_root(c: FloatArray, roots: FloatArray) -> float:
-    """The largest root of Σ c_k x^k that is not yet known, all being in (0, 1): Newton's method, from above."""
+def _next_root(c: FloatArray, roots: FloatArray, i: int) -> float:
+    """The largest root of Σ c_k x^k beside `roots` 1 … i − 1, all being in (0, 1): Newton's method, from above."""
     x = 1.1
     for _ in range(60):
         value = derivative = 0.0
         for k in range(len(c) - 1, -1, -1):
             derivative, value = derivative * x + value, value * x + c[k]
-        for root in roots:
-            derivative -= value / (x - root)
+        for k in range(1, i):
+            derivative -= value / (x - roots[k])
         change = value / derivative
         x -= change
         if abs(change) <= 4e-16 * x:
@@ -271,45 +275,42 @@ def _next_root(c: FloatArray, roots: FloatArray) -> float:
     return x
 
 
-_rows = (Row,) * 5
+_modes = (Row, Row, Row)  # decay, amplitude and start ratio of a kernel
 
 
-@when_called(types.Tuple(_rows)(Real, Real, Whole, Whole, Real))
+@when_called(types.Tuple(_modes)(Real, Real, Whole, Whole, Real))
 def _derivative_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[FloatArray, ...]:
-    """The fields of a ``gl`` kernel."""
-    w = np.ones(L + 1)
-    for k in range(1, L + 1):
-        w[k] = w[k - 1] * (k - 1 - q) / k  # (19)
+    """The exponentials of a ``gl`` kernel."""
     s, omega, _ = _quadrature(1 + q, sine, L + 1 - 0.7 * q, steps, tolerance, False)
+    decay, start = np.zeros(len(s)), np.zeros(len(s))
     for m in range(len(s)):
-        slope = -math.expm1(-s[m]) / s[m] if s[m] > 0 else 1.0
+        decay[m], start[m] = math.expm1(-s[m]), 1.0
+        slope = -decay[m] / s[m] if s[m] > 0 else 1.0
         omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
-    return w, w, np.expm1(-s), omega, np.ones(len(s))
+    return decay, omega, start
 
 
-@when_called(types.Tuple((*_rows, Real))(Real, Real, Whole, Whole, Real))
+@when_called(types.Tuple((*_modes, Real))(Real, Real, Whole, Whole, Real))
 def _integral_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
-    """The fields of a ``pi`` kernel."""
-    b, a = trapezoidal_weights(q, L)
+    """The exponentials of a ``pi`` kernel, and their ramp."""
     s, omega, ramp = _quadrature(1 - q, sine, L + 0.7, steps, tolerance, q > 1)
-    start = np.empty(len(s))
+    decay, start = np.zeros(len(s)), np.zeros(len(s))
     for m in range(len(s)):
         hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
-        start[m] = _half_hat(s[m]) / hat
+        decay[m], start[m] = math.expm1(-s[m]), _half_hat(s[m]) / hat
         omega[m] *= hat * math.exp(-s[m] * (L + 1))
     omega[0] -= ramp * (L + 1)
-    return b, a, np.expm1(-s), omega, start, -ramp
+    return decay, omega, start, -ramp
 
 
-@when_called(types.Tuple((*_rows, Real))(Real, Real, Whole, Whole, Real))
+@when_called(types.Tuple((*_modes, Real))(Real, Real, Whole, Whole, Real))
 def _bdf_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
-    """The fields of a ``bdf`` kernel; the start's weights are half of those one lag earlier."""
-    w, first = bdf_weights(q, L)
+    """The exponentials of a ``bdf`` kernel, and their ramp; the start's weights are half of those one lag earlier."""
     s, omega, ramp = _quadrature(1 - q, sine, L + 1.0, steps, tolerance, q > 1)
-    start = np.empty(len(s))
+    decay, start = np.zeros(len(s)), np.zeros(len(s))
     for m in range(len(s)):
         smooth = math.expm1(s[m]) * (3 - math.exp(s[m])) / (2 * s[m]) if s[m] > 0 else 1.0
-        start[m] = math.exp(s[m]) / 2
+        decay[m], start[m] = math.expm1(-s[m]), math.exp(s[m]) / 2
         omega[m] *= smooth**-q * math.exp(-s[m] * (L + 1))
     omega[0] -= ramp * (L + 1)
-    return w, first, np.expm1(-s), omega, start, -ramp
+    return decay, omega, start, -ramp

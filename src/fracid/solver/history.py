@@ -86,7 +86,6 @@ def _columns(L: int, M: int) -> tuple[int, int, int, int, int]:
     return L + 16, forget, forget + M, forget + 2 * M, forget + 10 * M
 
 
-@register_jitable
 def _zeros(rows: int, columns: int) -> FloatArray:
     """Zeros that begin at a multiple of 64 bytes: loads across two cache lines cost twice."""
     room = np.zeros(rows * columns + BLOCK)
@@ -269,7 +268,13 @@ def forget_mode():
 
 # --- the history -----------------------------------------------------------------------------------
 
-inline = nb.njit(nogil=True, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_BARE = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+
+bare = nb.njit(**_BARE)
+"""For what loops call, and allocates nothing."""
+
+inline = nb.njit(forceinline=True, **_BARE)
+"""The same, put in the place of the call."""
 
 
 @inline
@@ -338,12 +343,15 @@ def enter(i, j, v, head, window, ahead, kernels):
     _store(ahead, i, 0, _add(_load(ahead, i, 0), _all(v), _load(kernels.table, kernels.of[i], 7 - j)))
 
 
-@inline
-def nothing_yet(kernels, steps):
+def nothing_yet(kernels: Kernels, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Give an empty window, which slides every 256 steps or more (never where all is kept), sums and H ahead."""
     states, longest = len(kernels.of), kernels.lags
     width = min(steps, longest + max(256, longest // 4)) + 3 * BLOCK
     return _zeros(states, width), _zeros(states, kernels.modes), _zeros(states, BLOCK)
+
+
+HISTORY = types.UniTuple(_matrix, 3)
+"""A window, sums and H ahead."""
 
 
 @inline

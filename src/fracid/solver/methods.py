@@ -4,8 +4,8 @@ A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`M
 and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
 from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
-A loop takes f, the :class:`~fracid.solver.loop_arguments.Run` and the array to fill, and returns the last good index
-and how the run ended.
+A loop takes the address of f, the :class:`~fracid.solver.loop_arguments.Run` and the array to fill, and returns the
+last good index and how the run ended.
 
 The loops take a second to import, so a row fetches its own when it first runs.
 """
@@ -15,13 +15,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
     from fracid.solver.compilation import Kernel
     from fracid.solver.loop_arguments import Run
+    from fracid.solver.starting import Start
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Method:
     """Which kernel it sums with: ``gl``, ``pi``, ``pi3`` or ``bdf`` (:mod:`fracid.solver.memory`)."""
     convergence_order: int
     """The error falls as h to this, where f(t, x(t)) is smooth."""
-    run: Callable[[Any, Run, FloatArray], tuple[int, int]]
-    """(f, the run, out) → (last good index, how it ended); fills out, a row for each sample that is stored."""
+    run: Callable[[int, Run, FloatArray], tuple[int, int]]
+    """(where f is, the run, out) → (last good index, how it ended); fills out, a row for each sample that is stored."""
     title: str
     """What one takes it for, in a phrase."""
     follows: float = math.inf
@@ -68,41 +68,40 @@ def _loops() -> Any:
     return schemes
 
 
-@cache
-def _start() -> Kernel:
-    from fracid.solver.starting import start_together
-
-    return start_together
+def _gl(rhs: int, run: Run, *more: Any) -> tuple[int, int]:
+    return _ended(_loops().step_gl, rhs, run, (), *more)
 
 
-def _pi2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_pi2, rhs, run, False, out)
+def _pi(rhs: int, run: Run, third: bool, out: FloatArray) -> tuple[int, int]:
+    return _ended(_loops().step_pi2, rhs, run, _begun(rhs, run, "pi3" if third else "pi"), third, out)
 
 
-def _pi3(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_pi2, rhs, run, True, out)
+def _bdf2(rhs: int, run: Run, out: FloatArray) -> tuple[int, int]:
+    run = run._replace(relaxing=run.relaxing[:0])  # what relaxes dies in this scheme by itself
+    return _ended(_loops().step_bdf2, rhs, run, _begun(rhs, run, "bdf"), out)
 
 
-def _bdf2(rhs: Any, run: Run, out: FloatArray) -> tuple[int, int]:
-    return _begun(_loops().step_bdf2, rhs, run, out)
+def _begun(rhs: int, run: Run, family: str) -> tuple[Start]:
+    from fracid.solver.starting import begun
+
+    return (begun(rhs, run, family),)
 
 
-def _begun(loop: Kernel, rhs: Any, run: Run, *more: Any) -> tuple[int, int]:
-    """A loop with its start; it is compiled first, as another process may be compiling the start."""
-    step = loop.compiled()
-    ended: tuple[int, int] = step(rhs, run, _start().address(), *more)
+def _ended(loop: Kernel, rhs: int, run: Run, start: tuple[()] | tuple[Start], *more: Any) -> tuple[int, int]:
+    """A loop with room for its history and its work."""
+    ended: tuple[int, int] = loop(rhs, run, *start, *_loops().room_for(run), *more)
     return ended
 
 
 METHODS = {
     "pi2": Method(
-        "pi", 2, _pi2,
+        "pi", 2, lambda rhs, run, out: _pi(rhs, run, False, out),
         "everything, steep friction too; at order 1 a second-order ODE solver",
         at_a_jump="both", sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
-        "pi", 2, lambda rhs, run, out: _pi2(rhs, run._replace(corrections=0), out),
+        "pi", 2, lambda rhs, run, out: _pi(rhs, run._replace(corrections=0), False, out),
         "stiff systems: Newton's method at every step", at_a_jump="both",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
     ),
@@ -111,23 +110,23 @@ METHODS = {
         "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
-        "pi3", 3, _pi3,
+        "pi3", 3, lambda rhs, run, out: _pi(rhs, run, True, out),
         "smooth systems: often a thousandth of the error, in the same time",
         follows=2.0, exported=Exported("product rule of third order"),
     ),
     "gl": Method(
-        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, False, out),
+        "gl", 1, lambda rhs, run, out: _gl(rhs, run, False, out),
         "the paper's scheme as it should be, on x - x(0)",
         follows=1.0, at_a_jump="after", started=False, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
     ),
     "gl-sequential": Method(
-        "gl", 1, lambda rhs, run, out: _loops().step_gl_sequential(rhs, run, out),
+        "gl", 1, lambda rhs, run, out: _ended(_loops().step_gl_sequential, rhs, run, (), out),
         "the same without the anti-damping of explicit Euler",
         follows=1.0, at_a_jump="after", started=False,
         exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
     ),
     "gl-paper": Method(
-        "gl", 1, lambda rhs, run, out: _loops().step_gl(rhs, run, True, out),
+        "gl", 1, lambda rhs, run, out: _gl(rhs, run, True, out),
         "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
         follows=1.0, at_a_jump="after", started=False, raw=True,
         exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),

@@ -60,14 +60,26 @@ is stored.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import types
 
-from fracid.solver.compilation import RHS, helper, when_called
-from fracid.solver.history import BLOCK, enter, flush_denormals, inline, look_ahead, nothing_yet, restore, room
-from fracid.solver.loop_arguments import RUN
-from fracid.solver.starting import BDF2, PI2, PI3, gauss_jordan, started
+from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.history import (
+    BLOCK,
+    HISTORY,
+    bare,
+    enter,
+    flush_denormals,
+    inline,
+    look_ahead,
+    nothing_yet,
+    restore,
+    room,
+)  # fmt: skip
+from fracid.solver.loop_arguments import RUN, Run
+from fracid.solver.starting import START
 
 COMPLETED, DIVERGED, NOT_FINITE, LEFT, UNSETTLED = 0, 1, 2, 3, 4
 """How a run ended; :class:`fracid.Outcome` has the sentences."""
@@ -92,16 +104,38 @@ SLACK = 0.05
 EARLY = 64
 """Steps of four sweeps more: the predictor is no good where f begins like t^q."""
 
-_matrix = types.float64[:, ::1]
-
 _ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run ended
+
+
+def room_for(run: Run) -> tuple[Any, Any]:
+    """What a loop changes: its history, and its work.
+
+    The work is rows for x and the like, rows for f and the like, the inputs of a step, Newton's matrix, and z0, c0, a0
+    of the relaxing states with room for Newton.
+    The loops allocate nothing: counting references would be more to compile.
+    """
+    states, relaxing = len(run.orders), len(run.relaxing)
+    f = np.zeros((2, 2 * states if relaxing else states))
+    rows = np.zeros((ROWS, states))
+    work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), np.zeros((relaxing, 4))
+    return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
+
+
+ROWS = 10
+"""For x and the like."""
+
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+
+WORK = types.Tuple((types.UniTuple(_vector, ROWS), types.UniTuple(_vector, 2), _vector, _matrix, _matrix))
+
+# rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).
 
 
 @inline
 def _finite(f):
     """Tell whether all derivatives are finite."""
-    for v in f:  # noqa: SIM110 (Numba compiles no generators)
-        if not np.isfinite(v):
+    for i in range(len(f)):  # noqa: SIM110 (Numba compiles no generators)
+        if not np.isfinite(f[i]):
             return False
     return True
 
@@ -131,14 +165,17 @@ def _outside(x, bounds):
     return False
 
 
-@when_called(_ENDED(RHS, RUN, types.boolean, _matrix))
-def step_gl(rhs, run, raw, out):
+@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, _matrix), allocates=False)
+def step_gl(rhs, run, history, work, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
-    (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
-    x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
+    (window, sums, ahead), head = history, 1
+    rows, (f, _), now, _, _ = work
+    x0, x = past[0], rows[0]
     mode = flush_denormals()
+    for i in range(states):
+        x[i] = x0[i]
     if raw:
         for i in range(states):
             window[i, 0] = x0[i]
@@ -150,7 +187,7 @@ def step_gl(rhs, run, raw, out):
             look_ahead(n, head, window, sums, ahead, kernels)
         if n > m:
             _read(u, n - 1, now)
-            rhs(start + (n - 1 - m) * h, x, now, p, f)
+            evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
         for i in range(states):
             drift = 0.0 if raw else x0[i] + slope[i] * (n * h)
             v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
@@ -170,14 +207,17 @@ def step_gl(rhs, run, raw, out):
     return last, how
 
 
-@when_called(_ENDED(RHS, RUN, _matrix))
-def step_gl_sequential(rhs, run, out):
+@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, _matrix), allocates=False)
+def step_gl_sequential(rhs, run, history, work, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
-    (window, sums, ahead), head = nothing_yet(kernels, m + steps), 1
-    x0, x, f, now = past[0].copy(), past[0].copy(), np.zeros(states), u[0].copy()
+    (window, sums, ahead), head = history, 1
+    rows, (f, _), now, _, _ = work
+    x0, x = past[0], rows[0]
     mode = flush_denormals()
+    for i in range(states):
+        x[i] = x0[i]
     last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
     for n in range(1, m + steps + 1):
         j = (n - 1) % BLOCK
@@ -188,7 +228,7 @@ def step_gl_sequential(rhs, run, out):
         for i in range(states - 1, -1, -1):
             drift = x0[i] + slope[i] * (n * h)
             if n > m:
-                rhs(start + (n - 1 - m) * h, x, now, p, f)
+                evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
             v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
             enter(i, j, v, head, window, ahead, kernels)
             x[i] = drift + v
@@ -233,7 +273,7 @@ def _add_parabola(n, count, first, knots, k, parabolas, ahead):
             ahead[i, first + j] += value + j * (slope + j * c2)
 
 
-@helper
+@bare
 def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
     """Shift x⁰ so that the run goes on from the last known state, which the model may not explain.
 
@@ -242,7 +282,7 @@ def _go_on_from(measured, rhs, t, x, u, p, f, newest, x0):
     for i in range(len(x)):
         x0[i] -= x[i] - newest[i] * f[i]
         x[i] = measured[i]
-    rhs(t, x, u, p, f)
+    evaluate(rhs, t, x, u, p, f)
     for i in range(len(x)):
         x0[i] += x[i] - newest[i] * f[i]
 
@@ -317,7 +357,7 @@ def _moves(W, x, side):
     return size
 
 
-@helper
+@bare
 def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h):
     """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
 
@@ -337,7 +377,7 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
             if share == 1.0:
                 W[states, i] = W[states, states + i]
             x[i] += share * W[states, i]
-        rhs(t, x, u, p, f)
+        evaluate(rhs, t, x, u, p, f)
         if not _moves(W, x, 0) > SOLVED:
             return KEPT
         finite = _correct(x, f, history, newest, W, trial, relaxing, start, h)
@@ -348,7 +388,7 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
             if fresh:
                 share *= 0.5
                 continue
-            rhs(t, x, u, p, f)
+            evaluate(rhs, t, x, u, p, f)
             following = math.inf
         fresh, share = following >= 0.1 * taken, 1.0
         if fresh:
@@ -358,7 +398,7 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
     return WORN if _moves(W, x, states if share == 1.0 else 0) < OPEN else UNSOLVED
 
 
-@helper
+@bare
 def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h):
     """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
     n = len(x)
@@ -368,7 +408,7 @@ def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, st
     for c in range(n):
         d, value = 1e-7 * (0.01 + abs(x[c])), x[c]
         x[c] = value + d
-        rhs(t, x, u, p, trial)
+        evaluate(rhs, t, x, u, p, trial)
         _relax(relaxing, x, trial, start, h, history)
         x[c] = value
         for i in range(n):
@@ -379,10 +419,28 @@ def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, st
     for c in range(n):
         for i in range(n):
             W[i, n + c] = i == c
-    gauss_jordan(W[:n])
+    _gauss_jordan(W, n)
 
 
-@helper
+@bare
+def _gauss_jordan(W, n):
+    """Turn the first n rows, [A | 1], into [1 | A⁻¹], with row pivots."""
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(W[i, k]) > abs(W[pivot, k]):
+                pivot = i
+        factor = 1 / W[pivot, k]
+        for c in range(2 * n):
+            W[k, c], W[pivot, c] = W[pivot, c], W[k, c]
+            W[k, c] *= factor
+        for i in range(n):
+            factor = W[i, k]
+            for c in range(2 * n if i != k else 0):
+                W[i, c] -= factor * W[k, c]
+
+
+@bare
 def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, state, trial, x0, relaxing, start, h):
     """What few steps need, apart from the loop, where it would cost registers: returns the state of Newton's W."""
     if newton:
@@ -392,16 +450,7 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, state
     return state
 
 
-@helper
-def _share_of_a_jump(orders):
-    """What a jump of f weighs in the step after it beside the third that was entered, in units of b_0."""
-    share = np.zeros(len(orders))
-    for i in range(len(orders)):
-        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
-    return share
-
-
-@helper
+@bare
 def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
     """Evaluate f just after a jump of the inputs, and say what enters the history; the predictor goes on from there."""
     jumps = False
@@ -412,7 +461,7 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
         jump[i] = 0.0
     if not jumps:
         return
-    rhs(t, x, after, p, trial)
+    evaluate(rhs, t, x, after, p, trial)
     for i in range(len(x)):
         jump[i] = trial[i] - f[i]
         entered[i] += jump[i] / 3
@@ -420,33 +469,29 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
         f[i] = trial[i]
 
 
-@when_called(_ENDED(RHS, RUN, types.int64, types.boolean, _matrix))
-def step_pi2(rhs, run, starting, third, out):
-    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once.
-
-    `starting` is the address of :func:`fracid.solver.starting.start_together`.
-    """
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
-    begin, x0, together, knots, parabolas = started(starting, rhs, run, PI3 if third else PI2)
+@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, _matrix), allocates=False)
+def step_pi2(rhs, run, started, history, work, third, out):
+    """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
+    q, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
+    begin, x0, together, knots, parabolas = started
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
-    (window, sums, ahead), head = nothing_yet(kernels, end), 1
-    size = 2 * states if len(relaxing) else states
-    x, f, before, now = past[0].copy(), np.zeros(size), np.zeros(states), u[0].copy()
-    last_x, history_part, newest, scale = np.zeros(states), np.zeros(states), np.zeros(states), np.zeros(states)
-    earlier, curve = np.zeros(states), 1.0 if third else 0.0
-    jumps, jump, entered, share = len(after) > 0, np.zeros(states), np.zeros(states), _share_of_a_jump(run.orders)
-    W, trial, state = np.zeros((states + 1, 2 * states)), np.zeros(size), min(WORN, states)  # Newton's; no literal
+    (window, sums, ahead), head = history, 1
+    rows, (f, trial), now, W, relax_start = work
+    x, before, earlier, last_x, history_part, newest, scale, jump, entered, share = rows
+    jumps, curve, state = len(after) > 0, 1.0 if third else 0.0, min(WORN, states)  # no literal: see k
     mode = flush_denormals()
-    rhs(t0, x, now, p, f)
+    for i in range(states):
+        x[i] = past[0, i]
+    evaluate(rhs, t0, x, now, p, f)
     for i in range(states):
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+        share[i] = q[i] - (2 ** (q[i] + 1) - 2) / 3  # of a jump of f, in the step after it, beside a third
         window[i, 0] = before[i] = f[i]
-    relax_start = np.zeros((len(relaxing), 4))  # z0, c0, a0, and room for Newton
     _keep_relaxing(relaxing, x, f, relax_start)
-    for r in relaxing:
-        newest[r] = 0.0
+    for r in range(len(relaxing)):
+        newest[relaxing[r]] = 0.0
     k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
     row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
@@ -471,13 +516,13 @@ def step_pi2(rhs, run, starting, third, out):
         if n >= first_free and len(relaxing):  # they follow the speed, or f would not be that of any motion
             for r in range(len(relaxing)):
                 x[relaxing[r]] = relax_start[r, 0]
-            rhs(t, x, now, p, f)
+            evaluate(rhs, t, x, now, p, f)
             _relax(relaxing, x, f, relax_start, h, history_part)
-            for r in relaxing:
-                x[r] = history_part[r]
+            for r in range(len(relaxing)):
+                x[relaxing[r]] = history_part[relaxing[r]]
         sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
         for _ in range(sweeps):
-            rhs(t, x, now, p, f)
+            evaluate(rhs, t, x, now, p, f)
             _relax(relaxing, x, f, relax_start, h, history_part)
             for i in range(states):
                 last_x[i], x[i] = x[i], history_part[i] + newest[i] * f[i]
@@ -487,7 +532,7 @@ def step_pi2(rhs, run, starting, third, out):
                 break
         if how != COMPLETED:
             break
-        rhs(t, x, now, p, f)
+        evaluate(rhs, t, x, now, p, f)
         _relax(relaxing, x, f, relax_start, h, history_part)
         newton = n >= first_free and (
             corrections == 0
@@ -522,50 +567,48 @@ def step_pi2(rhs, run, starting, third, out):
 # --- the fractional BDF2 ---------------------------------------------------------------------------
 
 
-@helper
-def _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing):
+@bare
+def _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, relax_start):
     """Fill f with that of the first sample after a stiff start, known or solved for: at order 1, backward Euler."""
-    past, states, h = run.past, len(x), run.h
-    t, now = run.start - (len(past) - 2) * h, run.u[min(1, len(run.u) - 1)].copy()
-    base, weight = np.zeros(states), np.zeros(states)
-    for i in range(states):
+    past, h = run.past, run.h
+    t, _ = run.start - (len(past) - 2) * h, _read(run.u, min(1, len(run.u) - 1), now)
+    for i in range(len(x)):
         x[i], base[i], weight[i] = past[min(1, len(past) - 1), i], past[0, i] + run.slope[i] * h, 1.5 * newest[i]
-    rhs(t, x, now, run.p, f)
+    evaluate(rhs, t, x, now, run.p, f)
     if len(past) == 1:
-        _settle(rhs, t, x, now, run.p, f, base, weight, W, WORN, trial, none, nothing)
+        _settle(rhs, t, x, now, run.p, f, base, weight, W, WORN, trial, run.relaxing, relax_start)
 
 
-@helper
-def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, none, nothing):
+@bare
+def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start):
     """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
     for _ in range(PATIENCE):
-        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, none, nothing, 0.0)
+        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, 0.0)
         if state == KEPT:
             break
     return state
 
 
-@when_called(_ENDED(RHS, RUN, types.int64, _matrix))
-def step_bdf2(rhs, run, starting, out):
-    """``bdf2``: every step by Newton's method, from x going on in a straight line."""
+@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, _matrix), allocates=False)
+def step_bdf2(rhs, run, started, history, work, out):
+    """``bdf2``: every step by Newton's method, from x going on in a straight line; nothing relaxes, as it dies here."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
-    begin, x0, together, knots, parabolas = started(starting, rhs, run, BDF2)
+    begin, x0, together, knots, parabolas = started
     m, states = len(past) - 1, len(slope)
     t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
-    (window, sums, ahead), head = nothing_yet(kernels, end), 1
-    x, f, before, now = past[0].copy(), np.zeros(states), past[0].copy(), u[0].copy()
-    history_part, last_move, newest = np.zeros(states), np.zeros(states), np.zeros(states)
-    W, trial = np.zeros((states + 1, 2 * states)), np.zeros(states)
-    none, nothing = relaxing[:0], np.zeros((0, 4))  # what relaxes dies in this scheme by itself
+    (window, sums, ahead), head = history, 1
+    rows, (f, trial), now, W, relax_start = work
+    x, before, history_part, last_move, newest, base, weight, _, _, _ = rows
     mode = flush_denormals()
     for i in range(states):
+        x[i] = before[i] = past[0, i]
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
-    rhs(t0, x, now, p, f)
+    evaluate(rhs, t0, x, now, p, f)
     last, how, row = end, COMPLETED, 1  # the first row of out holds x(start)
     if not _finite(f):
         last, how, end = 0, NOT_FINITE, 0
     elif together == 0:
-        _first_derivative(rhs, run, x, f, newest, W, trial, none, nothing)
+        _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, relax_start)
     for i in range(states):
         window[i, 0], x[i] = f[i], past[0, i]
     k, state = min(0, together), min(WORN, states)  # 0, but no literals: see step_pi2
@@ -583,9 +626,9 @@ def step_bdf2(rhs, run, starting, out):
             goes_on = abs(move) <= 2 * abs(last_move[i])
             before[i], last_move[i] = x[i], move
             x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
-        rhs(t, x, now, p, f)
+        evaluate(rhs, t, x, now, p, f)
         if n >= first_free:
-            state = _settle(rhs, t, x, now, p, f, history_part, newest, W, state, trial, none, nothing)
+            state = _settle(rhs, t, x, now, p, f, history_part, newest, W, state, trial, relaxing, relax_start)
         if n == m > together:
             _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):

@@ -41,6 +41,7 @@ from fracid.solver.arguments import (
     count_steps,
     named_states,
 )
+from fracid.solver.compilation import address_of
 from fracid.solver.history import Kernels, forget_mode, stack
 from fracid.solver.inputs import Driven
 from fracid.solver.loop_arguments import Run
@@ -317,7 +318,7 @@ def integrate(
         after=after,
     )
     try:
-        last, how = (loop or method.run)(equation.rhs, run, out)
+        last, how = (loop or method.run)(address_of(equation.rhs), run, out)
     except Exception as error:
         forget_mode()
         raise InputError(f"The right-hand side {name_of(equation.rhs)} fails on the way: {type(error).__name__}: "

@@ -57,29 +57,27 @@ References
 """
 
 # mypy: disallow-untyped-decorators=False
-# ruff: noqa: ARG001 (an intrinsic names its arguments for its callers)
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from bisect import insort
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-import numba as nb
 import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
+from scipy.special import binom, gamma, rgamma
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import RHS, helper, when_called
-from fracid.solver.loop_arguments import RUN
+from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.loop_arguments import Run
 from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
 
-PI2, PI3, BDF2 = 0, 1, 2
-"""The rules that are corrected."""
-
-Expansion = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+PI, PI3, BDF = "pi", "pi3", "bdf"
+"""The families of weights that are corrected: those of ``pi2``, ``pi3`` and ``bdf2``."""
 
 APART, MOST = 0.09, 5
 """How far apart exponents must be, and how many are corrected at most: more would magnify what they do not fit."""
@@ -95,8 +93,6 @@ ITERATIONS, LARGE = 50, 120
 
 SUMMED = 32
 """Up to here E_σ(n) is summed, beyond it is expanded."""
-
-_alone = nb.njit(nogil=True, error_model="numpy")  # for those that Python calls too
 
 
 class Start(NamedTuple):
@@ -119,486 +115,340 @@ START = types.NamedTuple(
 )
 
 
-@_alone
-def exponents(orders: FloatArray, powers_of_time: FloatArray, third: bool = False) -> FloatArray:
+# --- the tables of a start ---------------------------------------------------------------------------
+
+
+class Corrections(NamedTuple):
+    """What corrects the rule for some exponents, in units of the step, a row for each order."""
+
+    fit: FloatArray
+    """F with c = F (f_0, f_1 − f_0, …, f_s − f_0), (n_corrections, s + 1)."""
+    together: FloatArray
+    """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, (n_orders, s + 1, s + 1)."""
+    knots: NDArray[np.int64]
+    """The n at which the corrections are known, an odd number of them."""
+    errors: FloatArray
+    """E with C(n) = Σ_e c_e E_e(n), (n_orders, n_corrections, n_knots)."""
+
+
+@lru_cache(maxsize=64)
+def corrections(family: str, orders: tuple[float, ...], sigma: tuple[float, ...], steps: int) -> Corrections:
+    """Make the tables.
+
+    ``pi3`` corrects :math:`δ^2 f_0` beside the powers, as f_2 − 2f_1 + f_0 and f_1 − f_0, and solves two steps
+    together at least; ``bdf2`` corrects constants, :math:`f_0`, and solves one.
+
+    Examples
+    --------
+    >>> corrections("pi", (0.8,), (0.8,), 100).together[0].round(4)
+    array([[0.    , 0.    ],
+           [0.4296, 0.6441]])
+    """
+    s, exponent = _steps_together(family, sigma), np.array(sigma)
+    k, knots = np.arange(1.0, s + 1), knots_up_to(steps)
+    fit = k ** exponent[:, None] / (1 + 4.0 ** exponent[:, None])  # the nearest, where there are fewer than steps
+    if len(sigma) == s:
+        fit = np.linalg.inv(k[:, None] ** exponent)
+    fit = np.pad(fit, ((0, 0), (1, 0)))
+    constant = np.eye(1, s + 1)
+    fit = np.vstack([fit, BEND_AND_RISE @ np.eye(3, s + 1)]) if family == PI3 else fit
+    fit = np.vstack([constant, fit]) if family == BDF else fit
+    distinct = np.array([*dict.fromkeys(orders)])
+    of = dict(zip(distinct.tolist(), _errors(family, distinct, exponent, knots), strict=True))
+    M = {q: _starting_weights(family, q, E[:, : s + 1], fit) for q, E in of.items()}
+    return Corrections(fit, np.array([M[q] for q in orders]), knots, np.array([of[q] for q in orders]))
+
+
+BEND_AND_RISE = np.array([[0.0, -2.0, 1.0], [0.0, 1.0, 0.0]])
+"""f_2 − 2f_1 + f_0 and f_1 − f_0, of f_1 − f_0 and f_2 − f_0."""
+
+
+def _steps_together(family: str, sigma: tuple[float, ...]) -> int:
+    """s, the number of steps that are solved together."""
+    return max(len(sigma), {PI3: 2, BDF: 1}.get(family, 0))
+
+
+def _errors(family: str, orders: FloatArray, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
+    """What a rule makes wrong at the knots: of each power, and of what else it corrects."""
+    if family == BDF:
+        return np.array([bdf_errors_of_powers(q, np.append(0.0, sigma), knots) for q in orders])
+    E = errors_of_powers(orders, sigma, knots, family == PI3)
+    return np.concatenate([E, [-_ends(q, knots) for q in orders]], axis=1) if family == PI3 else E
+
+
+def _starting_weights(family: str, q: float, E: FloatArray, fit: FloatArray) -> FloatArray:
+    """M of one order, exact for the powers, shape (s + 1, s + 1)."""
+    s = fit.shape[1] - 1
+    M = np.zeros((s + 1, s + 1))
+    w, start = {PI: trapezoidal_weights, PI3: third_weights, BDF: bdf_weights}[family](q, s)
+    for n in range(1, s + 1):
+        rows = slice(None)
+        if family == PI3 and n <= 2:  # a parabola through the first three needs no correction of its own
+            M[n, :3], rows = _parabola_weights(q, n), slice(None, -2)
+        else:
+            M[n, 0], M[n, 1 : n + 1] = start[n], w[:n][::-1]
+        share = E[rows, n] @ fit[rows]
+        M[n] += share
+        M[n, 0] -= np.sum(share[1:])
+    return M
+
+
+@lru_cache(maxsize=256)
+def exponents(orders: tuple[float, ...], powers_of_time: tuple[float, ...], third: bool = False) -> tuple[float, ...]:
     """Give the exponents σ with which f begins, in ascending order: below 1, and 1 where none is near it.
 
     For ``pi3`` (`third`): below 2, and with whole powers of t in the sums.
+
+    Examples
+    --------
+    >>> exponents((0.4,), (0.0,)), exponents((0.5,), (0.0,)), exponents((0.9,), (0.0,), third=True)
+    ((0.4, 0.8), (0.5, 1.0), (0.9, 1.0, 1.8, 1.9))
     """
-    end, count = (2.0 if third else 1.0), 1
-    sums = np.zeros(ROOM)  # in ascending order, the first `count` of them, beginning with the empty one
-    n, powers = len(orders), len(powers_of_time)
-    for k in range(ROOM):  # each sum and each generator give another: sums grow as they are walked
-        for g in range(n + powers + 1):
-            step = 1.0 if g == n + powers else orders[g] if g < n else powers_of_time[g - n]
-            power = n <= g < n + powers and 0.05 < step < 0.98  # they are measured to 0.01
-            whole = g == n + powers and third and count > 1
-            total = sums[k] + step
-            if step >= 1e-9 and k < count < ROOM and total < end - 1e-9 and (g < n or power or whole):
-                place = count
-                while sums[place - 1] > total - 1e-9:
-                    place -= 1
-                if place == count or sums[place] > total + 1e-9:
-                    for m in range(count, place, -1):
-                        sums[m] = sums[m - 1]
-                    sums[place] = total
-                    count += 1
-    selection, size = np.zeros(MOST + 2), 0
-    for k in range(1, count):
-        least = 0.0 if size == 0 else APART_THIRD if third else APART
-        if size < MOST and sums[k] - selection[size] > least:
-            size += 1
-            selection[size] = sums[k]
-    if not third and size > 0 and selection[size] < 0.75:
-        size += 1
-        selection[size] = 1.0
-    return selection[1 : size + 1].copy()
+    end, sums = (2.0 if third else 1.0) - 1e-9, [0.0]  # in ascending order, beginning with the empty sum
+    powers = [power for power in powers_of_time if 0.05 < power < 0.98]  # they are measured to 0.01
+    steps = [step for step in (*orders, *powers) if 1e-9 <= step < end]
+    steps += [1.0] if third and steps else []
+    for smaller in sums:  # each sum and each step give another: sums grow as they are walked
+        for total in (smaller + step for step in steps):
+            if total < end and len(sums) < ROOM and all(abs(total - other) > 1e-9 for other in sums):
+                insort(sums, total)
+    selection, apart = [0.0], APART_THIRD if third else APART
+    for total in sums[1:]:
+        if len(selection) <= MOST and (len(selection) == 1 or total - selection[-1] > apart):
+            selection.append(total)
+    if not third and 0 < selection[-1] < 0.75:
+        selection.append(1.0)
+    return tuple(selection[1:])
 
 
-@_alone
+@lru_cache(maxsize=64)
 def knots_up_to(steps: int) -> NDArray[np.int64]:
     """Give the n at which the corrections are known: all up to 64, then 3 % apart, an odd number, beyond `steps`."""
-    knots, last = np.zeros(1000, np.int64), 64  # as many as there are up to 10^13
-    for n in range(last + 1):
-        knots[n] = n
-    while knots[last] < steps or last % 2 == 1:
-        knots[last + 1] = knots[last] + knots[last] // 32
-        last += 1
-    return knots[: last + 1].copy()
+    knots = list(range(65))
+    while knots[-1] < steps or len(knots) % 2 == 0:
+        knots.append(knots[-1] + knots[-1] // 32)
+    return np.array(knots)
 
 
-@_alone
-def errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False) -> FloatArray:
-    """E_σ(n) for an order q, the exponents σ and n at the knots, shape (n_exponents, n_knots)."""
-    E, summed = np.zeros((len(sigma), len(knots))), 2 * SUMMED if third else SUMMED
-    powers = np.zeros(summed + 1)
-    w = third_weights(q, summed)[0] if third else trapezoidal_weights(q, summed)[0]
-    ends = _ends(q, knots) if third else np.zeros((len(knots), 2))
-    for m in range(len(sigma)):
-        s = sigma[m]
-        if s == 1.0:
-            continue
-        for k in range(summed + 1):
-            powers[k] = float(k) ** s
-        exact = math.gamma(s + 1) / math.gamma(s + q + 1)
-        start, rule, last = _third_expansion(q, s) if third else _expansion(q, s)
-        for j in range(1, len(knots)):
-            n = knots[j]
-            if third and n <= 2:
-                M = _parabola_weights(q, n)
-                E[m, j] = exact * float(n) ** (s + q) - M[1] - M[2] * powers[2]
-            elif n <= summed:
-                E[m, j] = exact * float(n) ** (s + q) + ends[j, 0] * (powers[2] - 2) + ends[j, 1]
-                for k in range(1, n + 1):
-                    E[m, j] -= w[n - k] * powers[k]
-            else:
-                log, r = math.log(n), 1.0 / n
-                E[m, j] = math.exp((q - 1) * log) * (start[0] + r * (start[1] + r * (start[2] + r * start[3])))
-                E[m, j] += math.exp((s + q - 2) * log) * (rule[0] + r * r * (rule[1] + r * r * rule[2]))
-                E[m, j] += math.exp((s - 2) * log) * (last[0] + r * (last[1] + r * (last[2] + r * last[3])))
-                E[m, j] += ends[j, 0] * (powers[2] - 2) + ends[j, 1]
-    return E
+def errors_of_powers(
+    q: float | FloatArray, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False
+) -> FloatArray:
+    """E_σ(n) for each order q, the exponents σ and n at the knots, shape (n_orders, n_exponents, n_knots)."""
+    summed = 2 * SUMMED if third else SUMMED
+    weights = [(third_weights if third else trapezoidal_weights)(order, summed)[0] for order in np.atleast_1d(q)]
+    q, s, n = np.atleast_1d(q)[:, None, None], sigma[:, None], knots.astype(float)
+    near = (n > 0) & (n <= summed)
+    few, far = knots[near], n[n > summed]
+    E, k = np.zeros((len(q), len(s), len(n))), np.arange(summed + 1)
+    exact, powers = gamma(s + 1) * rgamma(s + q + 1), np.where(k > 0, k**s, 0.0)
+    lag = few[:, None] - k
+    sums = np.array([powers @ np.where(lag >= 0, w[lag], 0.0).T for w in weights])
+    E[..., near] = exact * n[near] ** (s + q) - sums
+    start, rule, last = (_third_expansion if third else _expansion)(q, s)
+    descending = far ** -np.arange(4.0)[:, None]  # powers of 1/n
+    E[..., n > summed] = (far ** (q - 1) * (start @ descending) + far ** (s + q - 2) * (rule @ descending[:3] ** 2)
+                          + far ** (s - 2) * (last @ descending))  # fmt: skip
+    if third:
+        bend, rise = np.array([_ends(order, knots) for order in q[:, 0, 0]]).transpose(1, 0, 2)[:, :, None]
+        E += bend * (2.0**s - 2) + rise
+        for j in np.flatnonzero(near)[:2]:
+            _, one, two = _parabola_weights(q, n[j])
+            E[..., j] = (exact * n[j] ** (s + q) - one - two * 2.0**s)[..., 0]
+    E[..., 0] = 0.0
+    return np.where(s == 1.0, 0.0, E)
+
+
+def _exact(q: float, s: float) -> float:
+    """J^q t^σ at t = 1."""
+    return math.gamma(s + 1) / math.gamma(s + q + 1)
 
 
 BDF_TERMS = 10
 """Of the expansion of ``bdf2``'s errors, which is taken from n = 65 on."""
 
 
-@_alone
 def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) -> FloatArray:
     """E_σ(n) of ``bdf2``, shape (n_exponents, n_knots); at σ = 0 the start has its weights, half of the last."""
-    E, (w, start), d = np.zeros((len(sigma), len(knots))), bdf_weights(q, min(64, knots[-1])), bdf_series(q)
-    smooth, singular = np.zeros(BDF_TERMS), np.zeros(BDF_TERMS)
-    for m in range(len(sigma)):
-        s, factorial = sigma[m], 1.0
-        exact = math.gamma(s + 1) / math.gamma(s + q + 1)
-        for i in range(BDF_TERMS):
-            singular[i] = 0.0
-        for i in range(BDF_TERMS):
-            smooth[i] = math.gamma(s + 1) * d[i] * _inverse_gamma(s + q + 1 - i)
-            c = (zeta(-s - i) + (0.5 if s == 0.0 else 0.0)) / factorial
-            for j in range(BDF_TERMS - i):
-                singular[i + j] += c * d[j] * _inverse_gamma(q - i - j)
-            factorial *= -(i + 1)
-        for k in range(1, len(knots)):
-            n = knots[k]
-            if n <= 64:
-                E[m, k] = exact * float(n) ** (s + q) - (start[n] if s == 0.0 else 0.0)
-                for lag in range(n):
-                    E[m, k] -= w[lag] * float(n - lag) ** s
-            else:
-                one = other = 0.0
-                for i in range(BDF_TERMS - 1, -1, -1):
-                    one, other = one / n + (smooth[i] if i > 0 else 0.0), other / n + singular[i]
-                E[m, k] = -one * float(n) ** (s + q) - other * float(n) ** (q - 1)
+    E, (w, start) = np.zeros((len(sigma), len(knots))), bdf_weights(q, min(64, knots[-1]))
+    i, d, near, n = np.arange(BDF_TERMS), bdf_series(q)[:BDF_TERMS], knots[1:] <= 64, knots[1:].astype(float)
+    few, far = knots[1:][near], n[~near]
+    for row, s in zip(E[:, 1:], sigma, strict=True):
+        powers = np.append(0.0, np.arange(1.0, len(w)) ** s)
+        row[near] = _exact(q, s) * n[near] ** (s + q) - np.convolve(w, powers)[few] - (s == 0) * start[few]
+        smooth = math.gamma(s + 1) * d * rgamma(s + q + 1 - i) * (i > 0)
+        c = (zeta(-s - i) + 0.5 * (s == 0)) * (-1.0) ** i / gamma(i + 1.0)
+        singular = np.convolve(c, d)[:BDF_TERMS] * rgamma(q - i)
+        row[~near] = (-(far ** (s + q)) * polyval(1 / far, smooth)
+                      - far ** (q - 1) * polyval(1 / far, singular))  # fmt: skip
     return E
 
 
-@helper
 def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     """a_n/12 and −b_n/12 at the knots: what δ²f_0 weighs in ``pi3``, as f_2 − 2f_1 + f_0 and as f_1 − f_0."""
-    ends, few = np.zeros((len(knots), 2)), trapezoidal_weights(q, min(8, knots[-1]))
-    for j in range(len(knots)):
-        n = knots[j]
-        if n <= 8:
-            ends[j, 0], ends[j, 1] = few[1][n] / 12, -few[0][n] / 12
-        else:
-            b = a = 0.0
-            binomial, power = q * (q + 1) / 2, float(n) ** (q - 1)
-            for k in range(2, 18):
-                a += (-1) ** k * binomial * power
-                b += 2 * binomial * power if k % 2 == 0 else 0.0
-                binomial *= (q + 1 - k) / (k + 1)
-                power /= n
-            ends[j, 0], ends[j, 1] = a / math.gamma(q + 2) / 12, -b / math.gamma(q + 2) / 12
-    return ends
+    b, a = trapezoidal_weights(q, 8)
+    n, k = np.maximum(knots, 8).astype(float), np.arange(2, 18)
+    terms = binom(q + 1, k)
+    series = [
+        n ** (q - 1) / math.gamma(q + 2) * polyval(1 / n, weight * terms) for weight in ((-1) ** k, -2 * (k % 2 == 0))
+    ]
+    few = np.minimum(knots, 8)
+    return np.where(knots < 8, [a[few], -b[few]], series) / 12
 
 
-@helper
-def _parabola_weights(q: float, n: int) -> tuple[float, float, float]:
+def _parabola_weights(q: Any, n: float) -> tuple[Any, Any, Any]:
     """What f_0, f_1, f_2 weigh in J^q of the parabola through them, from 0 to n."""
-    t = float(n)
-    m0, m1, m2 = t**q / math.gamma(q + 1), t ** (q + 1) / math.gamma(q + 2), 2 * t ** (q + 2) / math.gamma(q + 3)
+    m0, m1, m2 = n**q * rgamma(q + 1), n ** (q + 1) * rgamma(q + 2), 2 * n ** (q + 2) * rgamma(q + 3)
     return m0 - 1.5 * m1 + 0.5 * m2, 2 * m1 - m2, 0.5 * m2 - 0.5 * m1
 
 
-@helper
-def _expansion(q: float, s: float) -> Expansion:
+def _expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients of E_σ(n) for large n in powers of 1/n: the start's, the rule's own (1/n²), the last panel's."""
-    z0, z1, z2, z3 = zeta(-s), zeta(-s - 1), zeta(-s - 2), zeta(-s - 3)
-    start = (-z0 * _inverse_gamma(q), z1 * _inverse_gamma(q - 1), -(z2 / 2 + z0 / 12) * _inverse_gamma(q - 2),
-             (z3 / 6 + z1 / 12) * _inverse_gamma(q - 3))  # fmt: skip
-    g = math.gamma(s + 1)
-    rule = (-g * _inverse_gamma(s + q - 1) / 12, -g * _inverse_gamma(s + q - 3) / 360,
-            -g * _inverse_gamma(s + q - 5) / 20160)  # fmt: skip
-    z1, z2, z3, z4 = zeta(-q - 1), zeta(-q - 2), zeta(-q - 3), zeta(-q - 4)
-    c = s * (s - 1) / math.gamma(q + 2)
-    last = (-z1 * c, z2 * c * (s - 2), -(z3 / 2 + z1 / 12) * c * (s - 2) * (s - 3),
-            (z4 / 6 + z2 / 12) * c * (s - 2) * (s - 3) * (s - 4))  # fmt: skip
-    return start, rule, last
+    k, z, y = np.arange(4), zeta(-s - np.arange(4)), zeta(-q - 1 - np.arange(4))
+    start = np.stack([-z[:, 0], z[:, 1], -(z[:, 2] / 2 + z[:, 0] / 12), z[:, 3] / 6 + z[:, 1] / 12], -1) * rgamma(q - k)
+    rule = -gamma(s + 1) * rgamma(s + q - np.array([1, 3, 5])) / (12, 360, 20160)
+    last = np.stack([-y[..., 0], y[..., 1], -(y[..., 2] / 2 + y[..., 0] / 12), y[..., 3] / 6 + y[..., 1] / 12], -1)
+    falling = np.cumprod((s - 1, s - 2, s - 3, s - 4), axis=0)[..., 0].T
+    return start, rule, last * s * falling * rgamma(q + 2)
 
 
-@helper
-def _third_expansion(q: float, s: float) -> Expansion:
+def _third_expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The same for ``pi3``, but for δ²f_0."""
-    start = (-zeta(-s) * _inverse_gamma(q), zeta(-s - 1) * _inverse_gamma(q - 1),
-             -zeta(-s - 2) / 2 * _inverse_gamma(q - 2), zeta(-s - 3) / 6 * _inverse_gamma(q - 3))  # fmt: skip
-    g = math.gamma(s + 1)
-    rule = 0.0, g * _inverse_gamma(s + q - 3) / 90, g * _inverse_gamma(s + q - 5) / 1008
-    z1, z2, z3, b0 = zeta(-q - 1), zeta(-q - 2), zeta(-q - 3), 1.0
-    c = -s * (s - 1) * (s - 2) / math.gamma(q + 2)
-    last = 0.0, c * (-z2 + b0 / 12 + z1), c * (z3 / 2 - b0 / 24 - 7 * z1 / 12) * (s - 3), 0.0
-    return start, rule, last
+    k, y = np.arange(4), zeta(-q - 1 - np.arange(3))
+    start = zeta(-s - k) * rgamma(q - k) * (-1, 1, -1 / 2, 1 / 6)
+    rule = gamma(s + 1) * rgamma(s + q - np.array([1, 3, 5])) * (0, 1 / 90, 1 / 1008)
+    none = np.zeros(y.shape[:-1])
+    last = np.stack([none, 1 / 12 + y[..., 0] - y[..., 1], y[..., 2] / 2 - 1 / 24 - 7 * y[..., 0] / 12, none], -1)
+    falling = -s * (s - 1) * (s - 2) * np.concatenate([s, s, s - 3, s], axis=1) ** (k == 2)
+    return start, rule, last * falling * rgamma(q + 2)
 
 
-@helper
-def _inverse_gamma(x: float) -> float:
-    """1/Γ(x), which is 0 at 0, −1, −2, …"""
-    factor = 1.0
-    while x < 0.5:
-        factor, x = factor * x, x + 1
-    inverse: float = factor / math.gamma(x)
-    return inverse
+# --- the start of a run ------------------------------------------------------------------------------
 
 
-# --- the start -------------------------------------------------------------------------------------
+_vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
 
-_CALL = START(RHS, RUN, types.int64)
+@when_called(types.void(types.int64, _vector, _matrix, _matrix, _vector, _matrix), allocates=False)
+def _evaluate(rhs, t, x, u, p, f):
+    """Fill each row of f from those of t, x and u."""
+    for k in range(len(t)):
+        evaluate(rhs, t[k], x[k], u[k], p, f[k])
 
 
-@intrinsic
-def started(_, address, rhs, run, rule):
-    """start_together(rhs, run, rule), which is compiled apart from the loops, from its address."""
-
-    def emit(context, builder, signature, args):
-        convention = context.call_conv
-        kind = convention.get_function_type(_CALL.return_type, _CALL.args)
-        there = builder.inttoptr(args[0], kind.as_pointer())
-        status, start = convention.call_function(builder, there, _CALL.return_type, _CALL.args, args[1:])
-        with cgutils.if_unlikely(builder, status.is_error):
-            convention.return_status_propagate(builder, status)
-        return start
-
-    return START(types.int64, *_CALL.args), emit
-
-
-@when_called(_CALL, wrapped=False)
-def start_together(rhs, run, rule):
+def begun(rhs: int, run: Run, family: str) -> Start:
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    ``pi3`` has two steps to solve together and :math:`δ^2 f_0` to correct even without exponents, ``bdf2`` one step
-    and constants, the first row of its errors.
+    `rhs` is the address of f.
     """
-    past, orders, third, bdf = run.past, run.orders, rule == PI3, rule == BDF2
-    m, states, steps = len(past) - 1, len(orders), len(past) - 1 + run.steps
+    past, states = run.past, len(run.orders)
+    steps = len(past) - 1 + run.steps
     plain = Start(past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3)))
-    if not (run.corrected or third):
+    if not (run.corrected or family == PI3):
         return plain
-    sigma, A = np.zeros(0), _jacobian(rhs, run)
-    if run.corrected:
-        powers = _powers_of_time(rhs, run)
-        sigma = exponents(_orders_that_move(rhs, run, A, powers), powers, third)
-    s = max(len(sigma), 2 if third else 1 if bdf else 0)
-    if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
+    with np.errstate(all="ignore"):  # f may be infinite anywhere
+        A, powers, moves = _look_around(rhs, run)
+        sigma: tuple[float, ...] = ()
+        if run.corrected:
+            sigma = exponents(tuple(run.orders[moves].tolist()), tuple(powers.tolist()), family == PI3)
+        s = _steps_together(family, sigma)
+        if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
+            return plain
+        tables = corrections(family, tuple(run.orders.tolist()), sigma, steps + 8)
+        solved = _solved_together(rhs, run, A, tables.together)
+    if solved is None:
         return plain
-    knots = knots_up_to(steps + 8)
-    fit = _fit_of_powers(sigma, s)
-    rows = len(sigma) + bdf
-    E, M, ends = np.zeros((states, rows, len(knots))), np.zeros((states, s + 1, s + 1)), np.zeros((states, 0, 2))
-    if third:
-        ends = np.zeros((states, len(knots), 2))
-    with_constant = np.zeros(len(sigma) + 1)
-    for e in range(len(sigma)):
-        with_constant[e + 1] = sigma[e]
-    for i in range(states):
-        first = 0
-        while orders[first] != orders[i]:
-            first += 1
-        if first < i:
-            _copy(E[first], E[i])
-        elif bdf:
-            _copy(bdf_errors_of_powers(orders[i], with_constant, knots), E[i])
-        else:
-            _copy(errors_of_powers(orders[i], sigma, knots, third), E[i])
-        _copy(M[first] if first < i else _starting_weights(orders[i], E[i], fit, rule), M[i])
-        if third:
-            _copy(ends[first] if first < i else _ends(orders[i], knots), ends[i])
-    x, f = np.zeros((max(m, s) + 1, states)), np.zeros((s + 1, states))
-    for n in range(len(x)):
-        for i in range(states):
-            x[n, i] = past[min(n, m), i]
-    base = past[0].copy()
-    if not _solve_together(rhs, run, x, f, A, M, base):
-        return plain
-    C = np.zeros((states, len(knots)))
-    for i in range(states):
-        for e in range(len(sigma)):
-            c = 0.0
-            for k in range(1, s + 1):
-                c += fit[e, k - 1] * (f[k, i] - f[0, i])
-            for n in range(len(knots)):
-                C[i, n] += c * E[i, bdf + e, n]
-        if bdf:
-            for n in range(len(knots)):
-                C[i, n] += f[0, i] * E[i, 0, n]
-        if third:
-            bend, rise = f[2, i] - 2 * f[1, i] + f[0, i], f[1, i] - f[0, i]
-            for n in range(len(knots)):
-                C[i, n] -= bend * ends[i, n, 0] + rise * ends[i, n, 1]
-    return Start(x, base, s, knots, _parabolas(knots, C))
+    x, f, base = solved
+    f[1:] -= f[0]
+    C = np.einsum("ei,ien->in", tables.fit @ f, tables.errors)
+    return Start(x, base, s, tables.knots, _parabolas(tables.knots, C))
 
 
-@helper
-def _copy(source, target):
-    """Fill a matrix; an assignment of slices would take Numba two seconds more to compile."""
-    for r in range(len(target)):
-        for c in range(target.shape[1]):
-            target[r, c] = source[r, c]
-
-
-@helper
-def _parabolas(knots, C):
+def _parabolas(knots: NDArray[np.int64], C: FloatArray) -> FloatArray:
     """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (n_pieces, n_states, 3)."""
-    pieces = np.zeros((len(knots) // 2, len(C), 3))
-    for i in range(len(C)):
-        for r in range(len(knots) // 2):
-            a, b, c = knots[2 * r], knots[2 * r + 1], knots[2 * r + 2]
-            first, second = (C[i, 2 * r + 1] - C[i, 2 * r]) / (b - a), (C[i, 2 * r + 2] - C[i, 2 * r + 1]) / (c - b)
-            pieces[r, i, 0], pieces[r, i, 1], pieces[r, i, 2] = C[i, 2 * r], first, (second - first) / (c - a)
-    return pieces
+    slope = np.diff(C) / np.diff(knots)
+    first = slope[:, ::2]
+    second = (slope[:, 1::2] - first) / (knots[2::2] - knots[:-2:2])
+    return np.ascontiguousarray(np.stack([C[:, :-2:2].T, first.T, second.T], axis=-1))
 
 
-@helper
-def _first_time(run):
+def _look_around(rhs: int, run: Run) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Look at f about the start: h^q ∂f/∂x, with which powers of t it begins, and which states move.
+
+    The powers are those of f(t, x_0 + t·slope), 0 where it does not depend on t.  A state moves by its own f or through
+    others; those at rest say nothing of how a solution begins.
+    """
+    x0, states, e = run.past[0], len(run.orders), 1e-6 * run.h
+    d = 1e-6 * (0.01 + np.abs(x0))
+    later = np.zeros((4, states))
+    later[1], later[2] = e * run.slope, 2 * e * run.slope
+    x = x0 + np.vstack([np.diag(d), np.diag(-d), later])
+    t = np.full(len(x), _first_time(run))
+    t[-3], t[-2] = t[-3] + e, t[-2] + 2 * e
+    u = np.repeat(run.u[:1], len(x), axis=0)
+    u[-1] = run.u[min(1, len(run.u) - 1)]
+    f = np.zeros(x.shape)
+    _evaluate(rhs, t, x, u, run.p, f)
+    A = run.gain[:, None] * (f[:states] - f[states : 2 * states]).T / (2 * d)
+    now, soon, twice_as_soon, then = f[2 * states :]
+    once, twice = np.abs(soon - now), np.abs(twice_as_soon - now)
+    with_time = (once > 1e-11 * np.abs(now)) & (twice > once)
+    powers = np.zeros(states)
+    powers[with_time] = np.log2(twice[with_time] / once[with_time])
+    moves = (now != 0) | (then != 0) | (powers > 0)
+    for _ in range(0 if moves.all() else states):
+        moves |= (A != 0) @ moves
+    return A, powers, moves
+
+
+def _first_time(run: Run) -> float:
     """Time of the first known sample, the t = 0 of the formulas."""
     return run.start - (len(run.past) - 1) * run.h
 
 
-@helper
-def _powers_of_time(rhs, run):
-    """Measure the powers of t with which f(t, x_0 + t·slope) begins, one a state; 0 where it does not depend on t."""
-    x0, t0 = run.past[0], _first_time(run)
-    states, e = len(x0), 1e-6 * run.h
-    powers, x, now = np.zeros(states), x0.copy(), run.u[0].copy()
-    f = np.zeros((3, states))
-    for k in range(3):
-        for i in range(states):
-            x[i] = x0[i] + run.slope[i] * (k * e)
-        rhs(t0 + k * e, x, now, run.p, f[k])
-    for i in range(states):
-        once, twice = abs(f[1, i] - f[0, i]), abs(f[2, i] - f[0, i])
-        if once > 1e-11 * abs(f[0, i]) and twice > once:
-            powers[i] = math.log2(twice / once)
-    return powers
+def _solved_together(
+    rhs: int, run: Run, A: FloatArray, M: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start: x, f, and x(0).
 
-
-@helper
-def _orders_that_move(rhs, run, A, powers):
-    """Give the orders of the states that start to move, by their own f or through others; those at rest say nothing."""
-    orders, x0, t0, u = run.orders, run.past[0], _first_time(run), run.u
-    states, f, later = len(orders), np.zeros(len(orders)), np.zeros(len(orders))
-    rhs(t0, x0.copy(), u[0].copy(), run.p, f)
-    rhs(t0, x0.copy(), u[min(1, len(u) - 1)].copy(), run.p, later)
-    moves = np.zeros(states, np.bool_)
-    for i in range(states):
-        moves[i] = f[i] != 0.0 or later[i] != 0.0 or powers[i] > 0.0
-    for _ in range(states):
-        for i in range(states):
-            for c in range(states):
-                moves[i] = moves[i] or (moves[c] and A[i, c] != 0.0)
-    moving, count = np.zeros(states), 0
-    for i in range(states):
-        if moves[i]:
-            moving[count] = orders[i]
-            count += 1
-    return moving[:count].copy()
-
-
-@helper
-def _fit_of_powers(sigma, s):
-    """Give the matrix from f_1 − f_0 … f_s − f_0 to the c_m of f_k − f_0 = Σ c_m k^σ_m (the nearest c_1, if s = 2)."""
-    if len(sigma) < s:
-        fit = np.zeros((len(sigma), s))
-        for m in range(len(sigma)):
-            for k in range(s):
-                fit[m, k] = (k + 1.0) ** sigma[m] / (1.0 + 4.0 ** sigma[m])
-        return fit
-    W = np.zeros((s, 2 * s))
-    for k in range(s):
-        W[k, s + k] = 1.0
-        for m in range(s):
-            W[k, m] = (k + 1.0) ** sigma[m]
-    gauss_jordan(W)
-    return W[:, s:].copy()
-
-
-@helper
-def _starting_weights(q, E, fit, rule):
-    """M with x_n = x_0 + h^q Σ_{k ≤ s} M_{nk} f_k for n ≤ s, exact for the powers; shape (s + 1, s + 1)."""
-    s, third, constants = fit.shape[1], rule == PI3, len(E) - len(fit)
-    M = np.zeros((s + 1, s + 1))
-    w, start = bdf_weights(q, s) if rule == BDF2 else third_weights(q, s) if third else trapezoidal_weights(q, s)
-    ends = _ends(q, np.arange(s + 1)) if third else np.zeros((s + 1, 2))
-    for n in range(1, s + 1):
-        if third and n <= 2:
-            M[n, 0], M[n, 1], M[n, 2] = _parabola_weights(q, n)
-        else:
-            M[n, 0] = start[n]
-            for k in range(1, n + 1):
-                M[n, k] = w[n - k]
-            if third:
-                M[n, 0] -= ends[n, 0] - ends[n, 1]
-                M[n, 1] -= ends[n, 1] - 2 * ends[n, 0]
-                M[n, 2] -= ends[n, 0]
-        for e in range(constants):
-            M[n, 0] += E[e, n]
-        for k in range(1, s + 1):
-            for e in range(len(fit)):
-                M[n, k] += E[constants + e, n] * fit[e, k - 1]
-                M[n, 0] -= E[constants + e, n] * fit[e, k - 1]
-    return M
-
-
-@helper
-def _solve_together(rhs, run, x, f, A, M, base):
-    """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start; tell if it settles.
-
-    It does not where a step leads further than the last: that would be another root.
+    None where it does not settle, or where a step leads further than the last: that would be another root.
     """
-    slope, gain, u, h, t0, m = run.slope, run.gain, run.u, run.h, _first_time(run), len(run.past) - 1
-    s, states = len(f) - 1, len(slope)
-    now = u[0].copy()
+    m, s, states = len(run.past) - 1, M.shape[1] - 1, len(A)
     if not _spectral_radius(A) <= 1.0:
-        return False
-    size = s * states
-    W, residual, move = np.zeros((size, 2 * size)), np.zeros(size), math.inf
-    for n in range(1, s + 1):
-        for i in range(states):
-            row = (n - 1) * states + i
-            W[row, row] = W[row, size + row] = 1.0
-            for k in range(max(1, m + 1), s + 1 if n > m and size <= LARGE else 1):
-                for c in range(states):
-                    W[row, (k - 1) * states + c] -= (M[i, n, k] - M[i, m, k]) * A[i, c]
-    if size <= LARGE:
-        gauss_jordan(W)
+        return None
+    x = run.past[np.minimum(np.arange(max(m, s) + 1), m)]
+    f, n = np.zeros((s + 1, states)), np.arange(s + 1.0)
+    t, u = _first_time(run) + n * run.h, run.u[: s + 1] if len(run.u) > 1 else np.repeat(run.u, s + 1, axis=0)
+    drift, weights = n[:, None] * run.h * run.slope, run.gain[:, None, None] * M
+    free, move = slice(m + 1, s + 1), np.inf
+    inverse = _newton_matrix(A, M, m) if m < s and s * states <= LARGE else None
     for _ in range(ITERATIONS):
-        for n in range(s + 1):
-            for c in range(len(now) if len(u) > 1 else 0):
-                now[c] = u[n, c]
-            rhs(t0 + n * h, x[n], now, run.p, f[n])
-        moved_before, move = move, 0.0
-        for n in range(m, s + 1):
-            for i in range(states):
-                total = slope[i] * (n * h)
-                for k in range(s + 1):
-                    total += gain[i] * M[i, n, k] * f[k, i]
-                if n == m:
-                    base[i] = x[m, i] - total  # x(0), but for what the model does not explain of the history
-                else:
-                    residual[(n - 1) * states + i] = base[i] + total - x[n, i]
-        for n in range(m + 1, s + 1):
-            for i in range(states):
-                change = 0.0
-                for c in range(size):
-                    change += W[(n - 1) * states + i, size + c] * residual[c]
-                x[n, i] += change
-                move = max(move, abs(change) / (1e-3 + abs(x[n, i])))
-                if not abs(x[n, i]) <= run.limit:
-                    return False
+        _evaluate(rhs, t, x, u, run.p, f)
+        total = drift + np.einsum("ink,ki->ni", weights, f)
+        base = x[m] - total[m] if m <= s else run.past[0].copy()  # x(0), but for what the model does not explain
+        if m >= s:
+            return x, f, base
+        change = (base + total - x[: s + 1])[free]
+        if inverse is not None:
+            change = (inverse @ change.ravel()).reshape(change.shape)
+        x[free] += change
+        moved_before, move = move, np.max(np.abs(change) / (1e-3 + np.abs(x[free])))
+        if not np.all(np.abs(x[free]) <= run.limit) or move > max(moved_before, 1e-11):
+            return None
         if move < 1e-14:
-            return True
-        if move > max(moved_before, 1e-11):
-            return False
-    return move < 1e-11
+            return x, f, base
+    return (x, f, base) if move < 1e-11 else None
 
 
-@helper
-def _jacobian(rhs, run):
-    """h^q ∂f/∂x at the start, by central differences."""
-    x0, t0 = run.past[0], _first_time(run)
-    states, x, now = len(x0), x0.copy(), run.u[0].copy()
-    A, f = np.zeros((states, states)), np.zeros((2, states))
-    for c in range(states):
-        d = 1e-6 * (0.01 + abs(x0[c]))
-        for side in range(2):
-            x[c] = x0[c] + (d if side else -d)
-            rhs(t0, x, now, run.p, f[side])
-        x[c] = x0[c]
-        for i in range(states):
-            A[i, c] = run.gain[i] * (f[1, i] - f[0, i]) / (2 * d)
-    return A
+def _newton_matrix(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
+    """The inverse of 1 − (M_{nk} − M_{mk}) A for the steps beyond m."""
+    states, free = len(A), M.shape[1] - 1 - m
+    B = (M - M[:, m : m + 1])[:, m + 1 :, m + 1 :]
+    W = np.eye(free * states) - np.einsum("ink,ic->nikc", B, A).reshape(free * states, free * states)
+    return np.asarray(np.linalg.inv(W))
 
 
-@helper
-def _spectral_radius(A):
+def _spectral_radius(A: FloatArray) -> float:
     """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
-    radius, power = 0.0, A.copy()
     for _ in range(4):
-        n, squared = len(A), np.zeros(A.shape)
-        for i in range(n):
-            for k in range(n):
-                for c in range(n):
-                    squared[i, c] += power[i, k] * power[k, c]
-        power = squared
-    for i in range(len(A)):
-        radius = max(radius, np.abs(power[i]).sum())
-    return radius ** (1 / 16)
-
-
-@helper
-def gauss_jordan(W):
-    """Turn [A | B] into [1 | A⁻¹B], with row pivots."""
-    n, columns = W.shape
-    for k in range(n):
-        pivot = k + np.argmax(np.abs(W[k:, k]))
-        for c in range(columns):
-            W[k, c], W[pivot, c] = W[pivot, c], W[k, c]
-        factor = 1 / W[k, k]
-        for c in range(columns):
-            W[k, c] *= factor
-        for i in range(n):
-            if i != k:
-                factor = W[i, k]
-                for c in range(columns):
-                    W[i, c] -= factor * W[k, c]
+        A = A @ A
+    return float(np.max(np.sum(np.abs(A), axis=1)) ** (1 / 16))

@@ -30,10 +30,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import helper, kept_lazily
+from fracid.solver.compilation import kept_lazily
 from fracid.solver.operators import gl_weights
 
 
@@ -150,42 +150,35 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     return b, a
 
 
-@helper
-def zeta(s: float) -> float:
-    """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on."""
-    N = 12.0
-    total: float = N ** (1 - s) / (s - 1) + N**-s / 2
-    for k in range(1, 12):
-        total += float(k) ** -s
-    term = s * N ** (-s - 1) / 2
-    for j, bernoulli in enumerate((1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66)):
-        total += bernoulli * term
-        term *= (s + 2 * j + 1) * (s + 2 * j + 2) / (N * N * (2 * j + 3) * (2 * j + 4))
-    return total
+def zeta(s: ArrayLike) -> FloatArray:
+    """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on.
+
+    Examples
+    --------
+    >>> float(zeta(-1.0).round(12))
+    -0.083333333333
+    """
+    s, N, j = np.asarray(s, dtype=np.float64)[..., None], 12.0, 2 * np.arange(1, 5)
+    terms = (s + j - 1) * (s + j) / (N * N * (j + 1) * (j + 2))
+    terms = np.cumprod(np.concatenate([s * N ** (-s - 1) / 2, terms], axis=-1), axis=-1)
+    total = np.sum(np.arange(1.0, N) ** -s, axis=-1) + terms @ (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66)
+    return np.asarray(total + (N ** (1 - s) / (s - 1) + N**-s / 2)[..., 0])
 
 
-@kept_lazily
 def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""The weights of ``pi3``: those of f − δ²f/12 under ``pi``, less κ δ²f at the last step; and of the start.
 
     Up to k = 2 the second difference is the last step's, backward.  The start counts f_{-1} as f_0.
     """
     b, a = trapezoidal_weights(q, steps + 3)
-    w, start = np.zeros(steps + 1), np.zeros(steps + 1)
-    kappa = zeta(-q - 1) / math.gamma(q + 2)
-    for k in range(steps + 1):
-        w[k] = b[k] - (b[k + 1] - 2 * b[k] + (b[k - 1] if k > 0 else 0.0)) / 12
-        start[k] = a[k] + (b[k] - b[k - 1]) / 12 if k > 0 else 0.0
-    for k in range(min(3, steps + 1)):
-        last = (1.0, -2.0, 1.0)[k]
-        w[k] -= last * kappa + (3.0, -3.0, 1.0)[k] * b[0] / 12
+    before = np.append(0.0, b)[: steps + 1]
+    w = b[: steps + 1] - (b[1 : steps + 2] - 2 * b[: steps + 1] + before) / 12
+    start = a[: steps + 1] + (b[: steps + 1] - before) / 12
+    kappa, start[0] = float(zeta(-q - 1)) / math.gamma(q + 2), 0.0
+    for k, (last, end) in enumerate(((1, 3), (-2, -3), (1, 1))[: steps + 1]):
+        w[k] -= last * kappa + end * b[0] / 12
         if k > 0:  # constants are integrated exactly
-            total = 0.0
-            for j in range(k):
-                total += w[j]
-            start[k] = k**q / math.gamma(q + 1) - total
-        else:
-            start[k] = 0.0
+            start[k] = k**q / math.gamma(q + 1) - np.sum(w[:k])
     return w, start
 
 
@@ -193,43 +186,27 @@ SERIES = 18
 """Terms of the expansion of BDF2's weights for large k: exact to rounding from k = 64 on."""
 
 
-@helper
 def bdf_series(q: float) -> FloatArray:
     r"""d_j of :math:`(3/2 - 2e^{-s} + e^{-2s}/2)^{-q} = \sum_j d_j s^{j-q}`, by Miller's recursion for powers."""
-    p, d = np.ones(SERIES), np.ones(SERIES)
-    factorial = 1.0
-    for j in range(1, SERIES):
-        factorial *= -(j + 1)
-        p[j] = (2.0 - 2.0**j) / factorial  # of the base over s, whose first term is 1
-        d[j] = 0.0
-        for k in range(1, j + 1):
-            d[j] += (k * (1 - q) - j) * p[k] * d[j - k] / j
+    j, d = np.arange(SERIES), np.ones(SERIES)
+    p = (2 - 2.0**j) / np.cumprod([1.0, *-(j[1:] + 1)])  # of the base over s, whose first term is 1
+    for n in range(1, SERIES):
+        k = j[1 : n + 1]
+        d[n] = ((k * (1 - q) - n) * p[k]) @ d[n - k] / n
     return d
 
 
-@kept_lazily
 def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""Coefficients of :math:`(3/2 - 2ζ + ζ^2/2)^{-q}`, k = 0 … steps, and half the one before, for the start.
 
     By Miller's recursion; from k = 64 on by :math:`\sum_j d_j k^{q-1-j}/Γ(q-j)`, since what is left out dies as
     :math:`3^{-k}`, the root at ζ = 3.
     """
-    w, start = np.zeros(steps + 1), np.zeros(steps + 1)
-    w[0] = (2 / 3) ** q
+    w = [0.0, (2 / 3) ** q]  # with one before the first
     for k in range(1, min(64, steps + 1)):
-        w[k] = -4 / 3 * ((1 - q) / k - 1) * w[k - 1]
-        if k > 1:
-            w[k] += (2 * (1 - q) / k - 1) * w[k - 2] / 3
-    d = bdf_series(q)
-    falling = 1 / math.gamma(q)
-    for j in range(SERIES):  # d_j / Γ(q − j)
-        d[j] *= falling
-        falling *= q - 1 - j
-    for k in range(64, steps + 1):
-        total = 0.0
-        for j in range(SERIES - 1, -1, -1):
-            total = total / k + d[j]
-        w[k] = total * k ** (q - 1)
-    for k in range(steps):  # as an assignment of slices it would take Numba two seconds more to compile
-        start[k + 1] = w[k] / 2
-    return w, start
+        w.append(-4 / 3 * ((1 - q) / k - 1) * w[-1] + (2 * (1 - q) / k - 1) * w[-2] / 3)
+    later = np.arange(64.0, steps + 1)
+    over_gamma = np.cumprod([1 / math.gamma(q), *(q - np.arange(1, SERIES))])  # 1 / Γ(q − j)
+    series = np.polynomial.polynomial.polyval(1 / later, bdf_series(q) * over_gamma)
+    all_of_them = np.concatenate([w[1:], series * later ** (q - 1)])
+    return all_of_them, np.append(0.0, all_of_them[:-1] / 2)

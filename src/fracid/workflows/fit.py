@@ -43,7 +43,6 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
-from fracid.workflows.compilation import compiling_beside
 from fracid.workflows.drawer import Drawer, drawer
 from fracid.workflows.figures import Drawing, drawing
 from fracid.workflows.records import command_of
@@ -189,7 +188,7 @@ def run(
         watching.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
         resume = True
     words = _command(project, out, request) if command is None else command
-    with one_blas_thread(), compiling_beside(project.problem.method, jobs):
+    with one_blas_thread():
         laps = {"load": time.perf_counter() - start_time}
         findings = _checked(project, jobs, watching)
         laps["look"] = time.perf_counter() - start_time - laps["load"]
