@@ -79,7 +79,7 @@ def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, 
     assert "effective samples" in out
     assert "mu " in out
     assert out.count("Orders make no difference, an integer-order model predicts as well") == 1
-    assert "One recording is few" in out
+    assert "One held-out recording is not enough" in out
     for name in ("compare.json", "compare.csv", f"{folder.parent}: figure"):
         assert name in out
 

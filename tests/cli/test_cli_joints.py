@@ -66,7 +66,7 @@ def test_it_is_fitted_and_the_page_has_its_elements_and_none_that_are_off(folder
     )
     assert {"presliding_theta", "presliding_alpha", "springpot_order_alpha", "z_α at the start"} <= set(rows)
     assert not {"play_theta", "stiction_alpha", "springpot_order_theta", "saturation"} & set(rows)
-    off = re.search(r"values that are off and in no equation</summary><p>(.*?)</p>", page)[1]
+    off = re.search(r"parameters of inactive elements</summary><p>(.*?)</p>", page)[1]
     assert all(f"{name} <data" in off for name in ("slip_speed", "play_theta", "springpot_order_theta", "saturation"))
 
 

@@ -45,7 +45,7 @@ def test_every_page_is_as_wide_as_a_telephone_and_asks_nobody_for_anything(site,
 
 
 def test_the_page_of_a_fit_at_the_front_simulates_the_true_orders(site, browser):
-    assert 'src="example-report.html#explore"' in (site / "index.html").read_text(encoding="utf-8")
+    assert 'src="example-report.html?embed"' in (site / "index.html").read_text(encoding="utf-8")
     browser.open(site / "example-report.html")
     browser.run("document.getElementById('explore').scrollIntoView({behavior: 'instant'})")
     browser.until("explore !== null && explore.charts.length > 0")

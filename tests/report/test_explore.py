@@ -176,6 +176,34 @@ def test_the_values_are_toml_that_a_project_takes(page, material):
     assert "b_alpha" in values["parameters"]
 
 
+def test_a_link_shows_what_its_sender_saw(page):
+    moved(page, "mu", 0.95)
+    moved(page, "b_alpha", 5e-4)
+    page.until("location.hash.includes('b_alpha')")
+    said = dict(page.run("[...new URLSearchParams(location.hash.slice(1))]"))
+    assert {n: float(v) for n, v in said.items()} == pytest.approx({"mu": 0.95, "b_alpha": 5e-4}, rel=1e-2)
+    seen = page.run("explore.rmse")
+    page.run("setTimeout(() => location.reload(), 50)")
+    page.until("typeof explore !== 'undefined' && explore?.charts?.length > 0 && !explore.moved")
+    page.until("!explore.waiting")
+    assert page.run("explore.rmse") == pytest.approx(seen, rel=1e-4)
+    page.run("document.getElementById('explore-best').click()")
+    page.until("location.hash === '#explore'")
+
+
+def test_in_the_frame_of_another_page_the_curves_are_in_sight_and_nothing_else(browser, file):
+    for width in (360, 736):
+        browser.open(file, width=width, height=704, **CALM)
+        browser.run("setTimeout(() => { location.search = '?embed'; }, 50)")
+        browser.until("location.search === '?embed' && typeof explore !== 'undefined' && explore?.charts?.length > 0")
+        browser.until("explore.charts.some(c => c.plot)")
+        assert browser.run("document.querySelector('#explore-charts canvas').getBoundingClientRect().bottom") < 500
+        assert (
+            browser.run("document.querySelector('.bar').offsetHeight + document.querySelector('#verdict').offsetHeight")
+            == 0
+        )
+
+
 def test_a_dot_on_the_cost_map_follows_and_a_click_on_the_map_moves_the_sliders(page):
     picture = "document.getElementById('plane').toDataURL()"
     page.run("document.getElementById('plane').scrollIntoView({behavior: 'instant'})")

@@ -62,14 +62,14 @@ def test_where_the_model_lacks_something_its_orders_are_no_evidence():
     claim = claim_of(CLEAR, nearest(), MISFIT)
     assert claim.claim == "undecided"
     assert "9 times the encoder's rounding, and correlated" in " ".join(claim.reasons)
-    assert claim.reasons[-1].startswith("What would decide it")
+    assert claim.reasons[-1].startswith("To decide")
 
 
 def test_a_finding_that_contradicts_forbids_the_word_fractional():
     claim = claim_of(CLEAR, nearest(), NOISE, ["alpha may be 5 ms late."])
     assert claim.claim == "undecided"
     assert "lacks" not in " ".join(claim.reasons)  # it leaves noise: another model would not decide it
-    assert claim.reasons[-1] == "What would decide it: a fit without it."
+    assert claim.reasons[-1] == "To decide: refit after fixing it."
 
 
 def test_the_floor_is_taken_from_the_near_end_of_the_interval():

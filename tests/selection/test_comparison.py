@@ -521,8 +521,12 @@ VERDICTS = {
         3,
         "Orders help on 3 of 3 held-out recordings, by 50 %: viscous + Coulomb, orders free",
     ),
-    "orders replace dry friction": ([4, 3, 1, 1], 3, "Orders replace Coulomb friction and lose to it: alpha 1.7°"),
-    "a rung with orders is worse": ([4, 3, 1, 2], 3, "Orders replace Coulomb friction and lose to it"),
+    "orders replace dry friction": (
+        [4, 3, 1, 1],
+        3,
+        "Coulomb friction explains the data better than free orders: alpha 1.7°",
+    ),
+    "a rung with orders is worse": ([4, 3, 1, 2], 3, "Coulomb friction explains the data better than free orders"),
     "nothing matters": ([1, 1, 1, 1], 3, "Orders make no difference, an integer-order model predicts as well"),
     "orders hurt": ([1, 1.5, 1.2, 1.4], 3, "Orders fit better and predict worse, by 40 % on held-out recordings"),
     "the paper's is the best": (
@@ -552,7 +556,7 @@ def result(rows):
         (
             [1],
             [0.5],
-            "orders free (alpha 29°) against viscous, orders 1 (alpha 57°). One recording is few",
+            "orders free (alpha 29°) against viscous, orders 1 (alpha 57°). One held-out recording is not enough",
         ),
         ([1, 1], [0.5, 0.5], "Two recordings are few: hold out more."),
         ([math.inf, 1], [1, 1], "Orders help on 1 of 2 held-out recordings only"),

@@ -76,7 +76,7 @@ def posterior(
             jobs=jobs, observer=observer, command=sys.argv[1:],
         )  # fmt: skip
     if finished.posterior.trusted:
-        after = [(typed("profile", run, trust=trust), "the same from another side: no prior, no draws")]
+        after = [(typed("profile", run, trust=trust), "check by profile likelihood (no prior)")]
     else:
         again = typed("posterior", run, "--method", "nested", trust=trust)
         after = [(again, "draws from the whole prior; minutes")] * (method == "laplace")

@@ -84,7 +84,7 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
 
     project, trust = analysis.run.project, bool(analysis.run.project.own_code)
     if has_friction(project.problem.model):
-        say_next(console, (typed("compare", project.path, trust=trust), "does another structure leave less?"))
+        say_next(console, (typed("compare", project.path, trust=trust), "would another model leave smaller residuals?"))
     else:
         say_next(console, (typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"))
 

@@ -416,8 +416,8 @@ def _because(view: _View, i: int) -> str:
             return f"; {moved} is not scored: score it too, or fix {GREEK.get(u.name, u.name)}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
         return (
-            f"; its effect grows as the swing to the power {view.power(i):.1f}, and {GREEK.get(most, most)} swings "
-            f"by {view.size(most)} in all: release it from further out, or fix it"
+            f"; its effect scales with amplitude^{view.power(i):.1f} ({GREEK.get(most, most)}: {view.size(most)} "
+            "peak to peak): release from a larger angle, or fix it"
         )
     return ""
 

@@ -66,7 +66,7 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
             _rungs(axes, comparison, output, recordings, use)
             appearance.title(axes, title if output == comparison.outputs[0] else "")
         panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)}{_in(comparison, output)}")
-    appearance.finish(figure, "what each rung leaves unexplained")
+    appearance.finish(figure, "RMSE by friction model")
     return figure
 
 

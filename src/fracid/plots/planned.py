@@ -77,7 +77,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
         axes.set_xlabel("release [°]" if by_release else "duration [s]")
         symbol = appearance.symbol(name) if name in appearance.SYMBOLS else appearance.plain(name)
         axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(unit or '–')}]")
-    appearance.finish(figure, "Interval to expect after one experiment more")
+    appearance.finish(figure, "Expected interval after one more experiment")
     return figure
 
 

@@ -450,7 +450,7 @@ class _Page:
 
     def _model(self) -> list[str]:
         rigs = ", ".join(RIGS)
-        why = f"# begin with whose constants? {rigs}" if self.guessed else f"# {RIGS[self.rig].title}"
+        why = f"# initial constants; available rigs: {rigs}" if self.guessed else f"# {RIGS[self.rig].title}"
         return [
             "[model]",
             'name = "rotary-pendulum"                # your own: name = "my_rig.py:model"',
@@ -466,7 +466,7 @@ class _Page:
         gravity = own["C4"]
         lines.append(f"C4 = {gravity:.6g}".ljust(40) + "# m g l of the pendulum [N m]: weigh it and measure it")
         if not self.driven:
-            lines.append("# (all else scales with C4: a free response knows the constants up to a common factor)")
+            lines.append("# (all else scales with C4: a free response determines only ratios of constants)")
         free = ["C1", "C3", "C6", "J_theta"] if self.arm else ["C1"]
         if not self.arm:
             lines.append("C3 = 0.0".ljust(40) + "# the arm stands still, held by its motor: nothing couples to it")

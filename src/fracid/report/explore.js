@@ -22,7 +22,7 @@ class Explore {
     Object.assign(this, said, { charts: [], portion: 1, searching: 0, now: 0, playing: false });
     this.byKind("parameters").forEach(s => { s.below = s.low; });
     const choice = element("explore-recording");
-    this.intro = [...element("explore").querySelector("p").childNodes];
+    this.intro = [...element("explore-intro").childNodes];
     this.recordings.forEach((r, k) => choice.append(new Option(r.use === "validate" ? `${r.name}, held out` : r.name, k)));
     choice.closest("label").hidden = this.recordings.length === 1;
     this.rows = this.sliders.map(s => this.row(s));
@@ -39,6 +39,7 @@ class Explore {
     this.plane = Plane.all.find(p => p.canvas.id === "plane");
     if (this.plane) this.plane.spec.pick = (a, b) => this.pick(a, b);
     this.open(0);
+    this.recall();
   }
 
   byKind(kind) { return this.sliders.filter(s => s.kind === kind); }
@@ -101,8 +102,8 @@ class Explore {
     this.restore();
     const run = this.simulate();
     const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
-    element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = false; });
-    element("explore").querySelector("p").replaceChildren(...this.intro);
+    element("explore").querySelectorAll(".explore, .scores, #explore-text, .controls button").forEach(e => { e.hidden = false; });
+    element("explore-intro").replaceChildren(...this.intro);
     if (!(Math.max(...off) <= AGREES)) return this.refuse(Math.max(...off));
     this.agreement = Math.max(...off);
     this.bestLevels = [...this.rmse];
@@ -112,8 +113,8 @@ class Explore {
   }
 
   refuse(off) {
-    element("explore").querySelectorAll(".explore, #explore-text, .controls button").forEach(e => { e.hidden = true; });
-    const said = element("explore").querySelector("p");
+    element("explore").querySelectorAll(".explore, .scores, #explore-text, .controls button").forEach(e => { e.hidden = true; });
+    const said = element("explore-intro");
     said.textContent = `This recording cannot be explored: the page's solver differs from fracid's by ${round(off, 2)} of the swing, more than rounding.`;
   }
 
@@ -208,11 +209,11 @@ class Explore {
     const angles = this.outputs.map((o, k) => {
       const most = 1.15 * Math.max(largest(r.measured[k]), largest(r.fitted[k])), y = { measured: line(r.measured[k]) };
       const low = y.measured.reduce((least, v) => Math.min(least, v ?? least), most), high = y.measured.reduce((top, v) => Math.max(top, v ?? top), -most);
-      return { title: o.letter, ylabel: o.letter + unit(o), height: 210, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
+      return { title: o.letter, ylabel: o.letter + unit(o), height: 165, yrange: [low - 0.35 * (high - low || 1), high + 0.35 * (high - low || 1)], ...shared,
         series: [{ label: "measured", y: y.measured, kind: "measured", unit: o.unit }, { label: "simulated", y: () => this.curves[k], kind: "fitted", unit: o.unit }] };
     });
     const reach = this.outputs.map(() => 0);
-    const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 170, ...shared,
+    const residuals = this.outputs.map((o, k) => ({ title: `${o.letter}, residual`, ylabel: `residual${unit(o)}`, height: 120, ...shared,
       yrange: () => [-reach[k], reach[k]],
       grow: () => {
         const next = roomFor(Math.max(largest(this.residuals[k]), this.bestMost[k])), grown = next !== reach[k];
@@ -325,6 +326,7 @@ class Explore {
     }
     this.score(run);
     this.write();
+    if (!this.dragging) this.remember();
     const [a, b] = DATA.plane ? DATA.plane.keys.map(name => this.values().orders[name]) : [];
     if (this.plane) this.plane.follow(a, b);
     this.draw();
@@ -358,6 +360,32 @@ class Explore {
     const sliders = this.byKind("parameters"), others = this.recording.unknowns.filter(u => u.now !== u.value && sliders.every(s => s.name !== u.name));
     const blocks = [["model.orders", lines(this.byKind("orders"))], ["model.parameters", lines([...sliders, ...others])]].filter(([, rows]) => rows.length);
     element("explore-toml").textContent = blocks.map(([name, rows]) => `[${name}]\n${rows.join("\n")}\n`).join("\n");
+  }
+
+  // --- the link: #recording=…&mu=0.95&b_alpha=…
+
+  // Every value that is not the fit's, in the address of the page.
+  remember() {
+    const moved = [...this.sliders, ...this.recording.unknowns].filter(v => v.now !== v.value).map(v => [v.name, Number(v.now.toPrecision(6))]);
+    if (!moved.length && !this.linked) return;
+    this.linked = true;
+    const recording = this.recording === this.recordings[0] ? [] : [["recording", this.recording.name]];
+    history.replaceState(null, "", `#${moved.length ? new URLSearchParams([...recording, ...moved]) : "explore"}`);
+  }
+
+  // What the link that was followed has.
+  recall() {
+    const said = new URLSearchParams(location.hash.slice(1)), k = this.recordings.findIndex(r => r.name === said.get("recording"));
+    if (k > 0) {
+      element("explore-recording").value = k;
+      this.open(k);
+    }
+    for (const v of [...this.sliders, ...this.recording.unknowns]) {
+      const now = said.has(v.name) ? Number(said.get(v.name)) : NaN;
+      if (Number.isFinite(now)) v.now = Math.min(Math.max(now, v.kind === "orders" ? v.low : v.below ?? v.lower ?? -Infinity), v.kind === "orders" ? v.high : v.upper ?? Infinity);
+    }
+    this.widen();
+    this.touch();
   }
 
   async copy() {
@@ -523,6 +551,9 @@ function solved(A, b) {
 let explore = null;
 if (DATA.explore) {
   element("explore").hidden = false;
+  document.documentElement.classList.toggle("embed", new URLSearchParams(location.search).has("embed"));
+  const linked = new URLSearchParams(location.hash.slice(1));
+  if (DATA.explore.sliders.some(s => linked.has(s.name))) element("explore").scrollIntoView({ behavior: "instant" });
   const near = new IntersectionObserver(entries => {
     if (!entries.some(e => e.isIntersecting)) return;
     near.disconnect();

@@ -50,7 +50,7 @@ LACKS = "the model lacks something"
 
 COMPARE = "; fracid compare looks for one"
 
-LONGER = "What would decide it: longer recordings, or larger swings."
+LONGER = "To decide: longer recordings, or larger swings."
 """Said where the model leaves nothing but noise, and the orders are not known."""
 
 NO_RECORDING = "No recording of this kind would decide it."
@@ -59,7 +59,7 @@ NO_RECORDING = "No recording of this kind would decide it."
 UNSETTLED = "It is at a limit of its own, or leaves more than noise itself, which settles nothing."
 """Said of an integer-order model that does as well as the orders where neither explains the recordings."""
 
-DECADES = "What would decide it: recordings that show more decades of time, sampled faster or longer, or less noise."
+DECADES = "To decide: recordings that show more decades of time, sampled faster or longer, or less noise."
 """Said of orders that a few relaxations imitate."""
 
 COUNTS = ("none", "one", "two", "three")
@@ -182,7 +182,7 @@ def claim_of(
         return Claim("undecided", ("No order was free: they were given, not found.",))
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
-        return Claim("undecided", (_no_fit(missed), "What would decide it: a model that follows the recordings. "
+        return Claim("undecided", (_no_fit(missed), "To decide: a model that follows the recordings. "
                                    "Look at their columns, zeros, signs, units and clock, or type --multi-start "
                                    "16."))  # fmt: skip
     off = [order for order in orders if order.off]
@@ -196,12 +196,12 @@ def claim_of(
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
             return Claim("integer", (alternative.warning, *open_question))
-        decides = f"What would decide it: a model that leaves noise alone{'' if compared else COMPARE}."
+        decides = f"To decide: a model whose residual is white noise{'' if compared else COMPARE}."
         return Claim("undecided", (alternative.warning, UNSETTLED, *open_question, decides))
     if not off:
         claim, decides = _not_off(orders), LONGER
         if unexplained:
-            decides = f"What would decide it: a model that leaves noise alone{'' if compared else COMPARE}."
+            decides = f"To decide: a model whose residual is white noise{'' if compared else COMPARE}."
         remedy = [decides] if claim.claim == "undecided" and any(order.integers for order in orders) else []
         return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
     clear = [order for order in off if order.least_damping > FLOOR]
@@ -212,11 +212,11 @@ def claim_of(
         looks = "" if compared else COMPARE
         return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *unexplained,
                                    *contradictions,
-                                   f"What would decide it: a model that leaves noise alone{looks}."))  # fmt: skip
+                                   f"To decide: a model whose residual is white noise{looks}."))  # fmt: skip
     if contradictions:
         speaks, without = ("a finding speaks", "it") if len(contradictions) == 1 else ("findings speak", "them")
         return Claim("undecided", (f"{orders_off}, but {speaks} against that.", *contradictions,
-                                   f"What would decide it: a fit without {without}."))  # fmt: skip
+                                   f"To decide: refit after fixing {without}."))  # fmt: skip
     if alternative is None:
         return Claim("undecided", (f"No integer-order model was compared with {orders_off}.",))
     memories = alternative.memories

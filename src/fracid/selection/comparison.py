@@ -755,7 +755,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     fractional = comparison.best(fractional=True)
     if found := _springpots(comparison.best(fractional=False), base):
         why = f"The best structure with orders 1 has a springpot, {' and '.join(found)}, which is fractional itself."
-        how = "What would decide it: fit that structure with fracid fit, and look at the interval of its order."
+        how = "To decide: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     widths = _half_widths(fractional)
     orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n))

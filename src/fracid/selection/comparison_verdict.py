@@ -55,12 +55,15 @@ def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> 
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
     errors = {row.name: held_out_errors(row, comparison.units) for row in (fractional, integer)}
     against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
-    few = {1: " One recording is few: hold out more.", 2: " Two recordings are few: hold out more."}.get(N, "")
+    few = {
+        1: " One held-out recording is not enough; hold out more.",
+        2: " Two held-out recordings are not enough; hold out more.",
+    }.get(N, "")
     if ratio < 1 - MARGIN and helped > N / 2:
         by = f"by {100 * (1 - ratio):.2g} %"
         return Note(f"Orders help on {helped} of {N} held-out recordings, {by}: {against}.{few}", "orders-help")
     if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
-        return f"{sentence} Beside all friction they {_change(ratio)}.{few}"
+        return f"{sentence} With all friction terms included, free orders {_change(ratio)}.{few}"
     if abs(ratio - 1) <= MARGIN:
         return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
     if ratio < 1:
@@ -82,14 +85,14 @@ def _replaced(comparison: Comparison) -> str:
         return ""
     ordered, dried = (held_out_errors(row, comparison.units) for row in (paper, dry))
     return (
-        f"Orders replace Coulomb friction and lose to it: {ordered} held out with viscous friction and free orders, "
-        f"{dried} with viscous and Coulomb friction and orders 1."
+        f"Coulomb friction explains the data better than free orders: {ordered} held out with viscous friction and "
+        f"free orders, {dried} with viscous and Coulomb friction and orders 1."
     )
 
 
 def _change(ratio: float) -> str:
     if abs(ratio - 1) <= MARGIN:
-        return "make no difference"
+        return "change nothing"
     return f"make the prediction worse by {100 * (ratio - 1):.2g} %" if math.isfinite(ratio) else "do not predict"
 
 

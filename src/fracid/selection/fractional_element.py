@@ -85,7 +85,7 @@ class FractionalElement:
         """What to type."""
         order = _order_of(self.name)
         return (
-            f"What would decide it: in [model.parameters] {self.name} = {{ start = {self.strength:.2g}, lower = 0.0, "
+            f"To decide: in [model.parameters] {self.name} = {{ start = {self.strength:.2g}, lower = 0.0, "
             f"upper = {10 * self.strength:.2g} }} and {order} = {{ start = {self.order:.2f}, lower = 0.05, upper = "
             "0.95 }, the other orders 1; then fracid fit and compare, which hold it against friction of integer order."
         )

@@ -66,7 +66,7 @@ class LeftOver(Record):
 
     @property
     def fits(self) -> bool:
-        """Whether the model follows the motion, or leaves noise alone."""
+        """True if the model follows the motion, or its residual is noise."""
         return self.explained or self.fit >= HALF or self.times < COUNTS
 
     @property
