@@ -1,5 +1,7 @@
 """A loop in the solver is the solver's motion, regulators are python-control's, margins are where loops fall."""
 
+import shutil
+import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +11,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.feedback import study
+from fracid.feedback.code import c_controller, inputs_of
 from fracid.feedback.regulators import Plant, margins, regulator, sampled
 from fracid.solver.inputs import Driven
 
@@ -184,3 +187,21 @@ def test_a_gain_that_the_recordings_cannot_tell_is_refused():
     problem = fracid.Problem(model, (e,), {"mu": 1.0}, free, initial_state="held")
     with pytest.raises(InputError, match="do not tell gravity and J apart"):
         fracid.control(fit_of(problem), limit=0.3, draws=2)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+def test_the_controller_in_c_gives_the_inputs_of_the_loop_and_passes_its_own_test(found, tmp_path):
+    text = c_controller(found)
+    (tmp_path / "controller.c").write_text(text)
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+    own = ["cc", *flags, "-DFRACID_CONTROLLER_TEST", "controller.c", "-o", "test", "-lm"]
+    subprocess.run(own, cwd=tmp_path, check=True)
+    off = subprocess.run([tmp_path / "test"], check=True, capture_output=True, text=True).stdout
+    assert float(off) < 1e-9
+    c = replace(found.conditions, noise=dict.fromkeys(found.conditions.outputs, 0.0), delay=0.0)
+    _, y, u = replace(found.loop, conditions=c).run(found.loop.x, found.design.controller, 1)
+    np.testing.assert_allclose(inputs_of(found.design.controller, c, y), u, atol=1e-9)
+    wrong = text.replace("u += D[i] * e[i]", "u -= D[i] * e[i]")
+    (tmp_path / "controller.c").write_text(wrong)
+    subprocess.run(own, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == 1

@@ -109,5 +109,6 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
     for note in found.notes:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
     print_entry(console, "result", str(finished.path))
+    print_entry(console, "code", str(finished.folder / "controller.c"))
     print_figures(console, finished.figures)
     say_next(console, (after, "the model as C"))

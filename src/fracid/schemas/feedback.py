@@ -106,6 +106,8 @@ class Conditions(Record):
     steps: int
     """Of the solver, in a period."""
     outputs: Listed[str]
+    reference: dict[str, float]
+    """Of the outputs at the posture."""
     units: dict[str, str]
     quanta: dict[str, float]
     """Steps of the encoders; 0 for none."""

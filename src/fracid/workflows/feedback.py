@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
 from fracid.report.index import write_study_page
 from fracid.runs.folder import open_folder
@@ -26,6 +27,8 @@ from fracid.workflows.figures import saved
 from fracid.workflows.posterior_draws import DRAWN, header_of_run
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.study import Finished, folder_of, journal_of, refuse_fit
+
+CODE = "controller.c"
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +105,7 @@ def run_control(
             found = plan.run(jobs=jobs, **kept)
         watching.stage("figures")
         record = found.to_json() | {"source": str(run)}
-        write_files(folder, {FinishedControl.FILE: json_document(record)})
+        write_files(folder, {FinishedControl.FILE: json_document(record), CODE: c_controller(found)})
         figures = saved([("control", found.plot())], folder)
         write_study_page(folder, FinishedControl.FILE)
     watching.stage("")
