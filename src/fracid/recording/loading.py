@@ -172,11 +172,12 @@ def inspect_recording(
         signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
-        return Recording(
+        made = Recording(
             name or path.stem, path, digest, read_only(clock), {n: read_only(x) for n, x in values.items()}, units,
             replace(report, findings=(*source.findings, *dead, *report.findings)),
             frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
         )  # fmt: skip
+        return made.between_edges()
 
     whole = recording(channels, {})
     guessed = _guesses(whole, table, channels, columns is not None) if guess_units else {}

@@ -17,6 +17,7 @@ from fracid.errors import DataError, InputError, brief
 from fracid.figures import Style, draw
 from fracid.findings import Note
 from fracid.recording.channel import UNITS
+from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
 from fracid.units import GREEK, with_unit
@@ -196,6 +197,30 @@ class Recording(CardDisplay):
             for s, r in zip(new.report.signals, self.report.signals, strict=True)
         )
         return replace(new, report=replace(new.report, signals=reports))
+
+    def between_edges(self) -> Recording:
+        """Return the recording on a uniform grid if its rows are edges of encoders, else as it is.
+
+        Examples
+        --------
+        >>> angle = np.round(100 * np.cos(6 * np.arange(0, 5, 1e-4)))
+        >>> rows = np.flatnonzero(np.diff(angle)) + 1
+        >>> sampled = Recording.of("twin", 1e-4 * rows, {"alpha": angle[rows]}).between_edges()
+        >>> error = sampled.signals["alpha"] - 100 * np.cos(6 * sampled.time)
+        >>> sampled.report.clock.uniform, bool(abs(error).max() < 0.5)
+        (True, True)
+        """
+        counts = {} if self.uneven else counts_at_edges(self.time, self.signals)
+        if not counts:
+            return self
+        time, signals = between_edges(self.time, self.signals, counts)
+        new = self._with(time, signals, self.report.resampled)
+        note = Note(f"Each of its {len(self.time)} rows is an edge of {' or '.join(counts)}, one count on: at each "
+                    f"it is taken halfway between two counts, and read every {1e3 * (time[1] - time[0]):.3g} ms.",
+                    "edges")  # fmt: skip
+        known = {n: count for n, count in counts.items() if n in self.assumed}  # its unit is guessed from it
+        reports = tuple(replace(s, resolution=known.get(s.name, s.resolution)) for s in new.report.signals)
+        return replace(new, report=replace(new.report, reading=(*new.report.reading, note), signals=reports))
 
     def bridge_blanks(self) -> Recording:
         """Return the recording with its few missing samples interpolated, of which none is scored.
