@@ -51,6 +51,22 @@ def test_the_period_is_that_of_the_swing(spoil, decay):
     assert swing_period(signal) == pytest.approx(PERIOD, rel=0.02)
 
 
+def wandering(seed):
+    """A swing of 110 samples that goes over the top now and then, and drifts."""
+    rng, n = np.random.default_rng(seed), 60_000
+    turns = np.cumsum((rng.random(n) < 1 / 3000) * rng.choice([-1, 1], n))
+    smooth = np.convolve(2 * np.pi * turns, np.ones(80) / 80, mode="same")
+    return 0.6 * np.cos(2 * np.pi * np.arange(n) / 110) + smooth + 4 * np.arange(n) / n + 2e-3 * rng.standard_normal(n)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_signal_that_tumbles_and_drifts_has_the_period_of_its_swings(seed):
+    """About its median it crosses a few times in the whole record."""
+    signal = wandering(seed)
+    assert swing_period(signal) == pytest.approx(110, rel=0.03)
+    assert swing_period(np.round(signal * 4096 / (2 * np.pi))) == pytest.approx(110, rel=0.03)
+
+
 @pytest.mark.parametrize("phase", np.linspace(0, 2 * np.pi, 7))
 def test_the_period_does_not_depend_on_where_the_record_begins(phase):
     assert swing_period(swing(0.1, phase)) == pytest.approx(PERIOD, rel=0.02)

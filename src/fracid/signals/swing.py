@@ -97,6 +97,9 @@ def swing_count(signal: FloatArray) -> float:
 def swing_period(signal: FloatArray) -> float:
     """The period [samples]; infinite where there is less than a whole swing.
 
+    Where the signal wanders, as one that drifts or goes over the top does, the whole crosses its middle seldom: then it
+    is that of its parts, of the longest in most of which it swings.
+
     Examples
     --------
     >>> t = np.arange(4000) / 100
@@ -105,8 +108,32 @@ def swing_period(signal: FloatArray) -> float:
     >>> swing_period(np.exp(-t))
     inf
     """
+    period, length = _period_about_the_middle(signal), signal.size // 2
+    while length >= max(SHORTEST, signal.size // MOST_PARTS):
+        starts = np.linspace(0, signal.size - length, min(LOOKED_AT, signal.size // length)).astype(int)
+        moving = [part for part in (signal[k : k + length] for k in starts) if _moves_clearly(part)]
+        local = [p for p in map(_period_about_the_middle, moving) if SWINGS_OF_A_PART * p <= length]
+        if 2 * len(local) > len(moving):
+            return float(np.median(local)) if np.median(local) < period / WANDERS else period
+        length //= 2
+    return period
+
+
+WANDERS = 3.0
+"""A period that is so many times that of most parts is none of a swing."""
+
+SHORTEST, MOST_PARTS, LOOKED_AT, SWINGS_OF_A_PART = 64, 1024, 16, 6.0
+"""Samples of the shortest part; into how many the whole is cut at most; so many are looked at; and what each has."""
+
+
+def _period_about_the_middle(signal: FloatArray) -> float:
     turns = half_swings(signal)
     return float(np.median(turns[2:] - turns[:-2])) if turns.size >= FEWEST else math.inf
+
+
+def _moves_clearly(part: FloatArray) -> bool:
+    """Tell whether it is more than its noise, and than a few steps of its lattice."""
+    return bool(np.ptp(part) > max(4 * CLEAR * white_noise(part), 10 * (resolution(part) or 0.0)))
 
 
 def common_period(signals: FloatArray) -> float:
