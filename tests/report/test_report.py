@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import html
 import json
 import math
 import re
@@ -148,6 +149,14 @@ def decoded(text):
 
 
 # --- the page as text ------------------------------------------------------------------------------
+
+
+def test_no_sentence_of_the_page_has_a_power_of_ten_as_a_terminal_writes_it(page):
+    """What is typed has it: commands, the project file and ``name = 1e-3``."""
+    read = re.sub(r"<(script|style|pre|code)\b.*?</\1>", "", page, flags=re.DOTALL)
+    words = html.unescape(re.sub(r"<[^>]+>", " ", read))
+    assert "×10⁻" in words
+    assert re.findall(r"(?<![\w.])(?<!= )\d+(?:\.\d+)?e[-+]?\d+(?!\w)", words) == []
 
 
 def test_every_element_is_closed_and_every_id_is_there_once(parsed):

@@ -19,6 +19,7 @@ from fracid.report.sentences import (
     letter,
     number,
     search_sentence,
+    typeset,
     unit,
     with_error,
 )
@@ -56,14 +57,17 @@ def environment_of_pages() -> Environment:
 
 
 def unbroken(sentence: str) -> str:
-    """A sentence that breaks at no space before a unit.
+    """A sentence that breaks at no space before a unit, its powers of ten raised where they are not to be typed.
 
     Examples
     --------
+    >>> unbroken("b fell from 2.4e-03 to 3e-5; type tolerance = 1e-8")
+    'b fell from 2.4×10⁻³ to 3×10⁻⁵; type tolerance = 1e-8'
     >>> unbroken("a fit of 95.7 %, 55.79 s at 500 Hz, and 3 sentences").split(" ")
     ['a', 'fit', 'of', '95.7\xa0%,', '55.79\xa0s', 'at', '500\xa0Hz,', 'and', '3', 'sentences']
     """
-    return re.sub(r"(?<=\d) (?=(?:%|s|ms|Hz|V|mV|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", sentence)
+    raised = re.sub(r"(?<![\w.])(?<!= )\d+(?:\.\d+)?e[-+]?\d+(?!\w|\.\d)", lambda found: typeset(found[0]), sentence)
+    return re.sub(r"(?<=\d) (?=(?:%|s|ms|Hz|V|mV|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", raised)
 
 
 def linked(sentence: str) -> Markup:

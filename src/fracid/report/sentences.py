@@ -59,7 +59,7 @@ def number(value: float | None, form: str = ".4g") -> str:
     text = f"{value:{form}}"
     if "e" in text and 1 <= abs(float(text)) < 1e5:
         text = f"{float(text):.0f}"
-    return _typeset(text)
+    return typeset(text)
 
 
 def counted(value: float | None) -> str:
@@ -75,8 +75,14 @@ def counted(value: float | None) -> str:
     return f"{value:,.0f}".replace("-", "−")
 
 
-def _typeset(text: str) -> str:
-    """A number as Python writes it, with a true minus and a raised exponent."""
+def typeset(text: str) -> str:
+    """A number as Python writes it, with a true minus and a raised exponent.
+
+    Examples
+    --------
+    >>> typeset("-1.2e-05")
+    '−1.2×10⁻⁵'
+    """
     mantissa, _, exponent = text.replace("-", "−").partition("e")
     if not exponent:
         return mantissa
@@ -110,7 +116,7 @@ def digits(estimate: Mapping[str, Any]) -> str:
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
     value, half = estimate.get("value"), half_width(estimate)
-    return number(value, ".6g") if value is None or not half else _typeset(to_second_digit(value, half))
+    return number(value, ".6g") if value is None or not half else typeset(to_second_digit(value, half))
 
 
 def interval(estimate: Mapping[str, Any]) -> str:
@@ -125,7 +131,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
     if ends is None or estimate.get("value") is None:
         return number(None)
     words = interval_beside(estimate["value"], *ends).split()
-    return " ".join(word if word in "±…" else _typeset(word) for word in words)
+    return " ".join(word if word in "±…" else typeset(word) for word in words)
 
 
 def with_error(value: float | None, error: float | None) -> str:
@@ -138,7 +144,7 @@ def with_error(value: float | None, error: float | None) -> str:
     """
     if value is None or not error or not isfinite(error):
         return f"{number(value)} ± {number(error)}"
-    return f"{_typeset(to_second_digit(value, error))} ± {_typeset(to_second_digit(error, error))}"
+    return f"{typeset(to_second_digit(value, error))} ± {typeset(to_second_digit(error, error))}"
 
 
 def half_width(estimate: Mapping[str, Any]) -> float | None:
@@ -164,7 +170,7 @@ def end_of(estimate: Mapping[str, Any], side: int) -> str:
     low, high = estimate["interval95"]
     if None in (low, high) or not high > low:
         return number((low, high)[side], ".6g")
-    return _typeset(to_second_digit((low, high)[side], (high - low) / 2))
+    return typeset(to_second_digit((low, high)[side], (high - low) / 2))
 
 
 def unit(text: str) -> str:
