@@ -59,7 +59,7 @@ INSTEAD = {
     r"\bnobody (?:recorded|was asked)\b": "unrecorded, unknown",
     r"\bthan all that\b": "than its bounds",
     r"\bshows? with the power\b": "its effect scales with amplitude^p",
-    r"\bWhat would decide it\b": "To decide:",
+    r"\bWhat would decide it:": "To decide:",
     r"\bleaves? noise alone\b": "whose residual is white noise",
     r"\b(?:is|are) few: hold out\b": "is not enough; hold out more",
     r"\bthe same from another side\b": "check by",

@@ -16,14 +16,14 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def commands(card):
     """The words of each command of a card, without its remark."""
-    section = README.split(f"\n## {card}\n")[1].split("\n## ")[0]
+    section = README.split(f"\n## {card}\n")[1].split("\n## ")[0].replace("\\\n", " ")
     return [shlex.split(line, comments=True)[1:] for line in re.findall(r"^\$ (fracid .*)$", section, re.MULTILINE)]
 
 
 def test_the_links_between_the_cards_lead_to_their_headings():
     anchors = {"#" + title.lower().replace(" ", "-") for title in re.findall(r"^## (.*)$", README, re.MULTILINE)}
     linked = re.findall(r"\]\((#[^)]*)\)", README)
-    assert len(linked) == 3
+    assert len(linked) == 4
     assert set(linked) <= anchors
 
 
@@ -36,6 +36,11 @@ def test_a_package_index_shows_no_link_or_picture_that_it_cannot_resolve():
     assert re.findall(r"!?\[[^\]]*\]\((?!https:)[^)]*\)", shown) == []
     assert "<img" not in shown
     assert len(shown) > 0.7 * len(README)
+
+
+def test_no_line_of_code_is_wider_than_a_page_that_shows_it():
+    blocks = re.findall(r"```.*?```", README, re.DOTALL)
+    assert [line for block in blocks for line in block.splitlines() if len(line) > 80] == []
 
 
 @pytest.mark.broad

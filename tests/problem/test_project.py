@@ -415,3 +415,9 @@ def test_the_examples_lack_nothing_but_their_recordings(path, tmp_path):
     found = load_project(tmp_path / path.name)
     assert found.problem.names
     assert np.isfinite(found.problem.cost(found.problem.start))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
+def test_an_example_without_its_recordings_says_where_they_are(path):
+    with pytest.raises(InputError, match=r"no file .*\.mat\. The project says: .*github FedericoCorso"):
+        load_project(path)

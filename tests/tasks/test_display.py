@@ -4,6 +4,7 @@ import io
 import json
 import logging
 import re
+import signal
 import sys
 import types
 
@@ -152,3 +153,16 @@ def test_a_notebook_shows_the_stages_below_the_cell_and_a_script_nothing(clock, 
     assert contents[-1] == "… search · 12 evaluations · 2 s"
     observer.stage("")
     assert contents[-1] == "✓ search · 12 evaluations · 2.0 s"
+
+
+def test_ctrl_c_is_answered_at_once_on_a_terminal_and_what_heard_it_before_hears_it_again(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(stream, "isatty", lambda: True)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), shown(stream=stream):
+            signal.raise_signal(signal.SIGINT)
+        assert "stopping after what is under way" in stream.getvalue()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

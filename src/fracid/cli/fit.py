@@ -195,7 +195,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         console,
         f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
         f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations: "
-        f"{escape(fit.outcome)}; result after {run.seconds:.1f} s",
+        f"{escape(fit.outcome)}; result after {run.seconds:.1f} s, figures and page follow",
     )
     _print_estimates(console, fit)
     _print_recordings(console, fit)

@@ -31,6 +31,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
+from fracid.units import to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -166,8 +167,12 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
         gain = gains.get(name)
         narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.3g}"
         mark = "*" if name in plan.of else ""
-        table.add_row(*map(escape, (f"{name}{mark}", f"{v.value:.5g}", ends, narrower, v.unit)))
+        half = 0.0 if v.interval95 is None else (v.interval95[1] - v.interval95[0]) / 2
+        value = to_second_digit(v.value, half) if half else f"{v.value:.5g}"
+        table.add_row(*map(escape, (f"{name}{mark}", value, ends, narrower, v.unit)))
     console.print(table)
+    star = "* what the plan narrows; " if plan.of else ""
+    console.print(f"[dim]{star}narrower by: the interval of now over the one to expect[/dim]", soft_wrap=True)
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip

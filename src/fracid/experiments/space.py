@@ -138,10 +138,20 @@ class DesignSpace(CardDisplay):
 
     @property
     def angles(self) -> tuple[float, ...]:
-        """The angles of release [°]."""
+        """The angles of release [°]: within a range multiples of 5°, or of 1°, which a hand can set.
+
+        Examples
+        --------
+        >>> DesignSpace(release=(5, 150), levels=6).angles, DesignSpace(release=(2.5, 9), levels=3).angles
+        ((5.0, 35.0, 65.0, 90.0, 120.0, 150.0), (2.5, 6.0, 9.0))
+        """
         values = _several(self.release)
         if len(values) == 2:
-            return tuple(np.linspace(*values, self.levels).round(6).tolist())
+            angles = np.linspace(*values, self.levels)
+            apart = abs(values[1] - values[0]) / max(1, self.levels - 1)
+            if grid := next((g for g in (5.0, 1.0) if apart >= g), 0.0):
+                angles[1:-1] = grid * np.round(angles[1:-1] / grid)
+            return tuple(dict.fromkeys(angles.round(6).tolist()))
         return tuple(map(float, values))
 
     @property

@@ -429,7 +429,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     _refuse_twins(content.recording)
     channels = [_channels(r, model) for r in content.recording]
     pairs = [
-        _load(r, c, model, path.parent, past) for r, c, past in zip(content.recording, channels, pasts, strict=True)
+        _load(r, c, model, path.parent, past, _whence(text))
+        for r, c, past in zip(content.recording, channels, pasts, strict=True)
     ]
     recordings = tuple(recording for recording, _ in pairs)
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
@@ -657,8 +658,20 @@ def _named(where: str, build: Callable[..., _T], **values: Any) -> _T:
         raise InputError(f"{where}: {error}") from None
 
 
+def _whence(text: str) -> str:
+    """What the head of a project says of where its recordings are; empty where it says nothing.
+
+    Examples
+    --------
+    >>> _whence("# A release.\\n# The recordings are others' (github them/rig): put them beside this file.\\n[model]")
+    "The recordings are others' (github them/rig): put them beside this file."
+    """
+    found = re.search(r"^# ?((?:The recordings? (?:is|are)|Recordings:) .*)$", text, re.MULTILINE)
+    return "" if found is None else printable(found[1].strip())
+
+
 def _load(
-    spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool
+    spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool, whence: str
 ) -> tuple[Recording, Recording | None]:
     """Load a recording and, if asked for, what came before."""
     columns = channels.columns
@@ -680,6 +693,8 @@ def _load(
         )
     if isinstance(spec.start, float) and spec.stop is not None and spec.start >= spec.stop:
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
+    if whence and not (folder / spec.file).exists():
+        raise InputError(f"no file {folder / spec.file}. The project says: {whence}")
     recording = load_recording(
         folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
         variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,

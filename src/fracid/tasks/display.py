@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import json
 import logging
+import signal
 import sys
 import threading
 import time
@@ -31,6 +32,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from html import escape
+from types import FrameType
 from typing import Any, ParamSpec, TextIO, TypeVar
 
 from fracid.safety.text import printable
@@ -347,6 +349,11 @@ def shown(
      "seconds": 6.0, "rate": 1.0, "left": 2.0, "best": null}
     """
     stream = sys.stderr if stream is None else stream
+    with _answering(stream):
+        yield from _shown(stage, events, stream, result)
+
+
+def _shown(stage: str, events: bool, stream: TextIO, result: Callable[[Any], None] | None) -> Iterator[Observer]:
     if not events and not stream.isatty():
         yield Observer(notice=lambda sentence: _write_line(stream, sentence), result=result or SILENT.result)
         return
@@ -358,6 +365,27 @@ def shown(
         display.close("")
         raise
     display.stage("")
+
+
+@contextmanager
+def _answering(stream: TextIO) -> Iterator[None]:
+    """Have Ctrl-C answered at once on a terminal: what is under way ends first, which may take seconds."""
+    before = signal.getsignal(signal.SIGINT)
+    on_main = threading.current_thread() is threading.main_thread()
+    if not (stream.isatty() and on_main and before is signal.default_int_handler):
+        yield
+        return
+
+    def answer(number: int, frame: FrameType | None) -> None:
+        stream.write("\nstopping after what is under way; what is done is kept …\n")
+        stream.flush()
+        signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, answer)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _write_line(stream: TextIO, sentence: str) -> None:
