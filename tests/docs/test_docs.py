@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LONG = ("residuals", "identification", "uncertainty", "theory", "choosing", "coming-from")
+LONG = ("residuals", "identification", "uncertainty", "theory", "choosing", "coming-from", "upright")
 """Pages that take seconds."""
 PAGES = (
     "docs/solver.md",
