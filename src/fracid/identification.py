@@ -211,16 +211,18 @@ def identify(
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = problem if entry.keeps_its_own else beginning(problem, window) if window else coarse_problem(problem)
         problem = windowed(problem, window) if window else problem
+        checked: Discretisation | None = None
         with _counted(work, entry, watching, callback) as tell:
             watch = Watch(log, tell)
             result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
                                       executor=executor, journal=journal)  # fmt: skip
             if window and not result.interrupted:
-                work, at = _lengthened(work, result.best.point, problem, fixed_step, jobs)
+                work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs)
                 result, attempts = refined(work, at, jobs, watch), ()
+                checked = checked.on_all_samples(work, checked.cost, result.best.cost)
         analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
                              alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
-                             sampled=problem, window=window)  # fmt: skip
+                             sampled=problem, window=window, check=checked)  # fmt: skip
         if result.interrupted:
             watching.interrupted()
         elif not np.isfinite(result.best.cost):
@@ -382,7 +384,7 @@ class _Findings:
         """Go on to the minimum itself, and find what is known there."""
         problem, best = self.problem, self.result.best
         self.near = None
-        if problem.cost_function.loss is not None and problem.blocks is None and problem.names:
+        if problem.cost_function.loss is not None and problem.blocks is None and problem.names and not self.window:
             own = self.optimiser.keeps_its_own
             found = (
                 tangent(problem, best.point, jobs=given.jobs) if own else settled(problem, best.point, jobs=given.jobs)
@@ -408,7 +410,8 @@ class _Findings:
 
     def _halve(self, given: _Given) -> bool:
         """Halve the step where the fit may choose it and its errors may bend intervals; whether it was."""
-        if self.fixed_step or self.check is None or self.near is None or is_coarse(self.problem):
+        fixed = self.fixed_step or self.window is not None or is_coarse(self.problem)
+        if fixed or self.check is None or self.near is None:
             return False
         rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
         if not rises.size or not is_rough(self.near, float(rises.min())):
@@ -431,12 +434,12 @@ class _Findings:
 
     def with_quiet_step(self, given: _Given) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
+        if self.window is not None:  # it was checked on parts of the windows
+            return
         problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
         check = discretisation_check(problem, x, self.known, given.jobs, substeps=self.substeps, near=self.near)
         self.check = replace(check, refinement=taken)
-        fixed = (  # nor is what it found polished; of windows the step was chosen on parts of them
-            self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem) or self.window is not None
-        )
+        fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
         finer = None if fixed else finer_step(problem, x, self.check, given.jobs, self.near)
         if finer is not None:
             self.take(finer, given)
@@ -680,17 +683,16 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
 
 def _lengthened(
     parts: Problem, x: FloatArray, whole: Problem, fixed_step: bool, jobs: int
-) -> tuple[Problem, FloatArray]:
+) -> tuple[Problem, FloatArray, Discretisation]:
     """A problem in windows, and where to begin, from the minimum of that in parts of them.
 
-    Its step is chosen there: at the end of a window what half a step changes has grown, and led to another minimum.
+    Its step is checked and chosen there: at a window's end what half a step changes has grown, and led elsewhere.
     """
-    if not fixed_step:
-        check = discretisation_check(parts, x, uncertainty(parts, x, jobs=jobs), jobs)
-        if (finer := finer_step(parts, x, check, jobs)) is not None:
-            parts, x = finer.problem, finer.best.point
+    check = discretisation_check(parts, x, uncertainty(parts, x, jobs=jobs), jobs)
+    if not fixed_step and (finer := finer_step(parts, x, check, jobs)) is not None:
+        parts, x, check = finer.problem, finer.best.point, finer.check
     whole = replace(whole, substeps=parts.substeps)
-    return whole, lengthened(parts, x, whole)
+    return whole, lengthened(parts, x, whole), check
 
 
 def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator[str]:

@@ -293,3 +293,16 @@ def test_the_figure_draws_both_models_of_every_output(posture):
     for axes in figure.axes:
         fractional, integer = (line.get_ydata() for line in axes.get_lines())
         assert np.abs(np.asarray(fractional) - integer).max() < 0.02 * np.ptp(fractional) + 0.2
+
+
+@pytest.mark.parametrize("order", [1.0005, 1.02, 1.5])
+def test_an_order_above_1_is_1_over_s_and_a_sum_of_lags(order):
+    operator = positive_sum(order, (0.3, 3000.0))
+    s = 1j * np.geomspace(0.3, 3000.0, 40)
+    assert operator.poles[0] == 0.0
+    assert np.abs(operator.response(s.imag) * s**order - 1).max() < 2e-3
+
+
+def test_an_order_next_to_0_is_no_sum_of_lags():
+    with pytest.raises(InputError, match=r"1/s\^0.005 is no sum of 100 lags"):
+        positive_sum(0.005, (0.3, 3000.0))

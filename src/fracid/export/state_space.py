@@ -128,6 +128,10 @@ class Operator:
         )
 
 
+MOST_POLES = 100
+"""An order next to 0 takes more, and is refused."""
+
+
 @lru_cache(maxsize=64)
 def positive_sum(order: float, band: tuple[float, float], within: tuple[float, float] = (DECIBEL, DEGREES)) -> Operator:
     """1/s^order as a sum of lags, below order 1 with residues above 0.
@@ -149,7 +153,7 @@ def positive_sum(order: float, band: tuple[float, float], within: tuple[float, f
     Raises
     ------
     InputError
-        If the order or the band is none.
+        If the order or the band is none, or the order is so near 0 that no sum of lags is it.
 
     Examples
     --------
@@ -166,14 +170,14 @@ def positive_sum(order: float, band: tuple[float, float], within: tuple[float, f
     if order == 1.0:
         return Operator(order, np.zeros(1), np.ones(1), band)
     low, high = wide = band[0] / BELOW, band[1]
-    for count in itertools.count(2):
+    for count in range(2, MOST_POLES):
         for lower, higher in itertools.product(WIDER, WIDER):
             poles = np.geomspace(low / lower, high * higher, count)
             operator = Operator(order, *_fitted(order, wide, poles, within), wide)
             decibel, degrees = operator.errors
             if decibel <= within[0] and degrees <= within[1] and operator.poles[0] == 0.0:
                 return replace(operator, band=band)
-    raise AssertionError  # with more poles any band is met
+    raise InputError(f"1/s^{order:.6g} is no sum of {MOST_POLES} lags from {low:.3g} to {high:.3g} rad/s.")
 
 
 def _fitted(
@@ -186,14 +190,15 @@ def _fitted(
     s, above = 1j * np.geomspace(*band, places)[:, None], order > 1
     poles = poles if above else np.append(0.0, poles)
     ratio = s ** (order - above) / (s + poles)
+    if above:  # next to order 1 all that is left is nearly constant: a pole far above the band is one
+        ratio = np.column_stack([ratio * poles, s ** (order - 1)])
     size, angle = math.log(10) / 20 * within[0], math.radians(within[1])
     wanted = np.repeat([1 / size, 0.0], places)
     amplitudes, _ = nnls(np.vstack([ratio.real / size, ratio.imag / angle]), wanted, maxiter=100 * len(poles))
-    kept = amplitudes > 0
-    poles, amplitudes = poles[kept], amplitudes[kept]
-    if not above:
-        return poles, amplitudes
-    return np.append(0.0, poles), np.append((amplitudes / poles).sum(), -amplitudes / poles)  # a/s/(s + p)
+    if above:  # a p/s/(s + p) = a/s - a/(s + p)
+        poles, amplitudes = np.append(0.0, poles), np.append(amplitudes.sum(), -amplitudes[:-1])
+    kept = amplitudes != 0
+    return poles[kept], amplitudes[kept]
 
 
 # --- models ------------------------------------------------------------------------------------------

@@ -38,7 +38,8 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
     >>> csv_tables.__name__
     'csv_tables'
     """
-    experiments = {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
+    fitted = {name: e for name, (e, _) in run.problem.recordings.items()}
+    experiments = fitted | {e.name: e for e in run.project.validation}
     names = {name: f"{stem}.csv" for name, stem in file_stems(run.recordings).items()}
     tables = {}
     for name, recording in run.recordings.items():

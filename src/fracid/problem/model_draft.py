@@ -21,6 +21,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.models import Model, model
+from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
@@ -93,7 +94,9 @@ class _Page:
     ) -> None:  # fmt: skip
         self.name, self.file, self.time, self.variable, self.folder = name, files[0], time, variable, folder
         self.table = table_of(name)
-        self.model: Model = with_rates(model(name, **({} if zero is None else {"zero": zero})), columns or ())
+        zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
+        either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
+        self.model: Model = either[0]
         self.notes: list[str] = []
         self.beside = [self._beside(read_table(file, variable).beside) for file in files]
         self.columns = self._columns(columns)
@@ -107,7 +110,13 @@ class _Page:
         self.recording = self.recordings[0]
         moves = {s.name for s in self.recording.report.signals if s.range > 0}
         self.driven = bool(moves & {*self.model.inputs})
-        self.first = FirstValues({}, {}, 1.0) if self.special else self._first_values()
+        found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
+        self.model, self.first = max(found, key=lambda one: one[1].explained)
+        if self.first.explained < POOR:
+            self.notes.append(
+                f"May be wrong: with the constants that the search begins with, the equations explain "
+                f"{100 * self.first.explained:.0f} % of the motion. Is it a {self.name}, and are the units right?"
+            )
 
     def _recording_of(self, file: Path) -> Recording:
         channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
@@ -210,7 +219,7 @@ class _Page:
             return {}, "whose unit the header says"
         return unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
 
-    def _first_values(self) -> FirstValues:
+    def _first_values(self, model: Model) -> FirstValues:
         rows = self.table["model"]["parameters"]
         r = self.recording
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
@@ -223,13 +232,7 @@ class _Page:
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
         free = [n for n in rows if self._sought(n) and rows[n]["start"] != 0.0]
         optional = [n for n in rows if self._sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
-        found = first_values(self.model, r.report.clock.step, signals, free, optional, starts)
-        if found.explained < POOR:
-            self.notes.append(
-                f"May be wrong: with the constants that the search begins with, the equations explain "
-                f"{100 * found.explained:.0f} % of the motion. Is it a {self.name}, and are the units right?"
-            )
-        return found
+        return first_values(model, r.report.clock.step, signals, free, optional, starts)
 
     def _sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""

@@ -42,6 +42,8 @@ WIDE = 0.15
 def not_explored(material: Material) -> str:
     """Why the model cannot be simulated on the page; empty if it can."""
     problem = material.project.problem
+    if material.result.get("window") is not None:
+        return "The recordings were fitted in windows, each with a start of its own; the page simulates from one."
     if reason := no_javascript(problem):
         return reason
     if functions := [n for n in problem.outputs if n not in problem.model.output_states]:
