@@ -1,4 +1,4 @@
-"""``fracid regress PROJECT|RECORDING``: the pendulum's constants straight from recordings, by linear regression."""
+"""``fracid regress PROJECT|RECORDING``: constants straight from recordings, by linear regression."""
 
 from __future__ import annotations
 
@@ -87,11 +87,12 @@ def regress(
     jobs: Jobs = 1,
     json_: Json = False,
 ) -> None:
-    """Estimate the pendulum's constants by robust linear regression.
+    """Estimate a model's constants by robust linear regression.
 
-    The equations are linear in the constants for given orders; free orders are searched.  No starting values are
-    needed: the estimates are starting values for a fit.  Uses all recordings of a project that have use = "fit"
-    together.  Writes regression.json if --out is given.  Exit code 0 if a constant is identified, 3 if none is.
+    The equations are linear in most constants for given orders; the rotary pendulum's orders are searched.  What is
+    not linear is named and held.  The estimates are starting values for a fit.  Uses all recordings of a project that
+    have use = "fit" together.  Writes regression.json if --out is given.  Exit code 0 if a constant is identified, 3
+    if none is.
     """
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
@@ -125,7 +126,7 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         for heading, text in _start_lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
-        for warning in (f.belief, *f.warnings):
+        for warning in filter(None, (f.belief, *f.warnings)):
             console.print(f"[yellow]![/yellow] {escape(warning)}", soft_wrap=True)
     for note in results.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)

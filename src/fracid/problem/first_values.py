@@ -104,6 +104,11 @@ def first_values(
     return FirstValues(values, reach, max(0.0, 1.0 - cost))
 
 
+def smoothing(measured: FloatArray, step: float) -> float:
+    """Samples of the Gaussian that smooths signals, shape (n_samples, n), and leaves their motion alone."""
+    return max(1.5, 0.03 / step / max(_highest(x, step) for x in measured.T))
+
+
 class _Equations:
     """The residuals of the equations at some samples of a recording."""
 

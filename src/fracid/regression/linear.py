@@ -141,7 +141,7 @@ class Regression(CardDisplay):
     @property
     def belief(self) -> str:
         """What came of recordings like these when the truth was known, in words: :mod:`.credibility`."""
-        return belief(self.amplitude, self.noise["alpha"], self.noise_ratio)
+        return belief(self.amplitude, self.noise["alpha"], self.noise_ratio) if "alpha" in self.noise else ""
 
     @property
     def values(self) -> dict[str, float]:

@@ -116,11 +116,11 @@ def _columns(
 def _rates(x: FloatArray, order: float, step: float, time_scale: float) -> Pair:
     """D^q x and D^q D^q x, each times τ₀^(q−1); x may hold many signals in columns."""
     unit = time_scale ** (order - 1.0)
-    rate = unit * _from_rest(x, order, step)
-    return rate, unit * _from_rest(rate, order, step)
+    rate = unit * from_rest(x, order, step)
+    return rate, unit * from_rest(rate, order, step)
 
 
-def _from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
+def from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
     """Caputo's D^q of a signal that starts without a slope, as the solver has it: Riemann–Liouville's of its rise.
 
     Caputo's own would take the slope at the start from the data, and x₂ starts as t^λ, above order 1 hard to tell.

@@ -14,6 +14,7 @@ from fracid.problem import Free, Problem
 from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
+from fracid.regression.equations import regress_equations
 from fracid.regression.linear import RegressionResultBlock, RegressionsBlock
 from fracid.regression.rows import swing_of, terms_of
 from fracid.safety.paths import kind_of, refuse_mistaken
@@ -133,7 +134,13 @@ def run_regression(
         refuse_mistaken(source, "recording")
     with one_blas_thread():
         if source.suffix == ".toml":
-            request = _of_project(source, start, stop, trust)
+            project = load_project(source, trust=trust)
+            if project.problem.model.linear_terms is None:
+                estimate = _of_equations(project)
+                if out is not None:
+                    write_files(out, {REGRESSION: json_document(estimate.result)})
+                return estimate
+            request = _of_project(project, start, stop)
         else:
             request = _of_recording(source, start, stop, **recording)
         estimate = _regressed(_as_said(request, known, orders, terms), estimator, cutoff, each)
@@ -145,9 +152,16 @@ def run_regression(
 # ------------------------------------------------------------------ what is asked
 
 
-def _of_project(path: Path, start: float | str | None, stop: float | None, trust: bool) -> _Asked:
+def _of_equations(project: Project) -> FinishedRegression:
+    """The regression of a model of equations: what is linear of what its project leaves free."""
+    problem, fitted = project.problem, {e.name for e in project.problem.experiments}
+    recordings = tuple(r for r in project.recordings if r.name in fitted)
+    asked = _Asked(recordings, problem.model, {}, (), {}, problem)
+    return FinishedRegression(asked, {", ".join(fitted): regress_equations(problem)})
+
+
+def _of_project(project: Project, start: float | str | None, stop: float | None) -> _Asked:
     """What the project fits: its free constants and orders, its fixed ones, its recordings."""
-    project = load_project(path, trust=trust)
     problem = project.problem
     free = {u.target for u in problem.unknowns if u.kind == "parameter"}
     ties = {n for n, root in problem.ties.items() if root in free or n in problem.orders}

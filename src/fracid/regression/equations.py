@@ -1,0 +1,262 @@
+r"""Linear regression for any model of equations: the library's, a project's own, Python that reads as a tree.
+
+The equation of a measured state, with what divides all of it brought to the other side, is linear in constants such as
+masses, stiffnesses and friction:
+
+.. math::  D(p)\, D^q x_i - N(x, u, p) = 0, \qquad y - h(x, u, p) = 0
+
+and so is an output that is a function.  Which constants are is found from the tree's own values: differences of second
+order vanish in those, alone and in pairs.  The others (a slip speed, a rest angle, a time constant) are held.  States
+come from the recording, smoothed, with their derivatives of the given orders; for an output that is a function they are
+simulated, where their equations have none of the constants.  All columns pass the same window; the errors are Huber's,
+the intervals a block sandwich's.  Noise in the columns biases: the regression is made again with a window half as
+long again, and what moves by more than its interval is called biased.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import InputError
+from fracid.models import Model
+from fracid.models.written.formulas import Formula
+from fracid.models.written.tree import Assign, Entry, Number, Operation
+from fracid.problem import Experiment, Problem
+from fracid.problem.first_values import smoothing
+from fracid.regression.linear import POOR, Constant, Regression
+from fracid.regression.rows import from_rest
+
+STEEPER = 1.5
+"""The second window over the first."""
+
+ROWS = 3000
+"""Of an equation, at most."""
+
+BLOCKS = 30
+"""Of rows, whose sums the intervals take as independent."""
+
+SURE, NEAR = 2.0, 0.05
+"""Standard errors, and the part of a value, within which a bias may lie."""
+
+HELD = 1e-7
+"""A difference of second order below this part of one of the first is none."""
+
+Residual = Callable[[FloatArray], FloatArray]
+"""Constants → the equation's residual at each row, shape (n_rows,)."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One equation on one recording."""
+
+    name: str
+    residual: Residual
+
+
+def _equation(model: Model, i: int) -> tuple[Any, Any]:
+    """What a state's derivative is, and what divides all of that, as right-hand sides."""
+    program = model.program
+    (place,) = (k for k, s in enumerate(program.body) if isinstance(s, Assign) and s.target == Entry("out", Number(i)))
+    value: Any = program.body[place].value  # type: ignore[union-attr]
+    over, under = value.operands if isinstance(value, Operation) and value.sign == "/" else (value, Number(1.0))
+
+    def made(e: Any) -> Any:
+        body = (*program.body[:place], Assign(Entry("out", Number(i)), e), *program.body[place + 1 :])
+        return Formula(replace(program, body=body)).py_func
+
+    return made(over), made(under)
+
+
+def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float) -> Iterator[_Row]:
+    """The equations that a recording has all signals of."""
+    from scipy.ndimage import gaussian_filter1d
+
+    model, n = problem.model, len(e.measured)
+    orders = model.state_orders(problem.order_starts)
+    known: dict[int, FloatArray] = {}
+    rates: dict[int, FloatArray] = {}
+    width = window * smoothing(e.measured, e.step)
+    for k, name in enumerate(problem.outputs):
+        if (i := model.output_states.get(name)) is not None:
+            known[i] = gaussian_filter1d(e.measured[:, k], width, mode="nearest")
+            rates[i] = from_rest(known[i], float(orders[i]), e.step)
+            if (j := model.rates.get(i)) is not None:
+                known[j], rates[j] = rates[i], from_rest(rates[i], float(orders[j]), e.step)
+    edge, every = int(4 * width) + 1, max(1, n // ROWS)
+    at = np.arange(edge, n - edge, every)
+    inputs = np.broadcast_to(e.inputs, (n, e.inputs.shape[1])) if len(e.inputs) == 1 else e.inputs[:n]
+    u = inputs[at].tolist()
+
+    def filtered(values: FloatArray) -> FloatArray:
+        return np.asarray(gaussian_filter1d(values, max(width / every, 0.5), mode="nearest"))
+
+    def states_of(columns: Mapping[int, FloatArray]) -> list[list[float]]:
+        x = np.column_stack([columns.get(i, np.zeros(n))[at] for i in range(len(model.states))])
+        return [[float(v) for v in row] for row in x]
+
+    def along(f: Any, i: int, x: Sequence[Sequence[float]], p: FloatArray) -> FloatArray:
+        out, values = np.zeros(2 * len(model.states)), np.empty(len(x))
+        with np.errstate(all="ignore"):  # an equation beside this one may divide by what is 0 here
+            for k, (state, v) in enumerate(zip(x, u, strict=True)):
+                f(0.0, state, v, p, out)
+                values[k] = out[i]
+        return values
+
+    start = model.with_parameters(**problem.parameter_starts).parameter_vector()
+    for i in (i for i in rates if model.rates.get(i) not in known):
+        over, under = _equation(model, i)
+        x = states_of(known)
+        hidden = [k for k in range(len(model.states)) if k not in known]
+        here = along(over, i, x, start)
+        missing = [model.states[k] for k in hidden
+                   if not np.array_equal(along(over, i, states_of(known | {k: np.ones(n)}), start), here)]  # fmt: skip
+        if missing:
+            raise InputError(
+                f"The equation of {model.states[i]} has {', '.join(missing)}, which nothing measures here: fracid fit."
+            )
+
+        def residual(p: FloatArray, i: int = i, over: Any = over, under: Any = under, x: Any = x) -> FloatArray:
+            return filtered(along(under, i, x, p) * rates[i][at] - along(over, i, x, p))
+
+        yield _Row(model.states[i], residual)
+    functions = {n: h for n, h in model.outputs.items() if n in problem.outputs and not isinstance(h, int)}
+    if functions and not known:
+        run = problem.simulator.trajectory(problem.start, e)
+        if not run.completed or model.program.constants & {*sought}:
+            names = ", ".join(sorted(model.program.constants & {*sought}))
+            raise InputError(f"No state is measured, and their equations have {names or 'no solution here'}: "
+                             "fix those, and the outputs are linear in what remains; or fit.")  # fmt: skip
+        states = run.states[:: problem.substeps][at].tolist()
+        for name, h in functions.items():
+            y, f = e.measured[at, problem.outputs.index(name)], getattr(h, "py_func", h)
+
+            def shown(p: FloatArray, y: FloatArray = y, f: Any = f) -> FloatArray:
+                return filtered(y - np.array([f(0.0, state, v, p) for state, v in zip(states, u, strict=True)]))
+
+            yield _Row(name, shown)
+
+
+def linear_in(residual: Residual, names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> list[str]:
+    """Those of the constants in which a residual is linear, all together: second differences vanish.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 9)
+    >>> force = lambda p: p[0] * (x - p[1]) + p[2] * np.tanh(x / p[3])
+    >>> linear_in(force, ["k", "rest", "f", "v"], np.full(4, 0.5), {"k": 0, "rest": 1, "f": 2, "v": 3})
+    ['k', 'f']
+    """
+    moves = {n: _moved(at, {places[n]: 0.3 * abs(at[places[n]]) + 1e-2}) - at for n in names}
+    here = residual(at)
+    once = {n: residual(at + d) for n, d in moves.items()}
+    size = {n: float(np.max(abs(r - here))) for n, r in once.items()}
+    kept = [n for n in names if np.max(abs(residual(at + 2 * moves[n]) - 2 * once[n] + here)) <= HELD * size[n]]
+    for a, b in combinations([*kept], 2):
+        if a in kept and b in kept:
+            mixed = residual(at + moves[a] + moves[b]) - once[a] - once[b] + here
+            if np.max(abs(mixed)) > HELD * max(size[a], size[b]):
+                kept.remove(b)
+    return kept
+
+
+def _moved(at: FloatArray, by: Mapping[int, float]) -> FloatArray:
+    return np.asarray(at + np.array([by.get(k, 0.0) for k in range(len(at))]))
+
+
+def regress_equations(problem: Problem) -> Regression:
+    """Estimate the free constants of a problem in which its equations are linear; orders stay at their start.
+
+    Raises
+    ------
+    InputError
+        If there are none, if an equation has a state that nothing measures, or if the motion determines only ratios.
+    """
+    names = [u.target for u in problem.unknowns if u.kind == "parameter" and u.experiment is None]
+    model = problem.model.with_parameters(**problem.parameter_starts)
+    at = model.parameter_vector().astype(float)
+    places = {n: k for k, n in enumerate(model.parameter_names)}
+    unknown = [n for n in names if n in places]
+    rows = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
+    for r in rows:
+        unknown = linear_in(r.residual, unknown, at, places)
+    held = [n for n in names if n not in unknown]
+    if not unknown or not rows:
+        raise InputError(f"The equations of {model.name} are linear in none of the free constants here: "
+                         f"{', '.join(names) or 'none is free'}. fracid fit finds them.")  # fmt: skip
+    steeper = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
+    found, again = (_estimate(some, unknown, at, places) for some in (rows, steeper))
+    poor = [n for n, percent in found.fit.items() if percent < POOR]
+    constants = {}
+    for k, n in enumerate(unknown):
+        value, se, bias = found.values[k], found.errors[k], again.values[k] - found.values[k]
+        verdict = "identified"
+        if poor:
+            verdict = f"the equation of {poor[0]} fits by {found.fit[poor[0]]:.0f} % only"
+        elif abs(value) < SURE * se:
+            verdict = "not excited: its interval includes 0"
+        elif abs(bias) > SURE * se and abs(bias) > NEAR * abs(value):
+            verdict = f"biased: a longer window moves it by {bias:+.2g}"
+        constants[n] = Constant(float(value), model.parameter(n).unit, float(se), float(bias), verdict)
+    one = "it" if len(held) == 1 else "them"
+    note = [f"{', '.join(held)}: the equations are not linear in {one}; held at the project's start."] if held else []
+    if problem.orders:
+        note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
+    width = smoothing(problem.experiments[0].measured, problem.experiments[0].step) * problem.experiments[0].step
+    return Regression(
+        constants, dict(problem.order_starts), {}, "huber", found.residuals, found.weights, found.fit, np.nan,
+        found.condition, sum(map(len, found.residuals.values())), 0.13 / width, "a Gaussian window from the spectrum",
+        width, {}, float(np.ptp(problem.experiments[0].measured[:, 0]) / 2), None, tuple(note),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    values: FloatArray
+    errors: FloatArray
+    residuals: Mapping[str, FloatArray]
+    weights: Mapping[str, FloatArray]
+    fit: Mapping[str, float]
+    condition: float
+
+
+def _estimate(rows: Sequence[_Row], names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> _Estimate:
+    """Huber's regression of all rows, each equation in parts of its largest term."""
+    index = [places[n] for n in names]
+    zero = at.copy()
+    zero[index] = 0.0
+    columns, targets, sizes = [], [], []
+    for r in rows:
+        target = r.residual(zero)
+        column = np.column_stack([r.residual(_moved(zero, {k: 1.0})) - target for k in index])
+        size = float(np.sqrt(np.mean(np.square(np.column_stack([column * at[index], target])), axis=0).max()))
+        columns.append(column / size)
+        targets.append(-target / size)
+        sizes.append(size)
+    W, y = np.vstack(columns), np.concatenate(targets)
+    if not np.any(np.abs(y) > 1e-9):
+        raise InputError("Nothing drives the recordings, and the equations hold no known constant: the motion "
+                         f"determines only ratios of {', '.join(names)}. Fix one of them, as a number.")  # fmt: skip
+    scale = np.sqrt(np.mean(W**2, axis=0)) + 1e-300
+    A, weights = W / scale, np.ones(len(y))
+    for _ in range(20):
+        root = np.sqrt(weights)
+        beta = np.linalg.lstsq(A * root[:, None], y * root, rcond=None)[0]
+        errors = y - A @ beta
+        spread = 1.4826 * np.median(abs(errors)) + 1e-300
+        weights = np.minimum(1.0, 1.345 * spread / np.maximum(abs(errors), 1e-300))
+    inverse = np.linalg.pinv((A * weights[:, None]).T @ A)
+    gradient = [g.sum(axis=0) for g in np.array_split(A * (weights * errors)[:, None], BLOCKS)]
+    covariance = inverse @ sum(np.outer(g, g) for g in gradient) @ inverse
+    ends = np.cumsum([len(t) for t in targets])[:-1]
+    parted = dict(zip((f"{r.name}" for r in rows), np.split(errors, ends), strict=False))
+    return _Estimate(
+        beta / scale, np.sqrt(np.diag(covariance)) / scale, parted,
+        dict(zip(parted, np.split(weights, ends), strict=False)),
+        {n: 100 * (1 - float(np.sqrt(np.mean(e**2)))) for n, e in parted.items()}, float(np.linalg.cond(A)),
+    )  # fmt: skip
