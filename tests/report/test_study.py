@@ -14,6 +14,7 @@ from fracid.errors import InputError
 from fracid.experiments.plan import PlanBlock, Value
 from fracid.report.study import LARGEST_FIGURE, STUDIES, write_study
 from fracid.safety.schema import as_json, record_of
+from fracid.schemas.feedback import Conditions, Controller, ControlRecord, Design, Trial
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
 from fracid.selection.integer_rival import Alternative, FiniteMemory
 from fracid.validation.study_records import Cell, Statistics
@@ -76,10 +77,22 @@ def profiles():
             "profiles": {"mu": one}}  # fmt: skip
 
 
-RECORDS = {"compare.json": lambda: comparison().to_json(), "noise.json": noise, "posterior.json": posterior,
+def control():
+    one, zero = [[1.0]], [[0.0]]
+    lqr = Controller("LQR", {"theta": 1.0}, 0.01, zero, zero, zero, one, zero)
+    design = Design(lqr, 40, 40, None, 61.23, 0.5)
+    trial = Trial(True, 10.0, {HOSTILE: 0.1}, 0.5, 0.0, None, 60.0, 0.5)
+    loop = Conditions("upright", {}, "voltage", "V", 0.0, -10.0, 10.0, 0.0, 0.01, 4, ("alpha",), {}, {}, {}, {}, {}, {})
+    return as_json(ControlRecord, ControlRecord(HOSTILE, loop, design, (design,), (trial,), {HOSTILE: 0.9}, 0, 1,
+                                                (0.91, 1.0), (HOSTILE,)))  # fmt: skip
+
+
+RECORDS = {"control.json": control,
+           "compare.json": lambda: comparison().to_json(), "noise.json": noise, "posterior.json": posterior,
            "plan.json": plan, "profiles.json": profiles}  # fmt: skip
 
 SAYS = {
+    "control.json": ("LQR holds upright in 40 of 40 draws", "61.2"),
     "compare.json": ("Undecided whether it is fractional.", "Three relaxations do as well.", "2 relaxations each"),
     "noise.json": ("μ: 38 of 40 intervals contain the true value.", "38 of 40"),
     "posterior.json": ("The draws can be trusted.", "0.912", "nats"),

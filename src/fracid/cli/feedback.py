@@ -22,7 +22,7 @@ from fracid.cli.app import (
     flag,
     option,
     print_entry,
-    print_figures,
+    print_study,
     say,
     say_next,
     several,
@@ -108,7 +108,6 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
         print_entry(console, "worst", f"lost after {trial.until:.3g} s: {values}")
     for note in found.notes:
         say(console, escape(note), "[yellow]![/yellow] ", 2)
-    print_entry(console, "result", str(finished.path))
-    print_entry(console, "code", str(finished.folder / "controller.c"))
-    print_figures(console, finished.figures)
+    files = {"result": finished.path, "code": finished.folder / "controller.c", "page": finished.page}
+    print_study(console, files, finished.figures)
     say_next(console, (after, "the model as C"))
