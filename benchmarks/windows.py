@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -131,13 +131,13 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="all answers as JSON on standard output")
     asked = parser.parse_args()
     tasks = [(kind, seed) for seed in range(1, asked.seeds + 1) for kind in asked.kinds]
-    with ThreadPoolExecutor(asked.jobs) as pool:
-        answers = list(pool.map(lambda task: answer(*task), tasks))
-    out = sys.stderr if asked.json else sys.stdout
+    answers, out = [], sys.stderr if asked.json else sys.stdout
     held = total = wrong = 0
-    for a in answers:
+    pool = ThreadPoolExecutor(asked.jobs)
+    for done in as_completed(pool.submit(answer, *task) for task in tasks):
+        answers.append(a := done.result())
         if "failed" in a:
-            print(f"{a['kind']} {a['seed']}: {a['failed']}", file=out)
+            print(f"{a['kind']} {a['seed']}: {a['failed']}", file=out, flush=True)
             wrong += 1
             continue
         missed = {n: round(float(z), 2) for n, z in a["off"].items() if abs(z) > 1}
@@ -145,7 +145,7 @@ def main() -> int:
         wrong += a["claim"] == "fractional"
         print(f"{a['kind']} {a['seed']}: {len(a['off']) - len(missed)} of {len(a['off'])} hold, windows of "
               f"{a['window']} s, {a['claim']}, cost {1e3 * a['cost']:.3f} mrad, {a['seconds']:.0f} s, off: "
-              f"{missed}", file=out)  # fmt: skip
+              f"{missed}", file=out, flush=True)  # fmt: skip
     print(f"{held} of {total} values within their 95 % intervals; {wrong} failed or claimed", file=out)
     if asked.json:
         print(json.dumps(answers, indent=1))
