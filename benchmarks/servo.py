@@ -53,7 +53,8 @@ def angles(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
 
 def main() -> None:
     """Climb the ladder, on all twelve and on the two lower gains."""
-    problem, friction, drawn = fracid.load_project(PROJECT).problem, dict[str, float | Free](), {}
+    project, friction, drawn = fracid.load_project(PROJECT), dict[str, float | Free](), {}
+    problem = replace(project.problem, experiments=(*project.problem.experiments, *project.validation))
     measured = {e.name: e.measured[:, 0] for e in problem.experiments}
     lower = [n for n in measured if not n.startswith("kp 400")]
     print(f"{'mean absolute error':30}{'constants':>10}{'all twelve':>12}{'kp 100, 200':>12}{'held out':>16}")

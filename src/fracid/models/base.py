@@ -118,6 +118,8 @@ class Parameter:
     """Parameters without one of which, not zero, it does nothing."""
     switch: str = ""
     """It acts only in recordings that say of this that it is on; "" for always."""
+    rung: str = ""
+    """The rung of the ladder that frees it; "" for that of its kind of friction."""
 
     @classmethod
     def of(cls, name: str, row: Mapping[str, Any], friction: Friction | None = None) -> Parameter:
@@ -128,7 +130,7 @@ class Parameter:
         >>> Parameter.of("C1", {"start": 4.3e-3, "unit": "kg m^2", "symbol": "C_1", "about": "inertia"}).symbol
         ('C', '1')
         """
-        more = {n: row[n] for n in ("lower", "upper", "switch") if n in row}
+        more = {n: row[n] for n in ("lower", "upper", "switch", "rung") if n in row}
         symbol = symbol_of(row["symbol"]) if "symbol" in row else None
         return cls(name, row["unit"], row["start"], row["about"], symbol=symbol, friction=friction,
                    needs=tuple(row.get("needs", ())), **more)  # fmt: skip
@@ -292,8 +294,8 @@ class Model(CardDisplay):
         >>> [name for name, kind in rotary_pendulum().friction.items() if kind.dry]
         ['coulomb_theta', 'coulomb_alpha']
         """
-        kinds = {p.name: p.friction or self._by_name(p.name) for p in self.parameters}
-        return {name: kind for name, kind in kinds.items() if kind is not None}
+        kinds = ((p, p.friction or self._by_name(p.name)) for p in self.parameters)
+        return {p.name: replace(kind, rung=p.rung or kind.rung) for p, kind in kinds if kind is not None}
 
     def _by_name(self, name: str) -> Friction | None:
         """What a parameter is by the beginning of its name, at the joint that the end of its name says."""

@@ -104,6 +104,7 @@ RUNGS = (
     "viscous",
     "Coulomb",
     "load",
+    "Stribeck",
     "drag",
     "cable",
     "tilt",

@@ -395,7 +395,7 @@ def bridgeable(s: SignalReport, clock: Clock) -> bool:
 def _signal_note(s: SignalReport) -> str | None:
     if s.range == 0:
         return f"{shortened(s.name)} is constant: is its sensor connected?"
-    if s.unit == "rad" and s.resolution and s.range / s.resolution < 50:
+    if s.unit == "rad" and s.resolution and 1.5 < s.range / s.resolution < 50:  # a switch has one
         return f"{shortened(s.name)} moves through only {s.range / s.resolution:.0f} counts of its encoder."
     return None
 

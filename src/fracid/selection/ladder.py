@@ -8,7 +8,8 @@ rung                            what is free beside the constants     parameters
 ==============================  ====================================  ==================================================
 viscous                         :math:`b\,v`                          ``b_…``
 viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_…``
-… + load                        :math:`f` grows with the load   ``load_…``
+… + load                        :math:`f` grows with the load         ``load_…``
+… + Stribeck                    and falls with the speed              ``stiction_…``, ``stribeck_speed_…`` of a joint
 … + drag                        :math:`d\,v|v|` too                   ``drag_…``
 … + cable                       :math:`k\,(θ - θ_0)` too              ``cable_…``, ``spring_…``, and the spring's rest
 … + presliding                  :math:`σ_0 z` in tanh's place         ``presliding_…``: Dahl's model
@@ -67,8 +68,11 @@ OWN = "as in the project"
 """What the friction of the project's own structure is called."""
 
 BUILT_IN = ("viscous", "Coulomb", "drag", "cable", "presliding", "LuGre")
-"""The rungs that are climbed where nobody says, and load where the model has it: each fit takes longer than the one
-below."""
+"""The rungs that are climbed where nobody says, and load and Stribeck where the model has them: each fit takes longer
+than the one below."""
+
+SERVO = ("viscous", "Coulomb", "load", "Stribeck", "presliding")
+"""Those of a project that frees friction over load: a weight is the spring, and its zero the rest."""
 
 ORDER = Free(1.0, 0.5, 1.2)
 """The range of an order that the problem gives none."""
@@ -236,7 +240,9 @@ def ladder(
         return Ladder(_marked((*found, *beside), given), tuple(notes), given)
     notes += _not_1(problem)
     own = {k.rung for k in problem.model.friction.values()}
-    chosen = {*BUILT_IN, *(own & {LOAD.rung})} if rungs is None else {*rungs}
+    asked = {kind.rung for n, kind in problem.model.friction.items() if n in problem.names}
+    usual = SERVO if LOAD.rung in asked else (*BUILT_IN, *(own & {*SERVO}))
+    chosen = {*usual} if rungs is None else {*rungs}
     names, missing = _rungs(problem, keep, chosen | own - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
