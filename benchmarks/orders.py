@@ -24,10 +24,10 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from fracid import Trajectory, sensitivities, solve_fde  # noqa: E402
 from fracid.solver.methods import METHODS  # noqa: E402
-from fracid.solver.operators import mittag_leffler  # noqa: E402
 from fracid.solver.solve import PaperSchemeWarning  # noqa: E402
 from fracid.solver.weights import zeta  # noqa: E402
 from oracles import derivatives as recursions  # noqa: E402
+from oracles.mittag_leffler import mittag_leffler  # noqa: E402
 from oracles.problems import (  # noqa: E402
     LINEAR,
     T1,

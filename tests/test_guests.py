@@ -15,7 +15,6 @@ from fracid.problem.costs import COSTS
 from fracid.recording.loading import resampled
 from fracid.regression import regressor
 from fracid.solver.memory import memory_from_name
-from fracid.solver.operators import mittag_leffler
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 H = 0.01
@@ -86,7 +85,6 @@ MASKED = np.ma.masked_greater([0.0, 0.1, 1e9, 0.3, 0.4, 0.5], 10.0)
 
 CALLS = {
     "derivative": lambda: fracid.derivative(MASKED, 0.5, H),
-    "mittag_leffler": lambda: mittag_leffler(0.5, MASKED),
     "solve_fde": lambda: fracid.solve_fde(lambda t, x, u, p, out: None, orders=0.5, initial=MASKED, step=H, end=1.0),
     "simulate": lambda: fracid.simulate(
         RIG, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.1}, step=H, end=5 * H, inputs=MASKED

@@ -12,7 +12,7 @@ from math import ceil, gamma, radians
 
 import numpy as np
 
-from fracid.solver.operators import mittag_leffler
+from oracles.mittag_leffler import mittag_leffler
 
 
 @dataclass(frozen=True)

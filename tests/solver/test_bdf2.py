@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fracid.solver.memory import compressed, full
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.solve import solve_fde
 from fracid.solver.starting import bdf_errors_of_powers
 from fracid.solver.weights import bdf_weights
+from oracles.mittag_leffler import mittag_leffler
 
 ORDERS = (0.001, 0.05, 0.3, 0.6, 0.9, 0.999, 1.0, 1.001, 1.05, 1.3, 1.6, 1.95, 1.999)
 

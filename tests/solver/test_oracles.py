@@ -8,9 +8,9 @@ import pytest
 from scipy.special import digamma, gamma
 
 from fracid.solver.memory import full
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.solve import solve_fde
 from oracles.derivatives import TINY, complex_step, gl, mittag_leffler_slopes, pi2, trapezoidal_weights
+from oracles.mittag_leffler import mittag_leffler
 from oracles.problems import T1, T8, T20
 
 RECURSIONS = {

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fracid import InputError, linear_multi_term, linear_system, multi_term, solve_fde
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.trajectory import Outcome
+from oracles.mittag_leffler import mittag_leffler
 from oracles.problems import (
     LINEAR,
     MULTI_TERM,

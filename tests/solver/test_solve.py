@@ -14,9 +14,9 @@ from fracid.models import rotary_pendulum
 from fracid.solver.arguments import StepWarning
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.solve import PaperSchemeWarning, simulate, solve_fde
 from fracid.solver.trajectory import Outcome
+from oracles.mittag_leffler import mittag_leffler
 from oracles.problems import M2, PROBLEMS, T1, T8, T11, T19, T20, T27, T33, FractionalProblem, m1, t2, t4
 
 by_name = {"ids": lambda v: v.name if hasattr(v, "name") else str(v)}

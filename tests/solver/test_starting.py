@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from fracid.solver.memory import full
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.solve import solve_fde
 from fracid.solver.starting import errors_of_powers, exponents, knots_up_to
+from oracles.mittag_leffler import mittag_leffler
 
 NONE = np.array([])
 

@@ -6,8 +6,8 @@ import pytest
 
 import fracid
 from fracid.solver.methods import METHODS
-from fracid.solver.operators import mittag_leffler
 from fracid.solver.stiffness import modes, too_long
+from oracles.mittag_leffler import mittag_leffler
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
 

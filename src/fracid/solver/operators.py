@@ -48,8 +48,6 @@ References
 ----------
 .. [Podlubny] I. Podlubny, *Fractional Differential Equations*, 1999: the three definitions, Sections 2.2–2.4.
 .. [Li] C. Li, F. Zeng, *Numerical Methods for Fractional Calculus*, 2015: such rules of low degree.
-.. [Garrappa] R. Garrappa, *Numerical evaluation of two and three parameter Mittag-Leffler functions*,
-   SIAM J. Numer. Anal. 53 (2015): what ``pymittagleffler`` implements.
 """
 
 from __future__ import annotations
@@ -61,7 +59,7 @@ from numbers import Integral, Real
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, brief
@@ -177,52 +175,6 @@ def derivative(
     return np.ascontiguousarray(result.T).reshape(values.shape)
 
 
-def mittag_leffler(order: float, z: ArrayLike, beta: float = 1.0) -> Any:
-    r"""Evaluate the Mittag-Leffler function :math:`E_{q,\beta}(z) = \sum_k z^k / \Gamma(qk + \beta)`.
-
-    It does for fractional equations what exp does for ordinary ones: :math:`D^q y = a\,y` has the solution
-    :math:`y(0)\, E_{q,1}(a\, t^q)`.  From ``pymittagleffler``, after [Garrappa]_; relative error about 1e-12,
-    but absolute 1e-16 where the value is itself near zero (orders near 1, z far to the left).
-
-    Parameters
-    ----------
-    order : float
-        q > 0.
-    z : array_like of real or complex numbers, any shape
-    beta : float
-        The second parameter; 1 gives the classical function.
-
-    Returns
-    -------
-    float, complex or ndarray
-        Of z's shape; real for real z.
-
-    Raises
-    ------
-    InputError
-        If an argument is not finite, the order is not positive, or the value overflows.
-
-    Examples
-    --------
-    >>> print(f"{mittag_leffler(0.8, -1.0):.12f}")      # D^0.8 y = -y, y(0) = 1, at t = 1
-    0.386948578619
-    >>> mittag_leffler(1.0, [0.0, 1.0])
-    array([1.        , 2.71828183])
-    """
-    order, beta = _number("order", order), _number("beta", beta)
-    if order <= 0:
-        raise InputError(f"order is {order:g}, expected a number above 0, for example order=0.8.")
-    points = _points(z)
-    values: NDArray[Any] = _mittag_leffler(order, points.astype(complex).ravel(), beta).reshape(points.shape)
-    values = values.real if np.isrealobj(points) else values
-    if not np.isfinite(values).all():
-        raise InputError(
-            f"the Mittag-Leffler function of order {order:g} overflows at z = {points[~np.isfinite(values)][0]:g}. "
-            f"For positive z keep z ** (1 / order) below 700."
-        )
-    return values[()]
-
-
 # Checks, at the edge and once.
 
 
@@ -250,18 +202,6 @@ def _signal(signal: ArrayLike) -> FloatArray:
             f"numbers below {SIGNAL_LIMIT:g}. Cut or fill the gaps of the recording first."
         )
     return values
-
-
-def _points(z: ArrayLike) -> NDArray[Any]:
-    refuse_masked("z", z)
-    try:
-        points = np.asarray(z)
-        finite = points.dtype.kind in "biufc" and np.isfinite(points).all()
-    except (TypeError, ValueError):
-        finite = False
-    if not finite:
-        raise InputError(f"z is {brief(z)}, expected finite real or complex numbers.")
-    return points
 
 
 # Grünwald–Letnikov.
@@ -384,24 +324,4 @@ def _powers(start: FloatArray, order: float, n: int) -> FloatArray:
         result[:, 1:] += np.multiply.outer(coefficient, t ** (j - order))
         if j < order:
             result[:, 0] = np.where(coefficient == 0, result[:, 0], np.copysign(np.inf, coefficient))
-    return result
-
-
-# Mittag-Leffler.
-
-
-def _mittag_leffler(order: float, z: NDArray[np.complex128], beta: float) -> NDArray[np.complex128]:
-    from pymittagleffler import mittag_leffler as evaluate
-    from scipy.special import rgamma
-
-    # Near zero the library's closed forms cancel (E_{1,2} = (e^z - 1)/z); 16 terms of the definition do not.
-    near = np.abs(z) < 1 / 16
-    series = np.polynomial.polynomial.polyval(z[near], rgamma(order * np.arange(16) + beta))
-    if (order, beta) == (3.0, 1.0):
-        # pymittagleffler 0.3 gives three times E_{3,1}; E_{q,b}(z) = 1/Γ(b) + z E_{q,q+b}(z) goes round it.
-        far = 1 + z[~near] * evaluate(z[~near], 3.0, 4.0)
-    else:
-        far = evaluate(z[~near], order, beta)
-    result = np.empty_like(z)
-    result[near], result[~near] = series, far
     return result
