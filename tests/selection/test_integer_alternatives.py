@@ -129,3 +129,13 @@ def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_
     parts = in_parts(problem, 3, list(FRICTION))
     assert best.cost > 3e-3
     assert refined(parts, parts.start, 1, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)
+
+
+def test_a_joint_is_tried_with_friction_over_its_load_and_with_stiction():
+    t = 0.01 * np.arange(200)
+    torque = np.column_stack([0.2 * np.sin(3 * t), *np.zeros((3, 200))])
+    e = Experiment("swing", 0.01, np.sin(3 * t)[:, None], torque)
+    problem = Problem(fracid.model("joint"), (e,), {"mu": 1.0}, {"coulomb_angle": Free(0.01, 0.0, 1.0)})
+    tried = {element.name: element.problem for change in ELEMENTS for element in change(problem)}
+    assert isinstance(tried["Stribeck's friction"].parameters["stiction_angle"], Free)
+    assert isinstance(tried["friction over load"].parameters["load_angle"], Free)

@@ -432,7 +432,7 @@ def _of_presliding(view: _View, i: int) -> str:
         joint, part = view.presliding(state)
         letter = GREEK.get(joint, joint)
         own = u.target == delta or delta in model.parameter(u.target).needs
-        strength = kind.dry or (kind.rung == LUGRE.rung and not own)
+        strength = kind.dry or (kind.rung in (LUGRE.rung, "Stribeck") and not own)
         if kind.joint == joint and own and part < SLIDES:
             return (
                 f"; {letter} slides, and only {100 * part:.2g} % of its motion is presliding: record more reversals "

@@ -181,6 +181,7 @@ ELEMENTS: tuple[Change, ...] = (
     partial(_channel, quantity="delay", value=Free(0.0, -LATE, LATE, scale=1e-3), name="a delay of {}"),
     partial(_channel, quantity="lowpass", value=Free(1e-3, 0.0, SLOW), name="a low-pass of {}"),
     partial(_channel, quantity="gain", value=Free(1.0, 1 - SCALE, 1 + SCALE, scale=1e-2), name="a scale of {}"),
+    partial(_rung, name="friction over load", rungs=("load",)),
     partial(_rung, name="drag", rungs=("drag",)),
     partial(_rung, name="a cable", rungs=("cable",)),
     partial(_rung, name="a tilted axis", rungs=("tilt",)),
@@ -188,7 +189,7 @@ ELEMENTS: tuple[Change, ...] = (
     _changing,
     partial(_rung, name="play", rungs=("play",), slow=True),
     partial(_rung, name="presliding", rungs=("presliding",), slow=True),
-    partial(_rung, name="Stribeck's friction", rungs=("presliding", "LuGre"), slow=True),
+    partial(_rung, name="Stribeck's friction", rungs=("presliding", "Stribeck", "LuGre"), slow=True),
     partial(_rung, name="an elastic arm", rungs=("elastic arm",), slow=True),
 )
 """What is tried after friction, in this order."""
