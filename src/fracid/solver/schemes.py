@@ -128,7 +128,8 @@ _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
 WORK = types.Tuple((types.UniTuple(_vector, ROWS), types.UniTuple(_vector, 2), _vector, _matrix, _matrix))
 
-# rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).
+# rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).  A literal 1 would have Numba compile what takes it
+# once more, so that np.int64(1) stands where it changes or is handed over.
 
 
 @inline
@@ -170,7 +171,7 @@ def step_gl(rhs, run, history, work, raw, out):
     """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
-    (window, sums, ahead), head = history, 1
+    (window, sums, ahead), head = history, np.int64(1)
     rows, (f, _), now, _, _ = work
     x0, x = past[0], rows[0]
     mode = flush_denormals()
@@ -179,7 +180,7 @@ def step_gl(rhs, run, history, work, raw, out):
     if raw:
         for i in range(states):
             window[i, 0] = x0[i]
-    last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
+    last, how, row = steps, COMPLETED, np.int64(1)  # the first row of out holds x(start)
     for n in range(1, m + steps + 1):
         j = (n - 1) % BLOCK
         if j == 0:
@@ -212,13 +213,13 @@ def step_gl_sequential(rhs, run, history, work, out):
     """``gl-sequential``: the last state first, each derivative with the states already new."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
-    (window, sums, ahead), head = history, 1
+    (window, sums, ahead), head = history, np.int64(1)
     rows, (f, _), now, _, _ = work
     x0, x = past[0], rows[0]
     mode = flush_denormals()
     for i in range(states):
         x[i] = x0[i]
-    last, how, row = steps, COMPLETED, 1  # the first row of out holds x(start)
+    last, how, row = steps, COMPLETED, np.int64(1)  # the first row of out holds x(start)
     for n in range(1, m + steps + 1):
         j = (n - 1) % BLOCK
         if j == 0:
@@ -256,9 +257,9 @@ def _correct_block(n, knots, k, parabolas, ahead):
     for j in range(BLOCK):
         k += n + j > knots[2 * k + 2]
         if j == 0 and n + BLOCK - 1 <= knots[2 * k + 2]:
-            _add_parabola(n, BLOCK, 0, knots, k, parabolas, ahead)
+            _add_parabola(n, np.int64(BLOCK), np.int64(0), knots, k, parabolas, ahead)
             break
-        _add_parabola(n + j, 1, j, knots, k, parabolas, ahead)
+        _add_parabola(n + j, np.int64(1), j, knots, k, parabolas, ahead)
     return k
 
 
@@ -378,10 +379,10 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
                 W[states, i] = W[states, states + i]
             x[i] += share * W[states, i]
         evaluate(rhs, t, x, u, p, f)
-        if not _moves(W, x, 0) > SOLVED:
+        if not _moves(W, x, np.int64(0)) > SOLVED:
             return KEPT
         finite = _correct(x, f, history, newest, W, trial, relaxing, start, h)
-        taken, following = _moves(W, x, 0), _moves(W, x, states)
+        taken, following = _moves(W, x, np.int64(0)), _moves(W, x, states)
         if not finite or following >= taken:
             for i in range(states):
                 x[i] -= share * W[states, i]
@@ -395,7 +396,7 @@ def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
             _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
             if not _correct(x, f, history, newest, W, trial, relaxing, start, h):
                 return UNSOLVED
-    return WORN if _moves(W, x, states if share == 1.0 else 0) < OPEN else UNSOLVED
+    return WORN if _moves(W, x, states if share == 1.0 else np.int64(0)) < OPEN else UNSOLVED
 
 
 @bare
@@ -477,10 +478,10 @@ def step_pi2(rhs, run, started, history, work, third, out):
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
     first_free = max(m, together + 1)  # the first step whose state is not known before
-    (window, sums, ahead), head = history, 1
+    (window, sums, ahead), head = history, np.int64(1)
     rows, (f, trial), now, W, relax_start = work
     x, before, earlier, last_x, history_part, newest, scale, jump, entered, share = rows
-    jumps, curve, state = len(after) > 0, 1.0 if third else 0.0, min(WORN, states)  # no literal: see k
+    jumps, curve, state = len(after) > 0, 1.0 if third else 0.0, np.int64(WORN)
     mode = flush_denormals()
     for i in range(states):
         x[i] = past[0, i]
@@ -492,8 +493,8 @@ def step_pi2(rhs, run, started, history, work, third, out):
     _keep_relaxing(relaxing, x, f, relax_start)
     for r in range(len(relaxing)):
         newest[relaxing[r]] = 0.0
-    k = min(0, together)  # 0, but no literal, for which Numba would compile all that takes it once more
-    row, last, how = 1, end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
+    k = np.int64(0)
+    row, last, how = np.int64(1), end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
         last, how, end = 0, NOT_FINITE, 0
     for n in range(1, end + 1):
@@ -596,7 +597,7 @@ def step_bdf2(rhs, run, started, history, work, out):
     begin, x0, together, knots, parabolas = started
     m, states = len(past) - 1, len(slope)
     t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
-    (window, sums, ahead), head = history, 1
+    (window, sums, ahead), head = history, np.int64(1)
     rows, (f, trial), now, W, relax_start = work
     x, before, history_part, last_move, newest, base, weight, _, _, _ = rows
     mode = flush_denormals()
@@ -604,14 +605,14 @@ def step_bdf2(rhs, run, started, history, work, out):
         x[i] = before[i] = past[0, i]
         newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
     evaluate(rhs, t0, x, now, p, f)
-    last, how, row = end, COMPLETED, 1  # the first row of out holds x(start)
+    last, how, row = end, COMPLETED, np.int64(1)  # the first row of out holds x(start)
     if not _finite(f):
         last, how, end = 0, NOT_FINITE, 0
     elif together == 0:
         _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, relax_start)
     for i in range(states):
         window[i, 0], x[i] = f[i], past[0, i]
-    k, state = min(0, together), min(WORN, states)  # 0, but no literals: see step_pi2
+    k, state = np.int64(0), np.int64(WORN)
     for n in range(1, end + 1):
         t, j = t0 + n * h, (n - 1) % BLOCK
         if j == 0:

@@ -132,8 +132,8 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     With the binomial series, :math:`b_k Γ(q+2) = 2 \sum_j \binom{q+1}{2j} k^{q+1-2j}` and
     :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 8 on, 20 terms are exact.
     """
-    b, a, binomial = np.zeros(steps + 1), np.zeros(steps + 1), np.ones(20)
-    b[0] = 1.0
+    b, a, binomial = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(20)
+    b[0] = binomial[0] = 1.0
     for k in range(1, min(8, steps + 1)):
         up, down = math.expm1(q * math.log1p(1 / k)), math.expm1(q * math.log1p(-1 / k))  # for orders next to 0
         b[k], a[k] = k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
