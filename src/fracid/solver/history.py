@@ -27,7 +27,7 @@ from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import kept, when_called
+from fracid.solver.compilation import PART, kept, when_called
 from fracid.solver.weights import Kernel
 
 BLOCK = 8
@@ -268,12 +268,10 @@ def forget_mode():
 
 # --- the history -----------------------------------------------------------------------------------
 
-_BARE = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-
-bare = nb.njit(**_BARE)
+bare = nb.njit(_nrt=False, **PART)
 """For what loops call, and allocates nothing."""
 
-inline = nb.njit(forceinline=True, **_BARE)
+inline = nb.njit(_nrt=False, forceinline=True, **PART)
 """The same, put in the place of the call."""
 
 
