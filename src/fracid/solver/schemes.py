@@ -128,8 +128,8 @@ _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
 WORK = types.Tuple((types.UniTuple(_vector, ROWS), types.UniTuple(_vector, 2), _vector, _matrix, _matrix))
 
-# rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).  A literal 1 would have Numba compile what takes it
-# once more, so that np.int64(1) stands where it changes or is handed over.
+# rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).  A literal 1 would have Numba compile what takes
+# it once more, so that np.int64(1) stands where it changes or is handed over.
 
 
 @inline

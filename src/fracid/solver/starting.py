@@ -415,28 +415,47 @@ def _solved_together(
     m, s, states = len(run.past) - 1, M.shape[1] - 1, len(A)
     if not _spectral_radius(A) <= 1.0:
         return None
-    x = run.past[np.minimum(np.arange(max(m, s) + 1), m)]
+    x, base = run.past[np.minimum(np.arange(max(m, s) + 1), m)], run.past[0].copy()
     f, n = np.zeros((s + 1, states)), np.arange(s + 1.0)
     t, u = _first_time(run) + n * run.h, run.u[: s + 1] if len(run.u) > 1 else np.repeat(run.u, s + 1, axis=0)
     drift, weights = n[:, None] * run.h * run.slope, run.gain[:, None, None] * M
-    free, move = slice(m + 1, s + 1), np.inf
-    inverse = _newton_matrix(A, M, m) if m < s and s * states <= LARGE else None
+    size = max(0, s - m) * states
+    inverse = _newton_matrix(A, M, m) if 0 < size <= LARGE else np.eye(size)
+    settles = _iterate(rhs, t, x, u, run.p, f, drift, weights, inverse, np.zeros(size), base, m, run.limit)
+    return (x, f, base) if settles else None
+
+
+@when_called(
+    types.boolean(types.int64, _vector, _matrix, _matrix, _vector, _matrix, _matrix, types.float64[:, :, ::1], _matrix,
+                  _vector, _vector, types.int64, types.float64), allocates=False,
+)  # fmt: skip
+def _iterate(rhs, t, x, u, p, f, drift, weights, inverse, left, base, m, limit):
+    """Newton's method for the steps beyond m, with one matrix; tell if it settles."""
+    steps, states, move = len(f), len(base), math.inf
     for _ in range(ITERATIONS):
-        _evaluate(rhs, t, x, u, run.p, f)
-        total = drift + np.einsum("ink,ki->ni", weights, f)
-        base = x[m] - total[m] if m <= s else run.past[0].copy()  # x(0), but for what the model does not explain
-        if m >= s:
-            return x, f, base
-        change = (base + total - x[: s + 1])[free]
-        if inverse is not None:
-            change = (inverse @ change.ravel()).reshape(change.shape)
-        x[free] += change
-        moved_before, move = move, np.max(np.abs(change) / (1e-3 + np.abs(x[free])))
-        if not np.all(np.abs(x[free]) <= run.limit) or move > max(moved_before, 1e-11):
-            return None
-        if move < 1e-14:
-            return x, f, base
-    return (x, f, base) if move < 1e-11 else None
+        for k in range(steps):
+            evaluate(rhs, t[k], x[k], u[k], p, f[k])
+        for n in range(m, steps):
+            for i in range(states):
+                total = drift[n, i]
+                for k in range(steps):
+                    total += weights[i, n, k] * f[k, i]
+                if n == m:
+                    base[i] = x[m, i] - total  # x(0), but for what the model does not explain of the history
+                else:
+                    left[(n - m - 1) * states + i] = base[i] + total - x[n, i]
+        moved_before, move = move, 0.0
+        for r in range(len(left)):
+            n, i, change = m + 1 + r // states, r % states, 0.0
+            for c in range(len(left)):
+                change += inverse[r, c] * left[c]
+            x[n, i] += change
+            move = max(move, abs(change) / (1e-3 + abs(x[n, i])))
+            if not abs(x[n, i]) <= limit:
+                return False
+        if move < 1e-14 or move > max(moved_before, 1e-11):
+            return move < 1e-14
+    return move < 1e-11
 
 
 def _newton_matrix(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
