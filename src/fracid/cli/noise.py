@@ -48,7 +48,7 @@ HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
     "fracid noise rig.toml --levels 0,0.02,0.2 --counts 4096,20000 --seeds 50  [dim]# fits first[/dim]",
     "fracid noise runs/rig --cost itae --out runs/rig-itae  [dim]# what ITAE makes of the same recordings[/dim]",
     "fracid noise runs/rig --optimiser genetic --jobs 2",
-    "fracid noise runs/rig --json | jq '.cells[].unknowns.mu.coverage'",
+    "fracid noise runs/rig --json | jq '.cells[].free_parameters.mu.coverage'",
 )
 def noise(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],

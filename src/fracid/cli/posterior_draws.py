@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "fracid posterior runs/rig  [dim]# seconds; writes runs/rig/posterior[/dim]",
     "fracid posterior runs/rig --draws 10000 --jobs 8",
     "fracid posterior runs/rig --method nested  [dim]# minutes; needs fracid\\[posterior][/dim]",
-    "fracid posterior runs/rig --json | jq .unknowns.mu.interval95",
+    "fracid posterior runs/rig --json | jq .free_parameters.mu.interval95",
 )
 def posterior(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],

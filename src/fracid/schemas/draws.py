@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import computed_field
+
 from fracid.safety.schema import Block, Coherent, Interval, Number
 
 
@@ -45,6 +47,13 @@ class PosteriorBlock(Coherent):
     sentence: str
     notes: list[str]
     unknowns: dict[str, DrawnBlock]
+    """In the version after this one ``free_parameters`` alone."""
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def free_parameters(self) -> dict[str, DrawnBlock]:
+        """What the pages call them."""
+        return self.unknowns
 
     def incoherence(self) -> str:
         """Counts that cannot be."""

@@ -124,6 +124,12 @@ class Row(Record):
     """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN
     where that was not asked for or cannot be told."""
 
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def free_parameters(self) -> int:
+        """What the pages call them; the key ``parameters`` goes with the version after this one."""
+        return self.parameters
+
     @property
     def fits(self) -> bool:
         """Whether it follows what it was fitted to; a run that fails does not."""

@@ -94,6 +94,12 @@ class Cell(Record):
         """Repetitions without a minimum."""
         return sum(self.failures.values())
 
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def free_parameters(self) -> Mapping[str, Statistics]:
+        """What the pages call the unknowns, whose key goes with the version after this one."""
+        return self.unknowns
+
     @property
     def label(self) -> str:
         """In words: ``0.1° of noise, 4096 counts``."""
