@@ -558,7 +558,7 @@ def result(rows):
             [0.5],
             "orders free (alpha 29°) against viscous, orders 1 (alpha 57°). One held-out recording is not enough",
         ),
-        ([1, 1], [0.5, 0.5], "Two recordings are few: hold out more."),
+        ([1, 1], [0.5, 0.5], "Two held-out recordings are not enough; hold out more."),
         ([math.inf, 1], [1, 1], "Orders help on 1 of 2 held-out recordings only"),
         ([1, 1], [1, math.inf], "Orders fit better and do not predict: viscous, orders free (a run fails) against"),
         ([math.inf], [math.inf], "No structure predicts every held-out recording"),
