@@ -40,6 +40,9 @@ SPAN = 10.0
 FEWEST = 50
 """Samples."""
 
+CROWDED = 3.0
+"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
+
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
 
@@ -110,6 +113,7 @@ class _Page:
         self.recording = self.recordings[0]
         moves = {s.name for s in self.recording.report.signals if s.range > 0}
         self.driven = bool(moves & {*self.model.inputs})
+        either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
         if self.first.explained < POOR:
@@ -182,7 +186,8 @@ class _Page:
                 f"has {', '.join(raw.signals)}. Name its columns: --column {next(iter(self.model.outputs))}=COLUMN."
             )
         for name, fields in columns.items():
-            if "unit" not in fields and given is not None and (unit := self._own_unit(name)) != "rad":
+            said = fields["column"] in raw.signals and fields["column"] not in raw.assumed  # by the header
+            if "unit" not in fields and given is not None and not said and (unit := self._own_unit(name)) != "rad":
                 fields["unit"] = unit
         taken = [*roles.values(), *(c["column"] for c in columns.values())]
         unused = [c for c in raw.signals if c not in taken]
@@ -306,6 +311,9 @@ class _Page:
             y = recording.signals[output]
             at, wide = float(y[np.isfinite(y)][0]), float(np.ptp(y[np.isfinite(y)]))
             yield f"initial = {{ {state} = {{ start = {at:.6g}, lower = {at - wide:.4g}, upper = {at + wide:.4g} }} }}"
+        steps = [np.median(part) for part in np.array_split(np.diff(recording.time), 4)]
+        if max(steps) > CROWDED * min(steps):
+            yield toml_line("resample", "uneven", "# its samples crowd where much happens: they stay where they are")
         yield f"# from = {recording.time[0]:.4g}"
         yield f"# to = {recording.time[-1]:.4g}"
         yield toml_line("use", "fit", '# or "validate": held out for validation')

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
-from fracid.recording.channel import COUNTING, Channel, header_unit, measurable
+from fracid.recording.channel import COUNTING, Channel, header_unit, measurable, unit_in_name
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
 from fracid.recording.faults import still
@@ -219,7 +219,8 @@ def _signals(
             raw, filled = hold_blanks(raw, signal, channel)
             sentences.append(filled)
         signals[signal] = (channel.convert(raw[rows].copy(), signal), channel.signal_unit)
-        if not (given.unit or header_unit(table.units[column])) and channel.unit != "counts":
+        said_unit = header_unit(table.units[column] or unit_in_name(table.names[column]))
+        if not (given.unit or said_unit) and channel.unit != "counts":
             assumed.add(signal)
         sentences += [said] if (said := guesses.get(signal, unit_said)) else []
     return signals, frozenset(assumed), sentences
