@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fracid.safety.schema import as_json, record_of
 from fracid.selection.claim import FLOOR, OrderFound, claim_of, damping
 from fracid.selection.integer_rival import Alternative, Trial
 from fracid.signals.left_over import LeftOver, left_over
@@ -123,3 +124,11 @@ def test_several_residuals_that_are_no_noise_are_one_sentence():
         "The residuals of swing, alpha (9 times the encoder's rounding) and swing, theta (18 times the encoder's "
         "rounding) are correlated: the model lacks something."
     )
+
+
+def test_what_a_fit_leaves_over_is_read_back_as_it_was():
+    coloured = LeftOver(4e-3, STEP / math.sqrt(12), 0.01, coloured=True)
+    assert record_of(LeftOver, as_json(LeftOver, coloured)) == coloured
+    assert coloured.noise
+    old = {n: v for n, v in as_json(LeftOver, coloured).items() if n != "coloured"}
+    assert not record_of(LeftOver, old).coloured

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.safety.schema import Infinite, Record
@@ -46,7 +44,7 @@ class LeftOver(Record):
     """Whether it is in standard deviations that the recording has; its floor is then one of them."""
     fit: float = 100.0
     """Of the motion, 100·(1 − residual/motion) [%]."""
-    coloured: Annotated[bool, Field(exclude=True)] = False
+    coloured: bool = False
     """Whether it is correlated as noise is, alike wherever the motion goes (:mod:`fracid.signals.coloured`)."""
 
     @property
