@@ -75,8 +75,9 @@ def servo_log(folder, name, **beside):
     return path
 
 
-def drafted(folder, *logs):
-    write_draft(logs[0], folder / "servo.toml", None, more=logs[1:])
+def drafted(folder, *logs, says=""):
+    notes = write_draft(logs[0], folder / "servo.toml", None, more=logs[1:]).notes
+    assert not says or any(says in note for note in notes)
     return load_project(folder / "servo.toml").problem
 
 
@@ -104,7 +105,9 @@ def test_logs_with_other_gains_and_masses_have_them_with_their_recording(tmp_pat
 
 @pytest.mark.parametrize("beside", [{"kp": None}, {"motor": "another"}, {"kp": "high"}, {"kp": -3}])
 def test_a_gain_that_a_log_does_not_say_is_free(tmp_path, beside):
-    problem = drafted(tmp_path, servo_log(tmp_path, "kp100_sin_sin", **beside))
+    problem = drafted(
+        tmp_path, servo_log(tmp_path, "kp100_sin_sin", **beside), says="Nothing beside the samples says gain: write"
+    )
     assert "gain" in problem.names
     assert problem.parameters["mass"] == 0.49
 

@@ -107,6 +107,8 @@ class _Page:
             (row for signal, row in self.table.get("with", {}).items() if signal in self.columns), {}
         )
         alike = {n: v for n, v in self.beside[0].items() if all(log.get(n) == v for log in self.beside)}
+        if unsaid := ", ".join(n for n in self.special.get("asks", ()) if n not in self.beside[0]):
+            self.notes.append(f"Nothing beside the samples says {unsaid}: write what you know into [model.parameters].")
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.recordings = [self._recording_of(file) for file in files]
