@@ -12,6 +12,7 @@ import fracid
 from fracid.errors import InputError
 from fracid.feedback import study
 from fracid.feedback.code import c_controller, inputs_of
+from fracid.feedback.pid import pid
 from fracid.feedback.regulators import Plant, margins, regulator, sampled
 from fracid.solver.inputs import Driven
 
@@ -205,3 +206,25 @@ def test_the_controller_in_c_gives_the_inputs_of_the_loop_and_passes_its_own_tes
     (tmp_path / "controller.c").write_text(wrong)
     subprocess.run(own, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == 1
+
+
+def test_a_pid_and_a_fopid_have_the_responses_of_their_formulas():
+    omega = np.geomspace(0.5, 10.0, 10)
+    s = 1j * omega
+    for orders in ((1.0, 1.0), (0.8, 0.7)):
+        made = pid((2.0, 1.5, 0.3), orders, 1e-3, 1, 2)
+        whole = 2.0 + 1.5 * s ** -orders[0] + 0.3 * s ** orders[1] / (1 + 2e-3 * s)
+        np.testing.assert_allclose(made.response(omega)[:, 1], -whole, rtol=0.03)
+        assert not made.response(omega)[:, 0].any()
+
+
+@pytest.mark.broad
+def test_a_fopid_has_no_more_than_the_effort_of_its_pid_and_says_what_it_brings():
+    loops = fracid.control(fit_of(twin()), kind="pid", limit=0.3, draws=2, seconds=2.0)
+    plain, other = loops.tried
+    assert [plain.controller.kind, other.controller.kind] == ["PID", "FOPID"]
+    assert plain.held == other.held == 2
+    first, second = (loops.loop.trial(loops.loop.x, d.controller, 1) for d in (plain, other))
+    assert second["effort"] <= 1.01 * first["effort"]
+    assert second["error"] <= 1.01 * first["error"]
+    assert "times the PID's" in loops.notes[-1]

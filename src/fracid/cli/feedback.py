@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 )
 def control(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
+    kind: Annotated[str, option("NAME", "lqr, or pid: a PID, and a fractional one of its effort.")] = "lqr",
     posture: Annotated[str, option("NAME", "Of a pendulum: upright or hanging \\[default: upright].")] = "",
     at: Annotated[list[str] | None, several("NAME=VALUE", "An output at the posture, 0 if left out.")] = None,
     input_: Annotated[
@@ -75,8 +76,8 @@ def control(
     with shown(events=json_) as observer:
         finished = run_control(
             run, draws=draws, posterior=posterior, trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
-            command=sys.argv[1:], posture=posture, at=assigned("--at", at, "angle=0.5"), input_=input_, limit=limit,
-            rate=rate, delay=delay, off=assigned("--off", off, "alpha=0.2"),
+            command=sys.argv[1:], kind=kind, posture=posture, at=assigned("--at", at, "angle=0.5"), input_=input_,
+            limit=limit, rate=rate, delay=delay, off=assigned("--off", off, "alpha=0.2"),
             within=assigned("--within", within, "alpha=0.6"), seconds=seconds,
         )  # fmt: skip
     answer(json_, finished.result, partial(_show, finished, typed("export", run, "--to", "c", trust=trust)))
@@ -91,10 +92,11 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
     from fracid.feedback.study import margin_text
 
     found, c = finished.control, finished.control.conditions
-    table = new_table("controller", *found.design.controller.weights, "holds", "gain margin", "phase margin")
+    names = dict.fromkeys(n for d in found.tried for n in d.controller.weights)
+    table = new_table("controller", *names, "holds", "gain margin", "phase margin")
     for d in found.tried:
         gain = "∞" if d.gain_margin is None else f"{d.gain_margin:.3g} dB"
-        weights = (f"{v:g}" for v in d.controller.weights.values())
+        weights = (f"{d.controller.weights[n]:.3g}" if n in d.controller.weights else "" for n in names)
         table.add_row(d.controller.kind, *weights, f"{d.held} of {d.draws}", gain, f"{d.phase_margin:.3g} °")
     console.print(table)
     mark = "" if found.design.held == found.design.draws else "[yellow]![/yellow] "

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
@@ -22,6 +22,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.covariance import uncertainty
+from fracid.feedback.pid import both
 from fracid.feedback.regulators import Plant, Posture, margins, posture_of, regulator
 from fracid.figures import Style, draw
 from fracid.problem import Experiment, Problem
@@ -198,7 +199,7 @@ class ClosedLoop:
         gain, phase, distance = margins(self.plant(x), controller)
         return as_json(Trial, Trial(
             ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
-            float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
+            float(np.sqrt(np.mean(y[:, i] ** 2))), float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
             float(np.mean((u <= c.least) | (u >= c.most))), json_number(gain), phase, distance,
         ))  # fmt: skip
 
@@ -311,6 +312,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
 def control(
     fit: Fitted,
     *,
+    kind: str = "lqr",
     posture: str = "",
     at: Mapping[str, float] | None = None,
     input_: str | None = None,
@@ -332,6 +334,9 @@ def control(
     Parameters
     ----------
     fit : Fit or SavedRun
+    kind : str
+        ``lqr``, regulators of several weights; or ``pid``, a PID of the output that begins off, beside a fractional one
+        of the same effort.
     posture : str
         ``upright`` or ``hanging`` of a pendulum; ``upright`` if left out.
     at : mapping, optional
@@ -377,19 +382,23 @@ def control(
     (1.0, True)
     """
     plan = planned(
-        fit, posture=posture, at=at, input_=input_, limit=limit, rate=rate, delay=delay, off=off,
+        fit, kind=kind, posture=posture, at=at, input_=input_, limit=limit, rate=rate, delay=delay, off=off,
         within=within, seconds=seconds, draws=draws, points=points, seed=seed, jobs=jobs,
     )  # fmt: skip
     return plan.run(jobs=jobs, journal=journal, progress=progress)
 
 
-def planned(fit: Fitted, *, draws: int, points: FloatArray | None, seed: int, jobs: int, **loop: Any) -> Plan:
+def planned(
+    fit: Fitted, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
+) -> Plan:
     """What is to be tried; refuses what cannot be controlled."""
     closed, unseen = conditions_of(fit.problem, fit.x, **loop), np.empty((0, 0))
     if points is None:
         points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs)
     _refuse_unseen(closed, unseen)
-    return Plan(closed, points, _designs(closed), seed)
+    if kind not in KINDS:
+        raise unknown_name("kind of controller", kind, tuple(KINDS))
+    return Plan(closed, points, KINDS[kind](closed, seed), seed)
 
 
 @dataclass(frozen=True)
@@ -424,7 +433,8 @@ class Plan:
             )
         done = len(self.designs) * first
         (more,) = self._tried([self.designs[best]], range(first, len(self.points)), Part("trials", done, total), how)
-        return _judged(self.loop, self.designs[best], [*trials[best], *more], tried, self.points, self.seed)
+        notes = (*_notes(self.loop), *_compared(tried, trials))
+        return _judged(self.loop, self.designs[best], [*trials[best], *more], tried, self.points, self.seed, notes)
 
     def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:
         """Of each design its trials."""
@@ -436,7 +446,7 @@ class Plan:
         return [[record_of(Trial, next(done)) for _ in draws] for _ in designs]
 
 
-def _designs(loop: ClosedLoop) -> list[Controller]:
+def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
     c = loop.conditions
     allowed = np.array([c.within[n] or max(map(abs, c.off.values())) for n in c.outputs])
     noise = np.array([math.hypot(c.noise[n], c.quanta[n] / math.sqrt(12)) for n in c.outputs])
@@ -448,6 +458,43 @@ def _designs(loop: ClosedLoop) -> list[Controller]:
     return [
         regulator(plant, c.period, allowed, most, noise, *weights) for weights in itertools.product(*WEIGHTS.values())
     ]
+
+
+def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
+    """A PID of the output that begins off, and a FOPID of the same effort."""
+    c = loop.conditions
+    name = next(iter(c.off))
+    place, off, most = c.outputs.index(name), c.off[name], min(c.most - c.at_rest, c.at_rest - c.least)
+    early = loop.plant(loop.x).linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
+
+    def ran(controller: Controller) -> tuple[float, float, float]:
+        """How long it held, the error's and the input's rms."""
+        time, y, u = loop.run(loop.x, controller, seed)
+        error, effort = (float(np.sqrt(np.mean(v**2))) for v in (y[:, place], u - c.at_rest))
+        return float(time[-1]), error, effort
+
+    def judged(controller: Controller, allowed: float) -> float:
+        held, error, effort = ran(controller)
+        short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1)
+        return (error / off) ** 2 + (effort / most) ** 2 + 10 * short
+
+    return both(judged, lambda found: ran(found)[2], math.copysign(most / abs(off), early), c.period, place,
+                len(c.outputs), seed)  # fmt: skip
+
+
+KINDS = {"lqr": _regulators, "pid": _loops}
+"""What is tried, by name."""
+
+
+def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Iterator[str]:
+    """What a FOPID brings beside a PID of the same effort."""
+    kinds = {d.controller.kind: t for d, t in zip(tried, trials, strict=True)}
+    if set(kinds) == {"PID", "FOPID"}:
+        (error, effort), (other, more) = (
+            np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID")
+        )
+        yield (f"The FOPID's rms error is {other / error:.3g} times the PID's, at {more / effort:.3g} times its effort "
+               "(medians of the draws).")  # fmt: skip
 
 
 def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:
@@ -463,13 +510,14 @@ def _judged(
     tried: tuple[Design, ...],
     points: FloatArray,
     seed: int,
+    notes: tuple[str, ...],
 ) -> Control:
     worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, trials[k].distance))
     values = dict(zip(loop.problem.names, points[worst].tolist(), strict=True))
     return Control(
         loop.problem.model.name, loop.conditions, _design(loop, controller, trials), tried,
         tuple(trials), values, worst, seed, binomial95(sum(t.holds for t in trials), len(trials)),
-        tuple(_notes(loop)), loop,
+        notes, loop,
     )  # fmt: skip
 
 

@@ -60,6 +60,8 @@ class Trial(Record):
     """When it left, or the end [s]."""
     peak: dict[str, float]
     """Output → largest deviation."""
+    error: float
+    """Root mean square of the output that began off, less its reference."""
     effort: float
     """Root mean square of the input less its value at the posture."""
     limited: float
