@@ -81,7 +81,7 @@ def control():
     one, zero = [[1.0]], [[0.0]]
     lqr = Controller("LQR", {"theta": 1.0}, 0.01, zero, zero, zero, one, zero)
     design = Design(lqr, 40, 40, None, 61.23, 0.5)
-    trial = Trial(True, 10.0, {HOSTILE: 0.1}, 0.5, 0.0, None, 60.0, 0.5)
+    trial = Trial(True, 10.0, {HOSTILE: 0.1}, 0.5, 0.2, 0.0, None, 60.0, 0.5)
     loop = Conditions("upright", {}, "voltage", "V", 0.0, -10.0, 10.0, 0.0, 0.01, 4, ("alpha",), {}, {}, {}, {}, {}, {})
     return as_json(ControlRecord, ControlRecord(HOSTILE, loop, design, (design,), (trial,), {HOSTILE: 0.9}, 0, 1,
                                                 (0.91, 1.0), (HOSTILE,)))  # fmt: skip

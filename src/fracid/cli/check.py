@@ -26,7 +26,6 @@ from fracid.cli.app import (
 )
 from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
-from fracid.findings import with_code
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -147,6 +146,8 @@ def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]
 
 def _doubted(recording: Recording) -> dict[str, str]:
     """Signals whose unit is in doubt → the unit to try: taken as radians for nothing says otherwise, or misread."""
+    from fracid.findings import with_code
+
     report = recording.report
     taken = {note.where for note in with_code(report.reading, "taken-as-rad")}
     unsaid = {s.name: "rad" for s in report.signals if s.name in taken & recording.assumed and not s.counts_per_turn}
@@ -292,6 +293,8 @@ def _print_signals(console: Console, report: Report, factors: Mapping[str, float
 
 def _folded(notes: Iterable[str]) -> list[str]:
     """Notes, of which those on units that nothing speaks for are one."""
+    from fracid.findings import with_code
+
     notes = [*notes]
     unsaid = with_code(notes, "taken-as-rad")
     if len(unsaid) < 2:

@@ -45,8 +45,7 @@ def init(
     columns.  For a rotary pendulum it asks what they are, with what it guesses as the answer; with --column, --yes or
     without a terminal it takes the guess.
     """
-    file, *more = files
-    target = out or Path(f"{file.stem}.toml")
+    target = out or Path(f"{files[0].stem}.toml")
     if target.exists() and not force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
     clock = time_from_text(time, rate)
@@ -54,12 +53,12 @@ def init(
     with shown("project"):
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
-        model = model or chosen_model(file, columns, time=clock, variable=variable, rig=rig)
+        model = model or chosen_model(files[0], columns, time=clock, variable=variable, rig=rig)
     if model == "rotary-pendulum" and columns is None and not yes and sys.stdin.isatty():
-        columns, rig = _asked(file, clock, variable, rig)
+        columns, rig = _asked(files[0], clock, variable, rig)
     with shown("project"):
         draft = write_draft(
-            file, target, columns, model=model, zero=zero, more=more, time=clock, variable=variable, rig=rig
+            files[0], target, columns, model=model, zero=zero, more=files[1:], time=clock, variable=variable, rig=rig
         )
     for note in draft.notes:
         typer.echo(printable(f"  {note}"))

@@ -65,7 +65,7 @@ def control(
     jobs: Jobs = CORES,
     json_: Json = False,
 ) -> None:
-    """Design a controller, and test it over the uncertainty of the model.
+    """Design a controller, and test it over what is uncertain.
 
     Regulators of several weights are simulated on the fractional model with friction, delay, encoder, noise, sampling
     and limits as identified, over draws of the free parameters.  Shows the design that holds on most draws, their

@@ -31,7 +31,6 @@ from fracid.cli.app import (
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import InputError
-from fracid.findings import with_code
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -105,6 +104,8 @@ def _step(counts: float) -> float:
 
 def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
+
+    from fracid.findings import with_code
 
     study = finished.study
     say(

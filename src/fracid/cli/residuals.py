@@ -14,8 +14,6 @@ from fracid.cli.app import Json, Out, Trust, answer, command, named, option, pri
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
-from fracid.fit import PARTIAL
-from fracid.optimise.base import Outcome
 from fracid.tasks.display import shown
 from fracid.units import with_unit
 
@@ -69,6 +67,9 @@ ADVICE = 80
 
 def _show(analysis: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
+
+    from fracid.fit import PARTIAL
+    from fracid.optimise.base import Outcome
 
     console.print(_figures(analysis))
     partial = [PARTIAL] if Outcome.of(analysis.run.outcome) is Outcome.INTERRUPTED else []

@@ -105,7 +105,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     Examples
     --------
     >>> import fracid
-    >>> from fracid.problem import Free
+    >>> from fracid.problem import Experiment, Free
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> def swing(seed):
     ...     run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=5e-3, end=2.0)

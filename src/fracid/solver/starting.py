@@ -142,7 +142,7 @@ def corrections(family: str, orders: tuple[float, ...], sigma: tuple[float, ...]
     --------
     >>> corrections("pi", (0.8,), (0.8,), 100).together[0].round(4)
     array([[0.    , 0.    ],
-           [0.4296, 0.6441]])
+           [0.4222, 0.6515]])
     """
     s, exponent = _steps_together(family, sigma), np.array(sigma)
     k, knots = np.arange(1.0, s + 1), knots_up_to(steps)

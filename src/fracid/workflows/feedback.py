@@ -14,6 +14,7 @@ import numpy as np
 
 from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
+from fracid.recording.readers.numpy_files import read_npz
 from fracid.report.index import write_study_page
 from fracid.runs.folder import open_folder
 from fracid.runs.saved import load_run
@@ -92,10 +93,10 @@ def run_control(
         folder, points = folder_of(out, run, "control"), None
         refuse_fit(folder, "the controller")
         if posterior:
-            with np.load(run / "posterior" / DRAWN) as file:
-                weights = np.exp(file["log_weights"])
-                chosen = np.random.default_rng(seed).choice(len(weights), draws, p=weights / weights.sum())
-                points = file["points"][chosen]
+            drawn = read_npz(run / "posterior" / DRAWN)
+            weights = np.exp(np.asarray(drawn["log_weights"], float))
+            chosen = np.random.default_rng(seed).choice(len(weights), draws, p=weights / weights.sum())
+            points = np.asarray(drawn["points"], float)[chosen]
         plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
         words = command_of("control", run, {"out": out, "draws": draws, "seed": seed}) if command is None else command
         open_folder(folder, words)
