@@ -103,7 +103,7 @@ class Prediction:
     seconds: float
     """Until the noise of the start has grown to the motion's own size; infinite where a recording ends before."""
     window: float
-    """Until it has grown by :data:`GROWTH` [s]."""
+    """Until it has grown by :data:`GROWTH`, where it grows fastest [s]."""
 
 
 def prediction(problem: Problem, x: FloatArray) -> Prediction:
@@ -132,7 +132,7 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
         limit = max(LOST, min((g[2] for g in grown), default=math.inf))
         time = window + (later - window) * math.log(limit / GROWTH) / math.log(GROWTH) if later < math.inf else math.inf
         seconds.append(time if time < e.time[-1] else math.inf)
-        windows.append(window)
+        windows.append(min((g[0] for g in grown), default=math.inf))
     return Prediction(min(seconds), min(windows))
 
 
