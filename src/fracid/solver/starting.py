@@ -33,8 +33,7 @@ backward second difference.  That is again a sum over f with weights of its own 
 the start δ²f_0 is taken as f_2 − 2f_1 + f_0, so that parabolas are integrated exactly, and the exponents go up to 2.
 
 **Which exponents.**  Sums of the orders of all states that move from the start on, and the power with which f
-depends on t itself,
-measured by :func:`_powers_of_time` (f = t^0.6 + …, or a smooth x under a fractional derivative, which makes
+depends on t itself, as it is measured (f = t^0.6 + …, or a smooth x under a fractional derivative, which makes
 :math:`D^q x` begin like :math:`t^{1-q}`); of these the :data:`MOST` smallest below 1 that are :data:`APART`,
 and 1, whose error is zero, where none is near it: a straight line must not be mistaken for powers.  Nothing is
 corrected where the start is stiffer than the step can see, that is where h^q ∂f/∂x has a spectral radius above 1.

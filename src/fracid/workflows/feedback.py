@@ -69,7 +69,7 @@ def run_control(
     trust, observer, command
         As of :func:`fracid.run`.
     **loop
-        What else :func:`fracid.control` takes: posture, at, input_, limit, rate, delay, off, within, seconds.
+        What else :func:`fracid.control` takes: posture, at, ``input_``, limit, rate, delay, off, within, seconds.
 
     Raises
     ------
