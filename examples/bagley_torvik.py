@@ -16,9 +16,9 @@ D^.5 z = f − c z − k y, and ``star`` in three; `fracid.solver.reduction` say
 import sys
 
 import numpy as np
+from pymittagleffler import mittag_leffler  # pip install pymittagleffler
 
 import fracid
-from fracid.solver.operators import mittag_leffler
 
 STIFFNESS = 4.0  # k [1/s²]
 DAMPINGS = (0.1, 1.0, 10.0, 100.0)  # c [s^-0.5]
@@ -45,7 +45,7 @@ def exact(damping, time):
     A[3] = -STIFFNESS, 0, 0, -damping
     eigenvalues, V = np.linalg.eig(A)
     start = np.linalg.solve(V, [-1, 0, 0, 0])
-    return 1 + (mittag_leffler(0.5, np.outer(time**0.5, eigenvalues)) @ (V[0] * start)).real
+    return 1 + (mittag_leffler(np.outer(time**0.5, eigenvalues), 0.5, 1.0) @ (V[0] * start)).real
 
 
 def error(damping, step, form):

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numba import types
 
 import fracid
 from fracid import models, optimise
@@ -22,6 +23,8 @@ from fracid.problem.costs import COSTS, Cost, Loss
 from fracid.report.equations import equations
 from fracid.selection.integer_rival import freed_friction
 from fracid.selection.ladder import ladder
+from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.loop_arguments import RUN
 from fracid.solver.methods import METHODS, Method
 from program import fit_in, run
 from sources import nodes
@@ -92,11 +95,12 @@ initial = { phi = 0.5 }
 """
 
 
+@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, types.float64[:, ::1]))
 def euler(rhs, run, out):
-    """Step forward at order 1, in plain Python: the loop of a method."""
+    """Step forward at order 1: the loop of a method."""
     x, f = run.past[-1].copy(), np.zeros(len(run.slope))
     for n in range(1, run.steps + 1):
-        rhs(run.start + (n - 1) * run.h, x, run.u[0], run.p, f)
+        evaluate(rhs, run.start + (n - 1) * run.h, x, run.u[0], run.p, f)
         x += run.gain * f
         if n % run.every == 0:
             out[n // run.every] = x

@@ -54,7 +54,7 @@ MISTAKES = {
     "resid rig.toml": "rig.toml is a project, not the folder of a run. Fit it first: fracid fit rig.toml; its run may "
                       "be runs/rig.",
     "export swing.csv": "swing.csv is a recording, not the folder of a run. Begin with: fracid check swing.csv.",
-    "report study": "study is the folder of fracid compare, not of a fit. Give one that fracid fit wrote.",
+    "report study": "study/compare.json is damaged: it has no structures. Write it again: fracid compare.",
     "resume rig.toml": "rig.toml is a project, not the folder of a run. Fit it first: fracid fit rig.toml",
     "noise swing.csv": "swing.csv is a recording, not the folder of a run. Begin with: fracid check swing.csv.",
     "regress runs/rig": "runs/rig is the folder of a run, not a recording. Look at it: fracid resid runs/rig.",

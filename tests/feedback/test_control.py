@@ -186,7 +186,7 @@ def test_a_gain_that_the_recordings_cannot_tell_is_refused():
     e = fracid.Experiment("twin", 0.01, run.states[:, :1], np.zeros((1, 1)), initial={"angle": 1.0})
     model = fracid.model("pendulum", b_angle=0.0)
     problem = fracid.Problem(model, (e,), {"mu": 1.0}, free, initial_state="held")
-    with pytest.raises(InputError, match="do not tell gravity and J apart"):
+    with pytest.raises(InputError, match="do not separate gravity and J"):
         fracid.control(fit_of(problem), limit=0.3, draws=2)
 
 

@@ -304,7 +304,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
         if np.abs(there - here).max() > UNSEEN * np.abs(here).max():
             names = [n for n, d in zip(loop.problem.names, direction, strict=True) if abs(d) > UNSEEN]
             raise InputError(
-                f"The recordings do not tell {' and '.join(names)} apart, and what {loop.conditions.input} does hangs "
+                f"The recordings do not separate {' and '.join(names)}, and what {loop.conditions.input} does hangs "
                 "on them: fix one of them, or fit a recording that is driven."
             )
 
