@@ -24,7 +24,7 @@ from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.records import in_words
-from fracid.report import report_page, write_report
+from fracid.report import plane_of, report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.page import _wide
@@ -1091,3 +1091,14 @@ def test_a_recording_that_was_used_whole_is_not_read_again(material):
         said = next(s for s in tomllib.loads(material.project.text)["recording"] if recording.path.name == s["file"])
         again = material.as_recorded[recording.name] is not recording
         assert again == bool({"from", "to"} & said.keys() or recording.report.resampled)
+
+
+@pytest.mark.parametrize(
+    ("reasons", "drawn"), [(("mu is off 1.",), True), (("The model does not fit alpha: nothing is known.",), False)]
+)
+def test_the_cost_over_the_orders_is_simulated_where_the_model_fits(monkeypatch, reasons, drawn):
+    monkeypatch.setattr("fracid.estimation.cost_plane.reaches", lambda *_: 0.1)
+    monkeypatch.setattr("fracid.estimation.cost_plane.cost_plane", lambda *_, **__: "a plane")
+    fit = SimpleNamespace(problem=SimpleNamespace(order_indices=(0, 1)), x=None, orders={}, cost=1.0,
+                          claim_reasons=reasons)  # fmt: skip
+    assert (plane_of(fit, 1) is not None) == drawn

@@ -35,7 +35,7 @@ from fracid.report.sentences import counted, described, half_width, joined, lett
 from fracid.report.study import in_script, ladder_of, studies_of
 from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
-from fracid.report.verdict import Line, moved_by_the_step, verdict
+from fracid.report.verdict import Line, does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
@@ -140,17 +140,17 @@ def _material(
     from fracid.runs.saved import load_run
 
     if fit is not None and project is not None:
-        plane = plane or _plane(fit, fit.cost, jobs)
+        plane = plane or plane_of(fit, jobs)
         return Material.of_fit(folder, fit, project, plane, residuals)
     run = load_run(folder, trust=trust)
-    cost = run.result["cost"]["value"]
-    return Material.of_run(run, plane or _plane(run, np.inf if cost is None else cost, jobs))
+    return Material.of_run(run, plane or plane_of(run, jobs))
 
 
-def _plane(fit: Fit, cost: float, jobs: int) -> CostPlane | None:
+def plane_of(fit: Fit, jobs: int) -> CostPlane | None:
+    """The cost over the orders; None where fewer than two are free, and of a model that does not fit."""
     from fracid.estimation.cost_plane import cost_plane, reaches
 
-    if len(fit.problem.order_indices) < 2 or not isfinite(cost):
+    if len(fit.problem.order_indices) < 2 or not isfinite(fit.cost) or does_not_fit(fit.claim_reasons):
         return None
     return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=jobs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -83,9 +83,13 @@ def _but_inside(orders: Mapping[str, Mapping[str, Any]]) -> str:
     return f" ({_inside(list(inside), inside)})" if inside else ""
 
 
+def does_not_fit(reasons: Iterable[str]) -> bool:
+    """Whether the model does not follow what it was fitted to, by the reasons of its claim."""
+    return any(reason.startswith(NO_FIT) for reason in reasons)
+
+
 def _no_fit(result: Mapping[str, Any]) -> bool:
-    """Whether the model does not follow what it was fitted to."""
-    return any(reason.startswith(NO_FIT) for reason in result.get("claim_reasons", ()))
+    return does_not_fit(result.get("claim_reasons", ()))
 
 
 def _stand_in(result: Mapping[str, Any]) -> bool:

@@ -73,8 +73,7 @@ class Drawing:
 
     def _draw(self, fit: Fit) -> tuple[Path, ...]:
         """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
-        from fracid.estimation.cost_plane import cost_plane, reaches
-        from fracid.report import write_report
+        from fracid.report import plane_of, write_report
 
         folder = self.folder
         self.observer.stage("figures")
@@ -82,10 +81,10 @@ class Drawing:
         rig = None if self.model is None else rig_as_found(self.model, fit.parameters)
         pieces = [self.drawer.asked(_draw_rig, rig, folder), *(piece for r in recordings for piece in r.figures)]
         of_starts = saved(of_search(fit), folder)
-        plane = None
-        if isfinite(fit.cost) and len(fit.problem.order_indices) >= 2:
+        if len(fit.problem.order_indices) >= 2:
             self.observer.stage("cost over the orders")
-            plane = cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=self.jobs)
+        plane = plane_of(fit, self.jobs)
+        if plane is not None:
             best = fit.x[list(fit.problem.order_indices[:2])]
             pieces.append(self.drawer.asked(_draw_plane, plane, best, folder, fit.problem.cost_function.name))
         self.observer.stage("page")

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.estimation.cost_plane import cost_plane, reaches
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.project import load_project
+from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Block, Record, read_as
@@ -125,10 +125,8 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
 
 
 def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
-    plane: Figures = iter(())
-    if len(run.problem.order_indices) >= 2:
-        reach = reaches(run.problem, run.x, run.orders)
-        plane = of_plane(run, cost_plane(run.problem, run.x, reach=reach, jobs=jobs), run.folder, style)
+    found = plane_of(run, jobs)
+    plane: Figures = iter(()) if found is None else of_plane(run, found, run.folder, style)
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters), style),
         of_recordings(run.recordings, run.resolutions, style),
