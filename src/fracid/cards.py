@@ -15,7 +15,7 @@ from html import escape
 from pathlib import Path, PurePath
 from typing import Any, cast
 
-from fracid.safety.text import printable
+from fracid.safety.text import cut, printable
 from fracid.units import GREEK, interval_beside, shown_unit, typeset_unit, with_half_width
 
 LINES, LENGTH = 8, 120
@@ -63,8 +63,8 @@ class Card:
         if len(rows) > room:
             rows = [*rows[: room - 1], ("…", f"{len(rows) - room + 1} more rows")]
         width = min(max((len(what) for what, _ in rows), default=0), LENGTH // 3)
-        lines = [f"  {_cut(what, width):<{width}}  {value}" for what, value in rows]
-        return "\n".join(_cut(line, LENGTH) for line in (_one_line(self.title), *lines))
+        lines = [f"  {cut(what, width):<{width}}  {value}" for what, value in rows]
+        return "\n".join(cut(line, LENGTH) for line in (_one_line(self.title), *lines))
 
     def of_folder(self, folder: Path) -> Card:
         """The same card with the folder that it was written to."""
@@ -217,9 +217,5 @@ def _one_line(text: str) -> str:
     return printable(" ".join(str(text).split()))
 
 
-def _cut(text: str, length: int) -> str:
-    return text if len(text) <= length else f"{text[: length - 1]}…"
-
-
 def _safe(text: str) -> str:
-    return escape(_cut(_one_line(text), CELL))
+    return escape(cut(_one_line(text), CELL))

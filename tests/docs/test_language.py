@@ -68,6 +68,7 @@ INSTEAD = {
     r"\btells it of\b": "describes",
     r"\bThe same of\b": "the same holds for",
     r"\bmake a bias\b": "cause the bias",
+    r"\bfrom further out\b": "from a larger angle",
 }
 """Phrase → what to write in its place."""
 PATTERN = re.compile("|".join(f"(?:{phrase})" for phrase in INSTEAD), re.IGNORECASE)

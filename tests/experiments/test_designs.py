@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from itertools import combinations_with_replacement
 
@@ -209,6 +210,8 @@ def test_a_plan_shows_itself_in_eight_lines_and_as_a_table(plan):
     assert len(text.splitlines()) <= 8
     assert "λ = 0.95" in text
     assert plan._repr_html_().startswith("<table")
+    value, half = re.search(r"^  mu +(\S+) ± (\S+)$", plan.summary(), re.MULTILINE).groups()
+    assert len(value) == len(half)  # both end at the same decimal
     assert json.loads(json.dumps(plan.to_json()))["criterion"] == "Ds"
 
 
@@ -234,13 +237,13 @@ def test_the_sheet_is_a_project_that_fits_when_its_places_are_filled(tmp_path):
 @pytest.mark.broad
 def test_a_voltage_is_written_as_it_is_applied(tmp_path):
     voltage = fracid.Pulses(0.3, 0.3, peak=2.0)
-    space = fracid.DesignSpace(seconds=2, rate=100, voltage=voltage)
+    space = fracid.DesignSpace(seconds=2, rate=100, voltage=voltage, voltage_step=0.3)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
     plan.write(tmp_path)
     (c,) = plan.experiments
     table = np.loadtxt(tmp_path / "voltage-1.csv", delimiter=",", skiprows=2)
-    assert table[:, 1] == pytest.approx(c.voltage.signal(table[:, 0]))
-    assert np.max(np.abs(table[:, 1])) <= 2.0
+    below = 0.3 * math.floor(c.voltage.peak / 0.3)  # the largest step of the amplifier within the peak
+    assert table[:, 1] == pytest.approx(below * np.sign(c.voltage.signal(table[:, 0])))
     assert 'voltage = { column = "voltage", unit = "V", between = "hold" }' in (tmp_path / "next.toml").read_text(
         "utf-8"
     )
@@ -256,6 +259,7 @@ def test_a_voltage_is_written_as_it_is_applied(tmp_path):
         ({"seconds": 0.01}, "fewer than 10 samples"),
         ({"arm": "loose"}, "expected 'free' or 'clamped'"),
         ({"voltage": 6.0}, r"fracid\.Multisine"),
+        ({"voltage": fracid.Pulses(0.3, 0.3, peak=2.0), "voltage_step": 3.0}, "no more than the peak"),
         ({"counts": 2}, "counts a turn"),
         ({"noise": -1.0}, "0 or more"),
         ({"limits": {"theta": 0.0}}, "above 0"),

@@ -31,7 +31,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
-from fracid.units import to_second_digit
+from fracid.units import half_width, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -74,6 +74,9 @@ def design(
     voltage: Annotated[
         list[str] | None, several("KIND,A,B,PEAK", "multisine or chirp from A to B Hz, pulses of A to B s.")
     ] = None,
+    voltage_step: Annotated[
+        float, option("V", "Step of the amplifier: voltages are its multiples; 0 for any.", min=0)
+    ] = 0.0,
     limit: Annotated[
         list[str] | None, several("NAME=VALUE", "Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s.")
     ] = None,
@@ -113,7 +116,7 @@ def design(
 
     space = DesignSpace(
         release=angles, arm=_names(arm), seconds=durations, rate=rates, counts=counts, sensors=_names(sensors),
-        voltage=tuple(_voltage(text) for text in voltage or ()) or None, limits=limits,
+        voltage=tuple(_voltage(text) for text in voltage or ()) or None, voltage_step=voltage_step, limits=limits,
     )  # fmt: skip
     with shown(events=json_) as observer:
         finished = run_design(
@@ -163,16 +166,16 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
     table = new_table("", "value", "95 % to expect", "narrower by", "unit")
     gains = plan.gain_over()
     for name, v in plan.expected.items():
-        ends = "not shown" if v.interval95 is None else f"± {(v.interval95[1] - v.interval95[0]) / 2:.2g}"
-        gain = gains.get(name)
-        narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.3g}"
-        mark = "*" if name in plan.of else ""
         half = 0.0 if v.interval95 is None else (v.interval95[1] - v.interval95[0]) / 2
         value = to_second_digit(v.value, half) if half else f"{v.value:.5g}"
+        ends = f"± {half_width(half, v.value)}" if half else "not shown"
+        gain = gains.get(name)
+        narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.2g}"
+        mark = "*" if name in plan.of else ""
         table.add_row(*map(escape, (f"{name}{mark}", value, ends, narrower, v.unit)))
     console.print(table)
-    star = "* what the plan narrows; " if plan.of else ""
-    console.print(f"[dim]{star}narrower by: the interval of now over the one to expect[/dim]", soft_wrap=True)
+    star = "* The plan is chosen to narrow these. " if plan.of else ""
+    console.print(f"[dim]{star}Narrower by: today's 95 % interval divided by the one to expect.[/dim]", soft_wrap=True)
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip

@@ -92,7 +92,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
     from rich.markup import escape
 
     table = new_table("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile")
-    intervals = analysis.result["intervals"]["unknowns"]
+    intervals = analysis.result["intervals"]["free_parameters"]
     for name, p in analysis.profiles.profiles.items():
         row = intervals[name]
         others = [_half(row.get(method)) for method in ("sandwich", "bootstrap")]

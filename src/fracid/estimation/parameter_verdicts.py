@@ -441,7 +441,7 @@ def _of_presliding(view: _View, i: int) -> str:
         if kind.joint == joint and part > STICKS and (u.target == delta or strength):
             return (
                 f"; {letter} hardly breaks away, {100 * min(part, 1.0):.3g} % of its motion is presliding, which "
-                f"depends only on friction divided by {delta}: release it from further out, or fix {u.name}"
+                f"depends only on friction divided by {delta}: release from a larger angle, or fix {u.name}"
             )
     return ""
 

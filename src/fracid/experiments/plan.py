@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, computed_field
 
 from fracid.arrays import FloatArray
-from fracid.cards import Card, CardDisplay, estimate_text, listed
+from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import InputError
 from fracid.experiments.sheet import write_sheet
 from fracid.experiments.space import Candidate, DesignSpace
@@ -158,11 +158,11 @@ class Plan(CardDisplay):
 
     def summary(self) -> str:
         """The card, and the intervals to expect of all free values, in lines."""
-        lines = [repr(self), "", "Intervals to expect, 95 %"]
+        lines = [repr(self), "", "Values with the 95 % intervals to expect"]
         for n, v in self.expected.items():
-            low, high = v.interval95 or (0.0, 0.0)
-            ends = f"± {(high - low) / 2:.2g}" if v.interval95 else "(not shown by this plan)"
-            lines.append(f"  {n:<20} {v.value:.5g} {ends} {v.unit}".rstrip())
+            half = None if v.standard_error is None else NORMAL_95 * v.standard_error
+            ends = rounded(v.value, half) + " (not shown by this plan)" * (half is None)
+            lines.append(f"  {n:<20} {ends} {v.unit}".rstrip())
         return "\n".join(lines)
 
     @property
@@ -189,7 +189,7 @@ class Plan(CardDisplay):
         """With what is known now, and with the integer-order alternatives."""
         gains = self.gain_over()
         if any(math.isfinite(g) for g in gains.values()):
-            yield "narrower", listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
+            yield "than now", listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
         if self.distances:
             nearest = min(self.distances, key=self.distances.__getitem__)
             away = f"stays {self.distances[nearest]:.3g} standard deviations away"
@@ -199,4 +199,4 @@ class Plan(CardDisplay):
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.3g}×" if math.isfinite(factor) else "from no interval"
+    return f"{factor:.2g} times narrower" if math.isfinite(factor) else "had no interval"

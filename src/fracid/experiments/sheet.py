@@ -164,8 +164,8 @@ def _sheet(plan: Sheet) -> str:
     lines = [plan.summary(), "", "Experiments"]
     for k, c in enumerate(plan.experiments, 1):
         first = plan.experiments.index(c) + 1
-        voltage = "" if c.voltage is None else f"; play voltage-{first}.csv"
-        lines.append(f"  {k}. {c}{voltage}. Save it as recording-{k}.csv; compare with expected-{first}.csv.")
+        play = "" if c.voltage is None else f"play voltage-{first}.csv; "
+        lines += [f"  {k}. {c}", f"     {play}save it as recording-{k}.csv; compare with expected-{first}.csv"]
     if len({c.arm for c in plan.experiments}) > 1:
         lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
                   "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip

@@ -92,6 +92,8 @@ class DesignSpace(CardDisplay):
     """Counts a turn of the encoders, 0 for no rounding; None as in the recordings, or 4096 without any."""
     voltage: Excitation | Sequence[Excitation] | None = None
     """What may be applied to the motor beside nothing; None where nothing can."""
+    voltage_step: float = 0.0
+    """Step of the amplifier, in the unit of the input: voltages are multiples of it [V]; 0 for any voltage."""
     sensors: Sequence[str] = ()
     """Outputs that are recorded; empty for those of the run, or all of the model."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -122,6 +124,10 @@ class DesignSpace(CardDisplay):
             if not isinstance(u, Multisine | Chirp | Pulses | None):
                 raise InputError(f"voltage = {u!r} is not possible; expected fracid.Multisine(0.2, 8.0, peak=6.0), "
                                  "a fracid.Chirp or fracid.Pulses.")  # fmt: skip
+        least = min((u.peak for u in _several(self.voltage) if u is not None), default=math.inf)
+        if not 0 <= self.voltage_step <= least or math.isinf(self.voltage_step):
+            raise InputError(f"voltage_step = {self.voltage_step!r} is not possible; expected 0 or more, and no more "
+                             "than the peak.")  # fmt: skip
         if self.counts is not None and (self.counts < 0 or 0 < self.counts < 3):
             raise InputError(f"counts = {self.counts:g} is not possible; expected counts a turn, such as 4096, or 0.")
         if self.noise is not None and not 0 <= self.noise < math.inf:
@@ -170,6 +176,21 @@ class DesignSpace(CardDisplay):
         for arm, voltage, release, rate, seconds in decisions:
             if (arm == "free" or (voltage is None and release != 0.0)) and (release != 0.0 or voltage is not None):
                 yield Candidate(release, float(seconds), float(rate), arm, voltage)
+
+    def applied(self, voltage: Excitation, time: FloatArray) -> FloatArray:
+        """A voltage at some times, as the amplifier gives it: the nearest of its steps within the peak.
+
+        Examples
+        --------
+        >>> chirp = Chirp(0.3, 4.0, peak=2.0)
+        >>> DesignSpace(voltage=chirp, voltage_step=0.3).applied(chirp, np.arange(4) / 4).round(6).tolist()
+        [0.0, 0.9, 1.8, 1.8]
+        """
+        u = voltage.signal(time)
+        if not self.voltage_step:
+            return u
+        most = math.floor(voltage.peak / self.voltage_step + 1e-9)
+        return (self.voltage_step * np.clip(np.round(u / self.voltage_step), -most, most)).round(12) + 0.0
 
     def within_limits(self, outputs: Mapping[str, FloatArray], rate: float) -> bool:
         """Whether simulated outputs stay within the limits."""

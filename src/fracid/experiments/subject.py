@@ -127,7 +127,7 @@ class Subject:
         inputs = np.zeros((1, max(1, len(model.inputs))))
         if c.voltage is not None:
             inputs = np.zeros((c.samples, len(model.inputs)))
-            inputs[:, 0] = c.voltage.signal(time)
+            inputs[:, 0] = space.applied(c.voltage, time)
         initial = {} if space.initial_state != "held" else {
             model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
             if (i := model.output_states.get(n)) is not None

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.figures import STYLES, Style, style_named
 from fracid.problem.costs import COSTS
+from fracid.safety.text import cut
 from fracid.units import GREEK, shown_unit, with_unit
 
 if TYPE_CHECKING:
@@ -386,7 +387,7 @@ def plain(text: str, length: int = 60) -> str:
 
     glyphs = get_font(findfont("DejaVu Sans")).get_charmap()
     line = "".join(c if ord(c) in glyphs else "□" for c in " ".join(str(text).split()))
-    return (line if len(line) <= length else line[: length - 1] + "…").replace("$", r"\$")
+    return cut(line, length).replace("$", r"\$")
 
 
 def cost_label(name: str) -> tuple[str, str]:

@@ -101,7 +101,7 @@ def _compared(record: Mapping[str, Any]) -> Found:
 def _planned(record: Mapping[str, Any]) -> Found:
     count = len(record["experiments"])
     gains = record["gain"]
-    narrower = {n: f"95 % interval narrower by a factor of {number(g, '.3g')}" for n, g in gains.items() if g}
+    narrower = {n: f"95 % interval {number(g, '.2g')} times narrower than today" for n, g in gains.items() if g}
     rows = [_row(n, v, says=narrower.get(n, "")) for n, v in record["expected"].items()]
     plan = [{"experiment": str(k), "what to do": str(c["text"])} for k, c in enumerate(record["experiments"], 1)]
     away = {"Distance of the integer-order alternatives": [

@@ -124,6 +124,20 @@ def ascii_short(text: str) -> str:
     return repr(shortened(text))
 
 
+def cut(text: str, length: int) -> str:
+    """A text of so many characters at most, cut between words where there are any.
+
+    Examples
+    --------
+    >>> cut("release from 90°, arm clamped", 25), cut("abcdefgh", 5), cut("short", 5)
+    ('release from 90°, arm…', 'abcd…', 'short')
+    """
+    if len(text) <= length:
+        return text
+    head = text[: length - 1]
+    return f"{head.rsplit(' ', 1)[0] if ' ' in head[length // 2 :] else head}…"
+
+
 def shortened(text: str) -> str:
     """Not longer than a message bears.
 

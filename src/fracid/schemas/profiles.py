@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown
@@ -78,6 +78,12 @@ class IntervalsBlock(Block):
     methods: dict[str, str]
     unknowns: dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]
 
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def free_parameters(self) -> dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]:
+        """What the pages call them; the key ``unknowns`` goes with the version after this one."""
+        return self.unknowns
+
 
 class VerdictBlock(Block):
     """Whether a free parameter is identifiable."""
@@ -103,6 +109,12 @@ class BootstrapBlock(Block):
     block: int
     warning: str
     unknowns: dict[str, DrawsOfOne]
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def free_parameters(self) -> dict[str, DrawsOfOne]:
+        """What the pages call them; the key ``unknowns`` goes with the version after this one."""
+        return self.unknowns
 
 
 class LikelihoodBlock(ProfilesBlock):
