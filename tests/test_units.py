@@ -9,7 +9,10 @@ import pytest
 import fracid
 from fracid import Experiment, Free, Model, Parameter, Problem
 from fracid.estimation.records import RecordingFit
+from fracid.twins.encoder import simulated
 from fracid.units import shown_unit, with_unit
+from fracid.validation.monte_carlo import _read, planned
+from fracid.workflows.monte_carlo import _grid
 
 TIME = np.arange(0, 10, 0.01)
 
@@ -105,8 +108,32 @@ def test_levels_of_noise_are_in_the_unit_of_the_output():
     assert any("[V]" in t for t in texts(study.plot()))
 
 
-def test_the_command_line_refuses_levels_in_degrees_for_volts():
-    from fracid.workflows.monte_carlo import _refuse_other_units
+def test_relative_levels_are_multiples_of_each_outputs_own_residual():
+    problem, truth = voltages(), np.array([0.9])
+    size = problem.levels(truth)["voltage"]
+    plan = planned(problem, truth, levels=[0.5, 2.0], seeds=1, relative=True)
+    assert plan.how["sizes"] == [size]
+    (exact,) = simulated(plan.problem, truth).experiments
+    noise = [_read(exact, level, 0.0, np.random.default_rng(1), [size]) - exact.measured for level in (0.5, 2.0)]
+    assert [np.std(n) / size for n in noise] == pytest.approx([0.5, 2.0], rel=0.1)
+    study = plan.run()
+    assert [cell.label for cell in study.cells] == [f"{k} × RMS of noise, no rounding" for k in ("0.5", "2")]
+    assert study.to_json()["sizes"] == {"voltage": size}
+    assert any("[× RMS]" in t for t in texts(study.plot()))
 
-    with pytest.raises(fracid.InputError, match=r"voltage is in V.*In Python fracid\.noise_study"):
-        _refuse_other_units(voltages())
+
+def test_multiples_of_a_residual_that_is_0_are_refused():
+    problem, truth = voltages(), np.array([0.9])
+    exact = simulated(problem, truth, finer=1)
+    with pytest.raises(fracid.InputError, match="The residual of voltage is 0"):
+        planned(exact, truth, levels=[1.0], seeds=1, relative=True)
+
+
+def test_of_outputs_that_are_no_angles_the_command_takes_multiples_and_no_counts():
+    assert _grid(voltages(), None, None, False, True) == {
+        "levels": (0.5, 1.0, 2.0), "resolutions": (0.0,), "relative": True}  # fmt: skip
+    assert _grid(voltages(), [3.0], None, False, True)["levels"] == [3.0]
+    assert _grid(voltages(), [1e-3], [2e-3], False, False) == {
+        "levels": [1e-3], "resolutions": [2e-3], "relative": False}  # fmt: skip
+    with pytest.raises(fracid.InputError, match=r"--counts is of angles, and the recordings have voltage in V"):
+        _grid(voltages(), None, [4096.0], False, True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from math import degrees, pi, radians
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +32,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
+from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -51,8 +52,17 @@ HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 )
 def noise(
     source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
-    levels: Annotated[str, option("DEG,DEG", "Standard deviations of the noise, in degrees.")] = "0.05,0.1,0.2",
-    counts: Annotated[str, option("N,N", "Encoder counts per turn; 0 for no quantisation.")] = "4096,20000",
+    levels: Annotated[
+        str | None,
+        option(
+            "DEG,DEG",
+            "Standard deviations of the noise, in degrees \\[default: 0.05,0.1,0.2]; of other outputs "
+            "than angles in multiples of the RMS of each residual \\[default: 0.5,1,2].",
+        ),
+    ] = None,
+    counts: Annotated[
+        str | None, option("N,N", "Encoder counts per turn; 0 for no quantisation \\[default: 4096,20000].")
+    ] = None,
     seeds: Annotated[int, option("N", "Repetitions for each noise level and encoder.", min=1)] = 50,
     cost: Annotated[str | None, named("Cost function, instead of the project's: {costs}.", key_of("costs"))] = None,
     optimiser: Annotated[
@@ -76,27 +86,23 @@ def noise(
     figure.  After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of the model reaches
     the end of the recording.
     """
-    degrees = numbers("--levels", levels, "0.05,0.1,0.2", least=0.0)
-    steps = [_step(v) for v in numbers("--counts", counts, "4096,20000", least=0.0)]
+    sizes = None if levels is None else numbers("--levels", levels, "0.05,0.1,0.2", least=0.0)
+    turns = None if counts is None else numbers("--counts", counts, "4096,20000", least=0.0)
+    if few := [c for c in turns or () if 0 < c < 3]:
+        raise InputError(
+            f"--counts {few[0]:g} is not possible; expected counts a turn, e.g. 4096, or 0 for no rounding."
+        )
     from fracid.workflows.monte_carlo import run_noise_study
 
     with shown(events=json_) as observer:
         finished = run_noise_study(
-            source, levels=[*map(radians, degrees)], resolutions=steps, seeds=seeds, cost=cost, optimiser=optimiser,
-            executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, angles=True,
-            observer=observer, command=sys.argv[1:],
+            source, levels=sizes, resolutions=turns, angles=True, seeds=seeds, cost=cost, optimiser=optimiser,
+            executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
+            command=sys.argv[1:],
         )  # fmt: skip
     verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
     after = typed(verb, source, trust=trust), f"{what} of the measured data"
     answer(json_, finished.result, partial(_show, finished, after))
-
-
-def _step(counts: float) -> float:
-    if 0 < counts < 3:
-        raise InputError(
-            f"--counts {counts:g} is not possible; expected counts a turn, e.g. 4096, or 0 for no rounding."
-        )
-    return 2 * pi / counts if counts else 0.0
 
 
 # ------------------------------------------------------------------ from results to text
@@ -108,11 +114,13 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
     from fracid.findings import with_code
 
     study = finished.study
+    units = {o: e.units.get(o, "rad") for e in study.problem.experiments for o in study.problem.outputs}
+    residuals = ", ".join(f"{with_unit(size, units[o])} of {o}" for o, size in (study.sizes or {}).items())
+    noise = f"noise in multiples of the residual's RMS, {residuals}" if residuals else "angles in degrees"
     say(
         console,
         f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
-        f"{study.problem.method}; angles in degrees. "
-        "Coverage is the share of 95 % intervals that contain the true value.",
+        f"{study.problem.method}; {noise}. Coverage is the share of 95 % intervals that contain the true value.",
     )
     for cell in study.cells:
         console.print(f"[bold]{escape(cell.label)}[/bold]")

@@ -8,7 +8,8 @@ does, and identifies the problem again, from its own start:
            ε_t \sim N(0, 1), \quad e \sim U(0, q) ,
 
 with the noise's *level* σ, the encoder's *resolution* q, and the edge e of a count, of each output its own: where the
-marks lie nobody chooses.  A *cell* is one level with one resolution; over its repetitions, for each unknown,
+marks lie nobody chooses.  Where the outputs have several units, both may be multiples of the RMS of each output's
+residual at the truth.  A *cell* is one level with one resolution; over its repetitions, for each unknown,
 
 =============  ============================================================================================
 bias           mean of the estimates less the truth; known to spread/√n
@@ -56,7 +57,7 @@ from fracid.estimation.search import search
 from fracid.figures import Style, draw
 from fracid.findings import Finding, Note, with_code
 from fracid.optimise import Evaluation, optimiser_from_name
-from fracid.problem import Problem
+from fracid.problem import Experiment, Problem
 from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable
@@ -72,6 +73,7 @@ from fracid.tasks.tasks import run_tasks
 from fracid.twins.encoder import encoder, simulated
 from fracid.validation.after_search import noisy_start
 from fracid.validation.study_records import (
+    TIMES,
     Cell,
     FailedBlock,
     RepetitionBlock,
@@ -111,6 +113,8 @@ class NoiseStudy(CardDisplay):
     seed: int
     findings: tuple[Finding, ...] = ()
     """What was known before it began to spoil the intervals."""
+    sizes: Mapping[str, float] | None = None
+    """Output → what levels and resolutions are multiples of; None where they are as they stand."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -266,6 +270,7 @@ def noise_study(
     starts: int = 1,
     cost: str | None = None,
     options: Mapping[str, Any] | None = None,
+    relative: bool = False,
     rival: bool = False,
     executor: str = "threads",
     jobs: int = 1,
@@ -281,9 +286,11 @@ def noise_study(
     x : array, shape (n_unknowns,)
         The truth.
     levels : sequence of float
-        Standard deviations of the noise [rad]; 0 for none.
+        Standard deviations of the noise, in the outputs' unit [rad]; 0 for none.
     resolutions : sequence of float
         Steps of the encoder [rad], 2π/counts; 0 for none.
+    relative : bool
+        Whether both are multiples of the RMS of each output's residual at the truth, as outputs of several units need.
     seeds : int
         Repetitions in each cell.
     seed : int
@@ -326,7 +333,7 @@ def noise_study(
     """
     plan = planned(
         problem, x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, optimiser=optimiser, starts=starts,
-        cost=cost, options=options, rival=rival,
+        cost=cost, options=options, relative=relative, rival=rival,
     )  # fmt: skip
     return plan.run(executor=executor, jobs=jobs, journal=journal, progress=progress)
 
@@ -343,7 +350,7 @@ class Plan:
     seeds: int
     seed: int
     how: Mapping[str, Any]
-    """optimiser, starts, options, rival."""
+    """optimiser, starts, options, rival, sizes."""
 
     @property
     def own(self) -> str:
@@ -371,15 +378,15 @@ class Plan:
         exact, rng = simulated(self.problem, self.truth), np.random.default_rng(self.seed)
         read = []
         for e in exact.experiments:
-            n, y = len(e.slope_weights), encoder(e.measured, level, resolution, rng)
+            n, y = len(e.slope_weights), _read(e, level, resolution, rng, self.how["sizes"])
             read.append(replace(e, measured=np.vstack([e.measured[:n], y[n:]])))
         noisy = replace(exact, experiments=tuple(read))
         return noisy_start(noisy, self.truth, uncertainty(noisy, self.truth))
 
     @property
     def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
-        numbers = range(1, self.seeds + 1)
-        return [(cell, k, f"{label_of(*cell)}, repetition {k}") for cell in self.cells for k in numbers]
+        numbers, unit = range(1, self.seeds + 1), TIMES if self.how["sizes"] else "rad"
+        return [(cell, k, f"{label_of(*cell, unit)}, repetition {k}") for cell in self.cells for k in numbers]
 
     def run(
         self, *, executor: str = "threads", jobs: int = 1, journal: Journal | None = None,
@@ -394,17 +401,19 @@ class Plan:
     def study(self, results: Mapping[str, Any]) -> NoiseStudy:
         """Gather what the repetitions found, by the keys of the tasks."""
         each = {cell: [results[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
+        sizes = dict(zip(self.problem.outputs, self.how["sizes"], strict=True)) if self.how["sizes"] else None
+        unit = unit_of(self.problem) if sizes is None else TIMES
+        cells = tuple(_cell(self.problem, self.truth, *cell, each[cell], unit) for cell in self.cells)
         return NoiseStudy(
-            self.problem, self.truth, tuple(_cell(self.problem, self.truth, *cell, each[cell]) for cell in self.cells),
-            {key: results[key] for _, _, key in self._keys}, self.how["optimiser"], self.seeds, self.seed,
-            self.findings,
+            self.problem, self.truth, cells, {key: results[key] for _, _, key in self._keys}, self.how["optimiser"],
+            self.seeds, self.seed, self.findings, sizes,
         )  # fmt: skip
 
 
 def planned(
     problem: Problem, x: FloatArray, *, levels: Sequence[float], resolutions: Sequence[float] = (0.0,), seeds: int = 50,
     seed: int = 1, optimiser: str = "multistart", starts: int = 1, cost: str | None = None,
-    options: Mapping[str, Any] | None = None, rival: bool = False,
+    options: Mapping[str, Any] | None = None, relative: bool = False, rival: bool = False,
 ) -> Plan:  # fmt: skip
     """Plan a noise study without doing it; parameters and errors as of :func:`noise_study`.
 
@@ -421,12 +430,13 @@ def planned(
     """
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
     problem = Portable(problem).problem  # the same numbers wherever a repetition runs
-    cells = _cells(levels, resolutions)
+    cells, true = _cells(levels, resolutions, relative), _checked_truth(problem, x)
     at_least("seeds", seeds, 1)
     if optimiser != "multistart":
         optimiser_from_name(optimiser)
-    how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival}
-    return Plan(problem, _checked_truth(problem, x), cells, seeds, seed, how)
+    how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival,
+           "sizes": _sizes(problem, true) if relative else None}  # fmt: skip
+    return Plan(problem, true, cells, seeds, seed, how)
 
 
 # --- one repetition ----------------------------------------------------------------------------------
@@ -449,7 +459,7 @@ def repetition(
     seed : (int, int)
         The study's, and the number of the repetition.
     how : mapping
-        optimiser, starts, options, rival.
+        optimiser, starts, options, rival, sizes.
 
     Returns
     -------
@@ -464,7 +474,7 @@ def repetition(
     own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
     noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
     read = tuple(
-        replace(e, measured=encoder(e.measured, level, resolution, noise)) for e in twin.problem.experiments
+        replace(e, measured=_read(e, level, resolution, noise, how["sizes"])) for e in twin.problem.experiments
     )  # fmt: skip
     problem, true = replace(twin.problem, experiments=read), np.array(truth)
     result, _ = search(
@@ -491,6 +501,14 @@ def repetition(
     })  # fmt: skip
 
 
+def _read(
+    e: Experiment, level: float, resolution: float, rng: np.random.Generator, sizes: Sequence[float] | None
+) -> FloatArray:
+    """The outputs as noisy encoders read them; of level and resolution in multiples of `sizes`, if those are given."""
+    size = np.array(sizes or 1.0)
+    return size * encoder(e.measured / size, level, resolution, rng)
+
+
 def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertainty | Failure) -> bool | None:
     """Whether a report would: an order off its integer value by more than its interval, and the rival beaten.
 
@@ -511,7 +529,9 @@ def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertaint
 # --- from repetitions to cells -----------------------------------------------------------------------
 
 
-def _cell(problem: Problem, truth: FloatArray, level: float, resolution: float, each: list[dict[str, Any]]) -> Cell:
+def _cell(
+    problem: Problem, truth: FloatArray, level: float, resolution: float, each: list[dict[str, Any]], unit: str
+) -> Cell:
     good = [r for r in each if not r["failure"]]
     decisions = [r["fractional"] for r in good if r["fractional"] is not None]
     return Cell(
@@ -519,7 +539,7 @@ def _cell(problem: Problem, truth: FloatArray, level: float, resolution: float, 
         sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
         float(np.mean([r["evaluations"] for r in each])), sum(decisions) if decisions else None,
         {u.name: _statistics(u.name, u.unit, float(true), good)
-         for u, true in zip(problem.unknowns, truth, strict=True)}, unit_of(problem),
+         for u, true in zip(problem.unknowns, truth, strict=True)}, unit,
     )  # fmt: skip
 
 
@@ -580,16 +600,27 @@ def _why(cell: Cell, s: Statistics) -> str:
 # --- what cannot be ----------------------------------------------------------------------------------
 
 
-def _cells(levels: Sequence[float], resolutions: Sequence[float]) -> tuple[tuple[float, float], ...]:
+def _cells(levels: Sequence[float], resolutions: Sequence[float], relative: bool) -> tuple[tuple[float, float], ...]:
+    most, expected, unit = math.pi, "a number from 0 to π, in radians", " rad"
+    if relative:
+        most, expected, unit = math.inf, "a number from 0 on", ""
     for what, values in (("level", levels), ("resolution", resolutions)):
         if not len(values):
-            raise InputError(f"There is no {what}; give at least one [rad], 0 for none.")
+            raise InputError(f"There is no {what}; give at least one{unit and ' [rad]'}, 0 for none.")
         for value in values:
-            if not (math.isfinite(value) and 0 <= value < math.pi):
-                raise InputError(f"{what} {value!r} rad: expected a number from 0 to π, in radians.")
+            if not (math.isfinite(value) and 0 <= value < most):
+                raise InputError(f"{what} {value!r}{unit}: expected {expected}.")
         if len({f"{value:.12f}" for value in values}) < len(values):
-            raise InputError(f"The {what}s {', '.join(f'{v:g}' for v in values)} rad name one twice; give each once.")
+            raise InputError(f"The {what}s {', '.join(f'{v:g}' for v in values)}{unit} name one twice; give each once.")
     return tuple((float(level), float(q)) for level in levels for q in resolutions)
+
+
+def _sizes(problem: Problem, truth: FloatArray) -> list[float]:
+    for output, size in (sizes := problem.levels(truth)).items():
+        if not size:
+            raise InputError(f"The residual of {output} is 0, and so is any multiple of it: relative = False takes "
+                             "levels in the output's unit.")  # fmt: skip
+    return [*sizes.values()]
 
 
 def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:

@@ -61,6 +61,10 @@ class Statistics(Record):
         return as_json(Statistics, self)
 
 
+TIMES = "× RMS"
+"""The unit of levels and resolutions that are multiples of each output's own residual."""
+
+
 @dataclass(frozen=True)
 class Cell(Record):
     """One level of noise with one resolution."""
@@ -80,7 +84,7 @@ class Cell(Record):
     """Repetitions whose orders would be called fractional; None where that was not asked."""
     unknowns: Mapping[str, Statistics]
     unit: str = "rad"
-    """Of level and resolution: that of the scored outputs."""
+    """Of level and resolution: that of the scored outputs, or :data:`TIMES`."""
 
     @computed_field(alias="counts_per_turn")  # type: ignore[prop-decorator]
     @property
@@ -179,6 +183,7 @@ class StudyBlock(Coherent):
     cells: list[Cell]
     sentences: list[str] = Field([])
     findings: list[Finding] = Field([])
+    sizes: dict[str, float] | None = Field(None)
     repetitions: dict[str, dict[str, Any]] = Field({})
 
     def incoherence(self) -> str:

@@ -32,11 +32,11 @@ from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, r
 
 TABLE = "noise.csv"
 
-LEVELS = tuple(map(radians, (0.05, 0.1, 0.2)))
-"""Of noise [rad], if none are given."""
+LEVELS, COUNTS = (0.05, 0.1, 0.2), (4096.0, 20000.0)
+"""Of noise [°], and of an encoder's turn, if none are given and all outputs are angles."""
 
-RESOLUTIONS = (2 * pi / 4096, 2 * pi / 20000)
-"""Of encoders [rad], if none are given."""
+MULTIPLES = (0.5, 1.0, 2.0)
+"""Of each output's residual, if not."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,8 +56,9 @@ class FinishedNoiseStudy(Finished):
 def run_noise_study(
     source: str | Path,
     *,
-    levels: Sequence[float] = LEVELS,
-    resolutions: Sequence[float] = RESOLUTIONS,
+    levels: Sequence[float] | None = None,
+    resolutions: Sequence[float] | None = None,
+    relative: bool = False,
     seeds: int = 50,
     cost: str | None = None,
     optimiser: str | None = None,
@@ -78,9 +79,12 @@ def run_noise_study(
     ----------
     source : str or Path
         A run folder, whose values are the truth; or a project file, which is fitted first.
-    levels, resolutions : sequence of float
+    levels, resolutions : sequence of float, optional
         Standard deviations of the noise, and steps of the encoders, 0 for none; in the outputs' own unit, as of
-        :func:`fracid.noise_study`.
+        :func:`fracid.noise_study`.  Left out, 0.05°, 0.1°, 0.2° with 4096 and 20000 counts a turn where all outputs are
+        angles, else 0.5, 1 and 2, relative.
+    relative : bool
+        Whether both are multiples of the RMS of each output's residual.
     seeds : int
         Repetitions at each level with each encoder.
     cost, optimiser : str, optional
@@ -94,7 +98,7 @@ def run_noise_study(
     jobs : int
         Processes or threads.
     angles : bool
-        Refuse outputs that are no angles, for which degrees and counts a turn mean nothing.
+        Whether both are what the command has: degrees and counts a turn where all outputs are angles, else multiples.
     trust, observer, command
         As of :func:`fracid.run`.
 
@@ -117,15 +121,14 @@ def run_noise_study(
     """
     source = Path(source)
     options = {"seeds": seeds, "cost": cost, "optimiser": optimiser, "executor": executor, "seed": seed}
-    words = _command(source, out, levels, resolutions, options | {"trust": trust}) if command is None else command
     watching = unless_given(observer)
     with one_blas_thread():
         truth = _truth_of(source, jobs, trust, watching)
-        if angles:
-            _refuse_other_units(truth.problem)
+        grid = _grid(truth.problem, levels, resolutions, relative, angles)
+        words = _command(source, out, grid, options | {"trust": trust}) if command is None else command
         folder = folder_of(out, source, "noise")
         plan = planned(
-            truth.problem, truth.x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, cost=cost,
+            truth.problem, truth.x, **grid, seeds=seeds, seed=seed, cost=cost,
             optimiser=optimiser or truth.optimiser, starts=truth.starts,
         )  # fmt: skip
         watching.stage("repetitions")
@@ -139,15 +142,31 @@ def run_noise_study(
     return FinishedNoiseStudy(folder, figures, record, study)
 
 
+def _grid(
+    problem: Problem, levels: Sequence[float] | None, resolutions: Sequence[float] | None, relative: bool, angles: bool
+) -> dict[str, Any]:
+    """Levels and resolutions as :func:`planned` takes them."""
+    units = {o: e.units.get(o, "rad") for e in problem.experiments for o in problem.outputs}
+    others = [f"{o} in {unit}" for o, unit in units.items() if unit != "rad"]
+    if others and angles and any(resolutions or ()):
+        raise InputError(f"--counts is of angles, and the recordings have {others[0]}: leave it out.")
+    if others and (angles or levels is None):
+        return {"levels": MULTIPLES if levels is None else levels, "resolutions": (0.0,), "relative": True}
+    turns = COUNTS if resolutions is None else resolutions if angles else ()
+    degrees = LEVELS if levels is None else levels if angles else ()
+    return {"levels": [*map(radians, degrees)] or levels, "resolutions": [*map(_counts, turns)] or resolutions,
+            "relative": relative}  # fmt: skip
+
+
 def _command(
-    source: Path, out: str | Path | None, levels: Sequence[float], resolutions: Sequence[float],
-    options: Mapping[str, Any],
+    source: Path, out: str | Path | None, grid: Mapping[str, Any], options: Mapping[str, Any]
 ) -> list[str]:  # fmt: skip
-    grid = {
-        "levels": ",".join(_decimal(level, degrees, radians) for level in levels),
-        "counts": ",".join(_decimal(step, _counts, _counts) for step in resolutions),
+    levels, resolutions = grid["levels"], grid["resolutions"]
+    words = {
+        "levels": ",".join(f"{v:g}" if grid["relative"] else _decimal(v, degrees, radians) for v in levels),
+        "counts": None if grid["relative"] else ",".join(_decimal(step, _counts, _counts) for step in resolutions),
     }
-    return command_of("noise", source, {"out": out, **grid, **options})
+    return command_of("noise", source, {"out": out, **words, **options})
 
 
 def _counts(step: float) -> float:
@@ -190,17 +209,6 @@ def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) ->
     return _Truth(problem, x, optimiser, project.starts, digest_of(project))
 
 
-def _refuse_other_units(problem: Problem) -> None:
-    """Degrees and counts a turn mean nothing to a voltage."""
-    for e in problem.experiments:
-        for output in problem.outputs:
-            if (unit := e.units.get(output, "rad")) != "rad":
-                raise InputError(
-                    f"{e.name}: {output} is in {unit}, and --levels and --counts are of angles. In Python "
-                    "fracid.noise_study takes levels and resolutions in the output's own unit."
-                )
-
-
 # ------------------------------------------------------------------ the study
 
 
@@ -230,6 +238,6 @@ def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
         "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
         "cost": plan.problem.cost_function.name,
         "seed": plan.seed,
-        **{name: plan.how[name] for name in ("optimiser", "starts")},
+        **{name: plan.how[name] for name in ("optimiser", "starts", "sizes") if plan.how[name] is not None},
         "versions": versions(),
     }
