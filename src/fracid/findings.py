@@ -15,10 +15,13 @@ made by                                       looks at
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+from fracid.safety.door import own_text
 from fracid.safety.schema import Record, Unknown, as_json
 
 
@@ -53,6 +56,41 @@ class Finding(Record):
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values; a number that is not finite becomes null."""
         return as_json(Finding, self)
+
+
+@dataclass(frozen=True)
+class Words:
+    """What one module says, by code: the words are in a TOML file beside it, the numbers are filled in here.
+
+    Parameters
+    ----------
+    file : str
+        Within the package, ``recording/faults.toml``: code → sentence, and code → table of a finding, with the unit of
+        its number and what it ``says``; of two findings with one ``code`` the tables have names of their own.
+
+    Examples
+    --------
+    >>> says = Words("recording/faults.toml")
+    >>> str(says.finding("still", "alpha", 0.0, 0.0, unit="rad", value="0°"))
+    'alpha: it stays at 0° throughout: is its encoder connected? A model of the pendulum needs it to swing.'
+    """
+
+    file: str
+
+    @cached_property
+    def table(self) -> dict[str, Any]:
+        """The content of the file."""
+        return tomllib.loads(own_text(self.file))
+
+    def __call__(self, code: str, /, **values: object) -> str:
+        """A sentence with these values."""
+        return str(self.table[code]).format(**values)
+
+    def finding(self, name: str, where: str, number: float, limit: float, /, **values: object) -> Finding:
+        """A finding whose words have these values, and its own: ``where``, ``number`` and ``limit``."""
+        values |= {"where": where, "number": number, "limit": limit}
+        entry = {key: text.format(**values) for key, text in ({"code": name} | self.table[name]).items()}
+        return Finding(entry["code"], where, number, limit, entry["unit"], entry["says"])
 
 
 class Note(str):

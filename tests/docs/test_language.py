@@ -119,6 +119,11 @@ def test_a_notebook_has_no_phrase_of_the_list(notebook):
     assert [p for text in prose for p in phrases(re.sub(r"`[^`\n]+`", "`code`", text))] == []
 
 
+@pytest.mark.parametrize("words", sorted(Path(SOURCE).rglob("*.toml")), ids=lambda path: path.stem)
+def test_the_words_of_results_have_no_phrase_of_the_list(words):
+    assert [*phrases(words.read_text(encoding="utf-8").replace("\\\n", ""))] == []
+
+
 @pytest.mark.broad
 def test_messages_and_help_have_no_phrase_of_the_list():
     found = [f"{m.relative_to(ROOT)}: {p}" for m in SOURCE.rglob("*.py") for text in messages(m) for p in phrases(text)]

@@ -26,9 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.signals.resolution import encoder_lattice, resolution
 from fracid.units import with_unit
+
+SAYS = Words("recording/faults.toml")
 
 LONG = 64
 """Samples at one value: noise of half a step makes 20 of them by chance at most."""
@@ -116,9 +118,8 @@ def dropout_finding(d: Dropout, time: FloatArray) -> Finding:
         when, typed = f"until {end:.6g} s", f"from = {end:.6g}"
     else:
         when, typed = f"from {begin:.6g} to {end:.6g} s", f"mask = [[{begin:.6g}, {float(time[d.stop - 1]):.6g}]]"
-    return Finding("dropout", d.signal, end - begin, 0.0, "s at exactly one value",
-                   f"it stays at exactly {with_unit(d.value, 'rad')} {when}{d.why}: did its encoder drop out? Leave "
-                   f"that part out: type {typed} in its [[recording]].")  # fmt: skip
+    value = with_unit(d.value, "rad")
+    return SAYS.finding("dropout", d.signal, end - begin, 0.0, value=value, when=when, why=d.why, typed=typed)
 
 
 def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) -> Iterator[Dropout]:

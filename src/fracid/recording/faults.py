@@ -57,7 +57,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
 from fracid.recording.measures import FAMILIAR_COUNTS, GAP, is_pendulum
@@ -67,6 +67,8 @@ from fracid.units import with_unit
 
 if TYPE_CHECKING:
     from fracid.recording.measures import SignalReport
+
+SAYS = Words("recording/faults.toml")
 
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""
@@ -190,8 +192,7 @@ def still(name: str, value: float, unit: str) -> Finding:
     >>> str(still("alpha", 0.0, "rad"))
     'alpha: it stays at 0° throughout: is its encoder connected? A model of the pendulum needs it to swing.'
     """
-    return Finding("still", name, 0.0, 0.0, unit, f"it stays at {with_unit(value, unit)} throughout: is its encoder "
-                   "connected? A model of the pendulum needs it to swing.")  # fmt: skip
+    return SAYS.finding("still", name, 0.0, 0.0, value=with_unit(value, unit), unit=unit)
 
 
 # --- units -------------------------------------------------------------------------------------------
@@ -201,10 +202,7 @@ def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
     if s.unit != "rad":
         return
     if s.resolution is not None and abs(s.resolution - 1) < EXACT and s.range > FEW_COUNTS:
-        yield Finding("counts-as-radians", s.name, s.range, float(FEW_COUNTS), "radians, in steps of one",
-                      f"its numbers are whole and go through {s.range:.0f}, as counts of an encoder do: as radians "
-                      f"that would be {s.range / (2 * math.pi):.0f} turns. Type unit = \"counts\", counts_per_turn = "
-                      "4096, or what the encoder has, in its table.")  # fmt: skip
+        yield SAYS.finding("counts-as-radians", s.name, s.range, float(FEW_COUNTS), turns=s.range / (2 * math.pi))
         return
     lattice = [] if s.resolution is None or s.range < FEW_COUNTS * s.resolution else [2 * math.pi / s.resolution]
     for counts in lattice:
@@ -213,29 +211,21 @@ def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
         for code, factor, other in (("degrees-as-radians", 180 / math.pi, "degrees"),
                                     ("radians-as-degrees", math.pi / 180, "radians")):  # fmt: skip
             if familiar_counts(counts * factor):
-                yield Finding(code, s.name, counts, round(counts * factor), "counts a turn",
-                    f"its steps are those of {counts:.5g} counts a turn, which no encoder has; in {other} they are "
-                    f'{counts * factor:.0f}. Type unit = "{other[:3]}" in its table.')  # fmt: skip
+                yield SAYS.finding("no-such-encoder", s.name, counts, round(counts * factor), other=other,
+                                   there=counts * factor, unit=other[:3], code=code)  # fmt: skip
                 return
     if not pendulum:  # an arm may turn as often as its cable allows
         return
     changes, turns = turns_to_both_sides(s, x)
     if changes >= BOTH_SIDES:
-        yield Finding("degrees-as-radians", s.name, turns, 0.5, "turns to each side",
-                      f"it swings by {turns:.2g} turns to each side, {changes + 1} times, which no pendulum does: are "
-                      'its numbers degrees? Type unit = "deg" in its table.')  # fmt: skip
+        yield SAYS.finding("degrees-as-radians", s.name, turns, 0.5, times=changes + 1)
     swing = 0.5 * s.range
     if HARDLY <= swing < math.radians(math.pi) and (part := _slows(x - _middle(s, x))) > SLOWS:
         swing = math.degrees(swing)
-        yield Finding("radians-as-degrees", s.name, 100 * part, 100 * SLOWS, "% by which its small swings are quicker",
-                      f"it swings by {swing:.2g}° to each side, and its small swings are {100 * part:.2g} % quicker "
-                      f"than its large ones, as those of swings of {math.degrees(swing):.3g}° are: were its numbers "
-                      'radians? Type unit = "rad" in its table.')  # fmt: skip
+        yield SAYS.finding("quicker", s.name, 100 * part, 100 * SLOWS, swing=swing, degrees=math.degrees(swing))
     elif swing < HARDLY:
         swing = math.degrees(swing)
-        yield Finding("radians-as-degrees", s.name, swing, math.degrees(HARDLY), "degrees to each side",
-                      f"it swings by only {swing:.2g}° to each side. Were its numbers radians, that would be "
-                      f'{math.degrees(swing):.3g}°: look at its unit, unit = "rad" or "deg".')  # fmt: skip
+        yield SAYS.finding("radians-as-degrees", s.name, swing, math.degrees(HARDLY), degrees=math.degrees(swing))
 
 
 def _middle(s: SignalReport, x: FloatArray) -> float:
@@ -289,14 +279,10 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     period = swing_period(x) * float(np.median(np.diff(t))) if swing_count(x) > 2 else math.inf
     length = GRAVITY * (period / (2 * math.pi)) ** 2
     if math.isfinite(length) and length > SLOW:
-        yield Finding("wrong-clock", s.name, length, SLOW, "m of pendulum",
-                      f"a swing takes {period:.3g} s, as that of a pendulum {_long(length)} long: is its time in "
-                      f'another unit? Type unit = "{unit_of_time(length)}" in the table of time, or give the '
-                      "rate.")  # fmt: skip
+        yield SAYS.finding("wrong-clock", s.name, length, SLOW, period=period, far=_long(length),
+                           unit=unit_of_time(length))  # fmt: skip
     elif length < FAST and s.range > 2 * HARDLY:
-        yield Finding("wrong-clock", s.name, length, FAST, "m of pendulum",
-                      f"a swing takes {1e3 * period:.3g} ms, as that of a pendulum {1e3 * length:.2g} mm long: is its "
-                      "time in another unit, minutes perhaps? Give the rate.")  # fmt: skip
+        yield SAYS.finding("fast-clock", s.name, length, FAST, ms=1e3 * period, mm=1e3 * length)
 
 
 def unit_of_time(length: float) -> str:
@@ -353,9 +339,7 @@ def _long(length: float) -> str:
 def _set_clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """A clock that was set while the rig went on."""
     for at, length in clock_jumps(t, x)[:1] if s.unit == "rad" else ():
-        yield Finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), "s between two samples",
-                      f"its clock jumps by {length:.4g} s after {at:.6g} s, and the motion goes on as if it had not: "
-                      "it may have been set. Take the part before or after it with from and to.")  # fmt: skip
+        yield SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at)
 
 
 # --- jumps -------------------------------------------------------------------------------------------
@@ -368,9 +352,8 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     turn = wraps(x)
     if turn.any():  # however often
         often = "once" if turn.sum() == 1 else f"{turn.sum()} times, first"
-        yield Finding("jump", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5, "turns between two samples",
-                      f"between two samples it jumps by a whole turn, {often} after {t[np.argmax(turn)]:.6g} s: was "
-                      "its count wrapped? Type unwrap = true in its table.")  # fmt: skip
+        yield SAYS.finding("wrapped", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5, often=often,
+                           at=t[np.argmax(turn)])  # fmt: skip
         return
     usual = float(np.median(np.diff(t)))
     v = far / np.maximum(np.diff(t), usual)  # two stamps that jitter together make no motion
@@ -382,12 +365,7 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     largest = float(np.max(np.abs(far[jumps])))
     times = float(np.max(np.abs(v[jumps]))) / lasting
     often = "once" if jumps.size == 1 else f"{jumps.size} times, first"
-    says = f"between two samples it jumps by {_degrees(largest)}, {often} after {t[jumps[0]]:.6g} s, "
-    says += (
-        f"{times:.3g} times as fast as it moves elsewhere: a glitch, or samples that are none. Take the part "
-        "before or after it with from and to, or leave those cells blank: fracid then reports them as missing."
-    )
-    yield Finding("jump", s.name, times, JUMP, "times the greatest lasting speed", says)
+    yield SAYS.finding("jump", s.name, times, JUMP, far=_degrees(largest), often=often, at=t[jumps[0]])
 
 
 def wraps(x: FloatArray) -> NDArray[np.bool_]:
@@ -418,10 +396,7 @@ def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
     share, each = _repeats(t, x, s.resolution or 0.0)
     if share > REPEATED:
         late = 0.5e3 * (each - 1) * float(np.median(np.diff(t)))
-        yield Finding("repeated", s.name, 100 * share, 100 * REPEATED, "% of its samples",
-                      f"it stands still in mid-motion, {each:.0f} samples at a time, for {100 * share:.2g} % of its "
-                      f"samples: its sensor may answer more slowly than it is logged, and be {late:.2g} ms late on "
-                      "average, by which orders are bent. Log as fast as it answers, or keep one of each.")  # fmt: skip
+        yield SAYS.finding("repeated", s.name, 100 * share, 100 * REPEATED, each=each, late=late)
 
 
 def _repeats(t: FloatArray, x: FloatArray, q: float) -> tuple[float, float]:
@@ -455,17 +430,8 @@ def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
         if len(tops) + alike < RUNS:
             continue
         share = 100 * sum(stop - start for start, stop in tops) / x.size
-        if angle:
-            value = f"{math.degrees(limit):.4g}°"
-            says = f"its tops are cut off at {value}, {len(tops)} times, for {share:.2g} % of the time: "
-            says += "its sensor, or a stop, goes no further. What lies beyond is not known: record smaller swings."
-        else:
-            value = f"{limit:.4g} {s.unit}".rstrip(" 1")
-            says = f"it stays at {value}, {len(tops)} times, for {share:.2g} % of the time: "
-            says += (
-                "a limit. If that is the amplifier's, record what is behind it, else the rig got less than is written."
-            )
-        yield Finding("saturated", s.name, share, 0.0, "% of the time at one value", says)
+        value = f"{math.degrees(limit):.4g}°" if angle else f"{limit:.4g} {s.unit}".rstrip(" 1")
+        yield SAYS.finding("saturated" if angle else "at-limit", s.name, share, 0.0, value=value, times=len(tops))
 
 
 def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
@@ -504,11 +470,6 @@ def _sampling(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
     share = float(within.max(initial=0.0)) / max(float(total[-1]), 1e-300)
     swing = x.size / max(1, int(np.argmax(power)))  # samples a period
     if share > NEAR_NYQUIST:
-        yield Finding("aliased", s.name, 100 * share, 100 * NEAR_NYQUIST, "% of its power",
-                      f"{100 * share:.2g} % of its power lies at one frequency above {0.25 / step:.3g} Hz, a quarter "
-                      "of the sampling rate: a motion that is faster still would be shown there, at a wrong frequency. "
-                      f"Sample faster; {1 / step:.4g} Hz may be too slow.")  # fmt: skip
+        yield SAYS.finding("aliased", s.name, 100 * share, 100 * NEAR_NYQUIST, quarter=0.25 / step, rate=1 / step)
     elif swing < SAMPLES_A_SWING:
-        yield Finding("aliased", s.name, swing, SAMPLES_A_SWING, "samples a swing",
-                      f"it has {swing:.2g} samples a swing: too few to draw it. Sample faster than {1 / step:.4g} Hz, "
-                      f"at {20 / (swing * step):.3g} Hz or more.")  # fmt: skip
+        yield SAYS.finding("too-few-samples", s.name, swing, SAMPLES_A_SWING, rate=1 / step, better=20 / (swing * step))

@@ -26,7 +26,7 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks, jacobian
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.resolution import noise_level
@@ -37,6 +37,8 @@ from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
 from fracid.validation.sensor_faults import misread
+
+SAYS = Words("validation/after_search.toml")
 
 FEW_SWINGS = 10
 """Beside an order that is not known, fewer are called too few."""
@@ -159,9 +161,8 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
         if u.kind == "order":
             half = max(LEAST_SHIFT, half if math.isfinite(half) else 0.0)
         if math.isfinite(half) and abs(shift[i]) > half:
-            yield Finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, "CI half-widths",
-                f"a better memory moves it by {-shift[i]:+.2g}, {abs(shift[i]) / half:.2g} times its CI half-width: "
-                f"{problem.memory.name} is too loose. Leave memory and tolerance out of [fit].")  # fmt: skip
+            yield SAYS.finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, shift=-shift[i],
+                               times=abs(shift[i]) / half, problem=problem)  # fmt: skip
 
 
 def _projected(problem: Problem, x: FloatArray, change: FloatArray, jobs: int) -> FloatArray | None:
@@ -203,9 +204,8 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
         if not 1.2 * WANTED < half <= reach.upper - reach.lower:  # known well enough or nearly, or not seen at all
             continue
         enough = max(seconds * (half / WANTED) ** (2 / 3), min(FEW_SWINGS * period, 2 * len(y)) * longest.step)
-        yield Finding("short-window", problem.names[i], swings, FEW_SWINGS, "swings",
-            f"it is known to ± {half:.2g}, from {swings:.3g} swings in {seconds:.3g} s: the record may be too short "
-            f"for an order. Record about {enough:.2g} s for ± {WANTED:g}, or fix it.")  # fmt: skip
+        yield SAYS.finding("short-window", problem.names[i], swings, FEW_SWINGS, half=half, seconds=seconds,
+                           enough=enough, WANTED=WANTED)  # fmt: skip
 
 
 def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
@@ -274,11 +274,9 @@ def noisy_start(
     sd = max(float(np.max(s)) for s in _noise_at_the_start(problem, x).values())
     included = "which ignores it" if not len(uncertainty.start) else "without it; the interval includes it"
     unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
-    return (Finding("noisy-start", problem.names[i], float(times[i]), 1.0, "CI half-widths",
-        f"the start is taken from the first sample, whose noise of {with_unit(sd, unit, '.2g')} may move it by "
-        f"± {NORMAL_95 * shift[i]:.2g}, {times[i]:.2g} times its CI half-width, {included}. Type "
-        f'initial_state = "{LOOSER[problem.initial_state]}" in [fit], or the start that you know: initial = {{ … }} '
-        "in the recording's table."),)  # fmt: skip
+    return (SAYS.finding("noisy-start", problem.names[i], float(times[i]), 1.0, noise=with_unit(sd, unit, '.2g'),
+                         shift=NORMAL_95 * shift[i], included=included,
+                         looser=LOOSER[problem.initial_state]),)  # fmt: skip
 
 
 def with_start(
@@ -333,13 +331,10 @@ def _stopped_short(
     by_cost = lower > FALLS and bool(np.any(np.abs(step) > least))
     if intervals[i] > SHORT or by_cost:
         i = i if intervals[i] > SHORT else int(np.argmax(np.abs(step) / least))
-        measure = (
-            (float(intervals[i]), SHORT, "CI half-widths") if intervals[i] > SHORT else (lower, FALLS, "% of the cost")
-        )
-        yield Finding("stopped-short", problem.names[i], *measure,
-            f"the search stopped short of its minimum: a step of {step[i]:+.2g}, {intervals[i]:.2g} times its CI "
-            f"half-width, and of the others with it, lowers the cost to {cost:.6g} from {here:.6g}. Start the free "
-            "values where this fit ended, or type --multi-start 16.")  # fmt: skip
+        beyond = float(intervals[i]) > SHORT
+        name, number, limit = ("stopped-short", intervals[i], SHORT) if beyond else ("by-cost", lower, FALLS)
+        yield SAYS.finding(name, problem.names[i], float(number), limit, step=step[i], times=intervals[i], cost=cost,
+                           here=here)  # fmt: skip
 
 
 def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
@@ -364,7 +359,6 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)
         part, times = rms / max(spread, 1e-300), rms / noise
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
-            yield Finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part, "times the noise",
-                f"the residual is {with_unit(rms, e.units.get(o, 'rad'))}, {100 * part:.2g} % of the motion and "
-                f"{plain(times)} times the noise: this model may not be able to explain it. Look at "
-                "fracid resid, free a friction, or run fracid compare; other starts: --multi-start 16.")  # fmt: skip
+            yield SAYS.finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part,
+                               rms=with_unit(rms, e.units.get(o, 'rad')), percent=100 * part,
+                               plain_times=plain(times))  # fmt: skip

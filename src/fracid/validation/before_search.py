@@ -54,7 +54,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.recording import Report
@@ -67,6 +67,8 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import STEPS_A_PERIOD, TooLong, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.reversed_signs import reversals, wrong_sign
+
+SAYS = Words("validation/before_search.toml")
 
 ASKED = 9
 """Samples at which J is asked for."""
@@ -251,9 +253,7 @@ def _wrong_zero(at: Linearisation, hanging: Hanging | None) -> Iterator[Finding]
     if hanging is not None and hanging.pendulum in at.posture:
         yield from _off_hanging(at, hanging)
     elif at.posture and at.falls:
-        yield Finding("wrong-zero", at.recording, at.growth, 0.0, "1/s",
-            f"it stays where this model does not: it would leave that posture e-fold in {1 / at.growth:.2g} s. A zero, "
-            "or the sign of a constant, may be wrong.")  # fmt: skip
+        yield SAYS.finding("falls", at.recording, at.growth, 0.0, seconds=1 / at.growth)
 
 
 def _off_hanging(at: Linearisation, hanging: Hanging) -> Iterator[Finding]:
@@ -262,14 +262,11 @@ def _off_hanging(at: Linearisation, hanging: Hanging) -> Iterator[Finding]:
     stays, away = f"it stays at {math.degrees(at.posture[pendulum]):.1f}°", abs(math.degrees(off))
     if at.falls and abs(off) > math.pi / 2:
         other = "hanging" if hanging.zero == "upright" else "upright"
-        yield Finding("wrong-zero", where, away, 90.0, "degrees from hanging",
-            f'{stays}, where this model, zero = "{hanging.zero}", has the pendulum upright, and falls over. Its zero '
-            f"may be wrong: add 3.14159 to the zero in {pendulum}'s table, or type zero = \"{other}\" in "
-            "[model].")  # fmt: skip
+        yield SAYS.finding("upside-down", where, away, 90.0, stays=stays, hanging=hanging, pendulum=pendulum,
+                           other=other)  # fmt: skip
     elif abs(off) > OFFSET + hanging.reach:
-        yield Finding("wrong-zero", where, away, math.degrees(OFFSET + hanging.reach), "degrees from hanging",
-            f'{stays}, {away:.1f}° from where this model hangs. Its zero may be wrong: type zero = "rest" in '
-            f"{pendulum}'s table, or give {hanging.parameter} a wider range.")  # fmt: skip
+        yield SAYS.finding("off-zero", where, away, math.degrees(OFFSET + hanging.reach), stays=stays,
+                           pendulum=pendulum, hanging=hanging)  # fmt: skip
 
 
 def _tilted_axis(problem: Problem, e: Experiment, hanging: Hanging | None) -> Iterator[Finding]:
@@ -283,9 +280,8 @@ def _tilted_axis(problem: Problem, e: Experiment, hanging: Hanging | None) -> It
     rests = [(_before_the_input(e, y), rest if at_rest else None) for y in both for rest, _, at_rest in (tail(y),)]
     turned, moved = (math.nan if a is None or b is None else math.degrees(b - a) for a, b in rests)
     if abs(turned) > math.degrees(TURNED) and abs(moved) > math.degrees(MOVED_REST):
-        yield Finding("tilted-axis", f"{e.name}: {hanging.pendulum}", abs(moved), math.degrees(MOVED_REST), "degrees",
-            f"its rest moved by {moved:+.2g}° while {joint} turned by {turned:+.0f}°: the arm's axis may lean. Free "
-            f"{' and '.join(tilts)} in [model.parameters], from -0.1 to 0.1, or level the base.")  # fmt: skip
+        yield SAYS.finding("tilted-axis", f"{e.name}: {hanging.pendulum}", abs(moved), math.degrees(MOVED_REST),
+                           moved=moved, joint=joint, turned=turned, tilts=' and '.join(tilts))  # fmt: skip
 
 
 def _before_the_input(e: Experiment, y: FloatArray) -> float | None:
@@ -300,13 +296,11 @@ def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Findi
     if beyond := at.too_long:
         more = _or_substeps(substeps, beyond.parts)
         scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
-        yield Finding("stiff", at.recording, beyond.size, beyond.limit, "|J|h",
-            f"the step is too long for {method}: |J|h is {beyond.size:.3g} at the start's values, and {scheme} follows "
-            f'up to about {beyond.limit:.3g}. Type method = "{other}" in [fit]{more}.')  # fmt: skip
+        yield SAYS.finding("stiff", at.recording, beyond.size, beyond.limit, method=method, scheme=scheme, other=other,
+                           more=more)  # fmt: skip
     elif at.steps < STEPS_A_PERIOD:
-        yield Finding("coarse-steps", at.recording, at.steps, STEPS_A_PERIOD, "steps a period",
-            f"the fastest oscillation has {at.steps:.2g} steps a period, where {STEPS_A_PERIOD:.0f} are too few "
-            f"already. {_finer(substeps, 2 * STEPS_A_PERIOD / at.steps)}")  # fmt: skip
+        yield SAYS.finding("coarse-steps", at.recording, at.steps, STEPS_A_PERIOD,
+                           finer=_finer(substeps, 2 * STEPS_A_PERIOD / at.steps))  # fmt: skip
 
 
 def _or_substeps(substeps: int, parts: float) -> str:

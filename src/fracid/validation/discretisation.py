@@ -27,13 +27,15 @@ from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
 from fracid.estimation.minimum import beside, settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
 from fracid.estimation.tangent import Tangent
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
+
+SAYS = Words("validation/discretisation.toml")
 
 
 @dataclass(frozen=True)
@@ -159,11 +161,8 @@ def _judged(
     width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
     moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     warning = " ".join(
-        f"{GREEK.get(n, n)} moves by {_signed(shift[n], width[n])} when the equations are solved with pi2 at half the "
-        f"step: more than its interval of ± {shown_half_width(width[n])}, so it is in part an artefact of the step of "
-        f"{problem.method}."
-        for n in moved
-    )
+        SAYS("moves", name=GREEK.get(n, n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
+             method=problem.method) for n in moved)  # fmt: skip
     if moved:
         remedy = f"substeps = {_substeps(problem)}" if problem.method == "pi2" else 'method = "pi2"'
         warning += f" Type {remedy} in [fit]."
@@ -171,10 +170,7 @@ def _judged(
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning)
     if _costs_differ(problem.method, check):
-        warning = (
-            f"The step is too coarse: at half of it the same values cost {costs[1]:.6g} instead of {costs[0]:.6g}. "
-            f"Steep dry friction does this; type substeps = {_substeps(problem)} in [fit]. {warning}"
-        ).strip()
+        warning = SAYS("too-coarse", costs=costs, substeps=_substeps(problem), warning=warning).strip()
     return replace(check, warning=warning)
 
 
@@ -197,10 +193,7 @@ def finer_step(
         finer = halved(found, jobs)
         if finer is None or not _helps(problem.method, found.check, finer.check):
             break
-        sentence = (
-            f"The step was halved to {finer.problem.substeps} a sample; at {problem.substeps} a sample "
-            f"{_complaint(problem, check)}."
-        )
+        sentence = SAYS("halved", finer=finer, problem=problem, complaint=_complaint(problem, check))
         best = found = replace(finer, check=replace(finer.check, refinement=sentence))
     return best
 
@@ -265,10 +258,8 @@ def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
 def _complaint(problem: Problem, check: Discretisation) -> str:
     """What the check had to say, in few words."""
     if _costs_differ(problem.method, check):
-        return f"half the step changes the cost from {check.cost:.3g} to {check.cost_half_step:.3g}"
-    if not math.isfinite(check.cost_second_order):
-        return "the run at half the step fails"
-    return f"half the step moves a value by {check.largest:.2g} times its CI half-width"
+        return SAYS("changes-cost", check=check)
+    return SAYS("moves-a-value" if math.isfinite(check.cost_second_order) else "run-fails", check=check)
 
 
 def coarse_step(problem: Problem, check: Discretisation) -> Iterator[Finding]:
@@ -276,5 +267,4 @@ def coarse_step(problem: Problem, check: Discretisation) -> Iterator[Finding]:
     if not check.warning:
         return
     change = 100 * abs(check.cost_half_step / check.cost - 1) if check.cost > 0 else np.inf
-    yield Finding(COARSE_STEP, "", change, 100 * COARSE, f"% of the cost at half the step of {problem.method}",
-                  check.warning)  # fmt: skip
+    yield SAYS.finding(COARSE_STEP, "", change, 100 * COARSE, method=problem.method, warning=check.warning)

@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator, Mapping
 
 from fracid.estimation.records import RecordingFit
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.signals.left_over import left_over
 from fracid.units import plain, with_unit
+
+SAYS = Words("validation/misfits.toml")
 
 POOR = 20.0
 """A fit of less than this [%] is called poor."""
@@ -33,22 +35,16 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
     for r in recordings.values():
         for output, percent in r.fit_percent.items():
             if percent < POOR:
-                worse = "no better than a constant" if percent <= 0 else "hardly better than a constant"
-                means = f"fit {percent:.1f} %; no value of it means much{again}."
-                yield Finding("cannot-explain", r.name, percent, POOR, "% fit",
-                              f"the model is {worse} for {output}, {means}")  # fmt: skip
+                worse = "no" if percent <= 0 else "hardly"
+                yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again)
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             if left.known:
                 if not left.explained:
-                    yield Finding("misfit", f"{r.name}: {output}", left.rms, 1.0, "standard deviations",
-                        f"the residual is {left.rms:.2g} of the standard deviations that the recording has, and "
-                        "autocorrelated: the model lacks something. fracid resid shows what.")  # fmt: skip
+                    yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0)
             elif MISFIT < left.times < math.inf and not left.white:
-                yield Finding("misfit", f"{r.name}: {output}", left.times, MISFIT, "times the encoder's rounding",
-                    f"the residual is {with_unit(left.rms, r.unit(output), '.2g')}, {plain(left.times)} times "
-                    "the encoder's rounding, and autocorrelated: the model lacks something. "
-                    "fracid resid shows what, fracid compare looks for it.")  # fmt: skip
+                yield SAYS.finding("misfit", f"{r.name}: {output}", left.times, MISFIT,
+                                   rms=with_unit(left.rms, r.unit(output), '.2g'), times=plain(left.times))  # fmt: skip
 
 
 def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -> Iterator[Finding]:
@@ -65,14 +61,11 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
             times = r.rmse[output] / max(fitted.get(output, 0.0), 1e-300)
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             if percent < POOR:
-                yield Finding("missed", f"{r.name}: {output}", percent, POOR, "% fit",
-                    f"it was held out, and the model does not predict it: fit {percent:.1f} %. Is it of the same "
-                    "rig, with the same zeros and signs?")  # fmt: skip
+                yield SAYS.finding("missed", f"{r.name}: {output}", percent, POOR)
             elif times > WORSE and not left.explained:
-                yield Finding("missed", f"{r.name}: {output}", times, WORSE, "times the residual of the fitted",
-                    f"it was held out, and the model misses it by {with_unit(r.rmse[output], r.unit(output), '.2g')}"
-                    f", {plain(times)} times the residual of the fitted recordings: it does not hold beyond "
-                    "that.")  # fmt: skip
+                yield SAYS.finding("missed-by", f"{r.name}: {output}", times, WORSE,
+                                   rms=with_unit(r.rmse[output], r.unit(output), '.2g'),
+                                   times=plain(times))  # fmt: skip
 
 
 def cost_of(finding: Finding) -> float:

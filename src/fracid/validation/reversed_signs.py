@@ -16,12 +16,14 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.horizons import uninterrupted
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.unknowns import scaled
 from fracid.signals.swing import swing_period, swing_start
+
+SAYS = Words("validation/reversed_signs.toml")
 
 SWINGS = 2
 """That are fitted to compare signs."""
@@ -85,10 +87,8 @@ def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
         clearest = max(alike, key=lambda r: r.given / r.turned)
         given, turned = 100 * clearest.given, 100 * clearest.turned
         names = ", ".join(r.recording for r in alike)
-        yield Finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, "% of the motion unexplained",
-            f"the sign may be wrong: a fit to two swings leaves {given:.0f} % of the motion unexplained, and "
-            f"{turned:.0f} % with the sign of {' or '.join(angles)} reversed. Type "
-            "sign = -1 in its table.")  # fmt: skip
+        yield SAYS.finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, turned=turned,
+                           angles=' or '.join(angles))  # fmt: skip
 
 
 def _most_moved(problem: Problem) -> list[Experiment]:

@@ -50,7 +50,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.derivatives import jacobian, rows_and_scores
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -58,6 +58,8 @@ from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import swing_period
 from fracid.units import with_unit
+
+SAYS = Words("validation/sensor_faults.toml")
 
 SURE = 8.0
 """Standard errors: twins without a fault reach 5."""
@@ -148,15 +150,11 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
-        says, mend = _size(problem, best), _mend(problem, best)
+        says, fix = _size(problem, best), _fix(problem, best)
         if _moves(best):
-            yield Finding(best.code, best.signal, best.half_intervals, MOVES, "CI half-widths",
-                f"{says}: freed, that would move {best.moves} by {best.shift:+.2g}, {best.half_intervals:.2g} times "
-                          f"its CI half-width. {mend}")  # fmt: skip
+            yield SAYS.finding("moves", best.signal, best.half_intervals, MOVES, says=says, best=best, fix=fix)
         else:
-            yield Finding(best.code, best.signal, 100 * best.share, 100 * MOST, "% of the squared residual",
-                          f"{says}: that would explain {100 * best.share:.0f} % of the squared residual. "
-                          f"{mend}")  # fmt: skip
+            yield SAYS.finding("explains", best.signal, 100 * best.share, 100 * MOST, says=says, fix=fix, best=best)
 
 
 def _moves(m: Misreading) -> bool:
@@ -294,29 +292,13 @@ def _later(e: Experiment, samples: int) -> Experiment:
 
 
 def _size(problem: Problem, m: Misreading) -> str:
-    unit = problem.experiments[0].units.get(m.signal, "rad")
-    far = with_unit(abs(m.size), unit)
-    if m.code == "late" and m.signal in problem.model.inputs:
-        return (
-            f"it may reach the rig {1e3 * abs(m.size):.3g} ms {'later' if m.size > 0 else 'earlier'} than is recorded"
-        )
-    if m.code == "late":
-        return f"it may have been read {1e3 * abs(m.size):.3g} ms {'late' if m.size > 0 else 'early'} beside the rest"
-    if m.code == "scaled":
-        return f"it may be {100 * abs(m.size):.2g} % too {'large' if m.size > 0 else 'small'}"
-    if m.code == "off-zero":
-        return f"its zero may be {far} off"
-    return f"its zero may drift by {far}" if m.code == "drifts" else f"it may have {far} of play"
+    size, code = abs(m.size), "late-input" if m.code == "late" and m.signal in problem.model.inputs else m.code
+    less, more = {"late": ("early", "late"), "late-input": ("earlier", "later")}.get(code, ("small", "large"))
+    far = with_unit(size, problem.experiments[0].units.get(m.signal, "rad"))
+    return SAYS(code, ms=1e3 * size, percent=100 * size, far=far, which=more if m.size > 0 else less)
 
 
-def _mend(problem: Problem, m: Misreading) -> str:
+def _fix(problem: Problem, m: Misreading) -> str:
     angle, far = problem.model.angles.get(m.signal, Angle()), 3 * abs(m.size)
-    rest = angle.rest or "the model's rest"
-    return {
-        "late": "A filter on one signal, or a logger that reads them in turn, does this: filter all alike, or find it, "
-        f"delay = {{ start = 0.0, lower = {-far:.1g}, upper = {far:.1g} }} in its table.",
-        "scaled": "Look at counts_per_turn and scale in its table.",
-        "off-zero": ("Look at zero", 'Type zero = "rest"')[angle.of_zero] + f" in its table, or free {rest}.",
-        "drifts": "Does its sensor warm up, or slip? Take a shorter part with from and to.",
-        "play": "Is a hub, a gear or a belt loose? Tighten it, or measure at the joint.",
-    }[m.code]  # fmt: skip
+    zero = 'Type zero = "rest"' if angle.of_zero else "Look at zero"
+    return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=angle.rest or "the model's rest")

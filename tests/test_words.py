@@ -1,0 +1,69 @@
+"""The words of results: each is said somewhere, and the numbers that a sentence names are those that it gets."""
+
+import ast
+import tomllib
+from collections import defaultdict
+from string import Formatter
+
+import pytest
+
+from sources import PACKAGE, nodes
+
+OWN = {"where", "number", "limit"}
+"""What the words of a finding have besides what is given."""
+
+
+def named(text):
+    """The values that a template takes, those within its formats too."""
+    for _, field, form, _ in Formatter().parse(text):
+        if field is not None:
+            yield field.split(".")[0].split("[")[0]
+            yield from named(form)
+
+
+def is_said(node):
+    """Whether it is SAYS, or a method of it."""
+    return "SAYS" in (getattr(node, "id", ""), getattr(getattr(node, "value", None), "id", ""))
+
+
+def constants(node):
+    """The texts that an expression may be; none where it is put together."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return [text]
+        case ast.IfExp(body=one, orelse=other):
+            return [*constants(one), *constants(other)]
+    return []
+
+
+def said():
+    """File of words → name → what each call gives it; and the files of which a name is put together."""
+    calls, open_ = defaultdict(lambda: defaultdict(list)), set()
+    for tree in nodes().values():
+        files = [node.value.args[0].value for node in tree if isinstance(node, ast.Assign) and is_said(node.targets[0])]
+        for node in tree if files else ():
+            match node:
+                case ast.Call(func=ast.Name() | ast.Attribute() as what, args=[name, *_]) if is_said(what):
+                    open_ |= set() if constants(name) else {*files}
+                    for text in (names := constants(name)):
+                        calls[files[0]][text].append(({k.arg for k in node.keywords}, len(names) == 1))
+    return calls, open_
+
+
+CALLS, OPEN = said()
+FILES = {file: tomllib.loads((PACKAGE / file).read_text(encoding="utf-8")) for file in CALLS}
+
+
+@pytest.mark.parametrize("file", CALLS)
+def test_a_sentence_gets_the_values_that_it_names_and_no_others(file):
+    for name, calls in CALLS[file].items():
+        entry = FILES[file][name]
+        texts = entry.values() if isinstance(entry, dict) else [entry]
+        fields = {field for text in texts for field in named(text)}
+        for given, alone in calls:  # of two sentences one may need less than the other
+            assert (name, fields - OWN - given, given - fields if alone else set()) == (name, set(), set())
+
+
+@pytest.mark.parametrize("file", sorted({*CALLS} - OPEN))
+def test_every_sentence_is_said(file):
+    assert {*FILES[file]} - {*CALLS[file]} == set()
