@@ -16,12 +16,15 @@ from fracid.bayes.target import BoxPrior
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.draws import PosteriorBlock
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SAYS = Words("bayes/result.toml")
 
 METHODS = {
     "laplace": "Laplace's approximation, corrected by Pareto-smoothed importance sampling",
@@ -132,19 +135,10 @@ class Posterior(CardDisplay):
     def sentence(self) -> str:
         """Whether to trust it, why, and what to do if not."""
         if self.method == "laplace" and not self.khat < self.limit:
-            return (
-                f"The draws cannot be trusted: k̂ = {self.khat:.2f}, expected below {self.limit:.2f}. The posterior is "
-                "far from normal: bent, cut by a bound or of several peaks. Type --method nested."
-            )
+            return SAYS("khat", drawn=self)
         if self.effective_draws < FEW:
-            return (
-                f"The draws cannot be trusted: they are worth {self.effective_draws:.0f} independent ones, expected "
-                f"{FEW:.0f}. Type --draws {4 * max(self.draws, 1000)}, or --method nested."
-            )
-        worth = f"{self.effective_draws:.0f} effective draws"
-        return f"The draws can be trusted: {worth}" + (
-            f", k̂ = {self.khat:.2f}, below {self.limit:.2f}." if self.method == "laplace" else "."
-        )
+            return SAYS("few", drawn=self, least=FEW, more=4 * max(self.draws, 1000))
+        return SAYS("trusted-by-khat" if self.method == "laplace" else "trusted", drawn=self)
 
     def resampled(self, count: int = 1000, *, seed: int = 1) -> FloatArray:
         """Draws of equal weight, shape (count, n_unknowns), by systematic resampling.

@@ -44,12 +44,15 @@ from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.derivatives import difference_steps
+from fracid.findings import Words
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
 from fracid.units import GREEK, with_unit
+
+SAYS = Words("estimation/parameter_verdicts.toml")
 
 Kind = Literal[
     "identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "forgotten", "unknown"
@@ -379,8 +382,8 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         yield Verdict(name, "practically not", text + because)
     else:
         partner, combination, percent = ratio
-        yield Verdict(name, "only in a ratio", f"with {partner}, nearly: {combination} is known to {percent:.2g} %, "
-                      f"while {text}", (partner,))  # fmt: skip
+        why = SAYS("near-ratio", partner=partner, combination=combination, percent=percent, text=text)
+        yield Verdict(name, "only in a ratio", why, (partner,))
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
@@ -408,17 +411,12 @@ def _because(view: _View, i: int) -> str:
         own = view.moved_by(u.target)
         moved = " and ".join(GREEK.get(n, n) for n in own)
         if own and max(swings[n] for n in own) < STILL * swings[most]:
-            return (
-                f"; {moved} hardly moves ({view.size(max(own, key=swings.__getitem__))} beside "
-                f"{view.size(most)} of {GREEK.get(most, most)}), and an order shows in motion alone: fix it"
-            )
+            size = view.size(max(own, key=swings.__getitem__))
+            return SAYS("still", moved=moved, size=size, most=view.size(most), of=GREEK.get(most, most))
         if own and not set(own) & set(view.problem.outputs):
             return f"; {moved} is not scored: score it too, or fix {GREEK.get(u.name, u.name)}"
     if u.kind == "parameter" and view.power(i) > NONLINEAR:
-        return (
-            f"; its effect scales with amplitude^{view.power(i):.1f} ({GREEK.get(most, most)}: {view.size(most)} "
-            "peak to peak): release from a larger angle, or fix it"
-        )
+        return SAYS("nonlinear", power=view.power(i), of=GREEK.get(most, most), size=view.size(most))
     return ""
 
 
@@ -434,15 +432,9 @@ def _of_presliding(view: _View, i: int) -> str:
         own = u.target == delta or delta in model.parameter(u.target).needs
         strength = kind.dry or (kind.rung in (LUGRE.rung, "Stribeck") and not own)
         if kind.joint == joint and own and part < SLIDES:
-            return (
-                f"; {letter} slides, and only {100 * part:.2g} % of its motion is presliding: record more reversals "
-                f"and the end of a swing, or fix {u.name}"
-            )
+            return SAYS("slides", joint=letter, percent=100 * part, name=u.name)
         if kind.joint == joint and part > STICKS and (u.target == delta or strength):
-            return (
-                f"; {letter} hardly breaks away, {100 * min(part, 1.0):.3g} % of its motion is presliding, which "
-                f"depends only on friction divided by {delta}: release from a larger angle, or fix {u.name}"
-            )
+            return SAYS("sticks", joint=letter, percent=100 * min(part, 1.0), delta=delta, name=u.name)
     return ""
 
 

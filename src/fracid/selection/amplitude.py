@@ -49,6 +49,7 @@ from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
@@ -57,6 +58,8 @@ from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
 from fracid.units import shown_unit, with_unit
+
+SAYS = Words("selection/amplitude.toml")
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -149,23 +152,12 @@ class Drift(Record):
         where = "over the releases" if self.over == RELEASES else f"within {self.over}"
         largest, smallest = (_shown(self.amplitudes[i], self.unit) for i in (0, -1))
         ends = f"from {self.values[0]:.4g} at {largest} to {self.values[-1]:.4g} at {smallest}"
-        if self.drifts and self.change < 0:
-            return (
-                f"{self.order} falls with the amplitude {where}, {ends}: friction in disguise, as dry friction "
-                "that the model lacks makes it."
-            )
         if self.drifts:
-            return (
-                f"{self.order} rises as the swing dies {where}, {ends}: friction in disguise, as a drag that the model "
-                "lacks makes it, or dry friction that is too strong in it."
-            )
+            return SAYS("falls" if self.change < 0 else "rises", order=self.order, where=where, ends=ends)
+        least, most = min(self.values), max(self.values)
         if self.differs:
-            return (
-                f"{self.order} differs {where}, {min(self.values):.4g} … {max(self.values):.4g}, by more than its "
-                "intervals, but does not go with the amplitude: the model lacks something else."
-            )
-        spread = max(self.values) - min(self.values)
-        return f"{self.order} does not drift with amplitude {where}: {spread:.2g} of change, within its intervals."
+            return SAYS("differs", order=self.order, where=where, least=least, most=most)
+        return SAYS("steady", order=self.order, where=where, spread=most - least)
 
 
 @dataclass(frozen=True, repr=False)

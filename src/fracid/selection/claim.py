@@ -25,12 +25,15 @@ from typing import Literal
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
 from fracid.units import GREEK, half_width, in_letters, plain, to_second_digit
+
+SAYS = Words("selection/claim.toml")
 
 MANY = 100.0
 """From here on a difference of BIC is a whole number."""
@@ -48,24 +51,7 @@ NO_FIT = "The model does not fit"
 LACKS = "the model lacks something"
 """Said of residuals that are no noise."""
 
-COMPARE = "; fracid compare looks for one"
-
-LONGER = "To decide: longer recordings, or larger swings."
-"""Said where the model leaves nothing but noise, and the orders are not known."""
-
-NO_RECORDING = "No recording of this kind would decide it."
-"""Said of orders that are off their integers by less than a bearing may do, beside noise."""
-
-UNSETTLED = "It is at a limit of its own, or leaves more than noise itself, which settles nothing."
-"""Said of an integer-order model that does as well as the orders where neither explains the recordings."""
-
-DECADES = "To decide: recordings that show more decades of time, sampled faster or longer, or less noise."
-"""Said of orders that a few relaxations imitate."""
-
 COUNTS = ("none", "one", "two", "three")
-
-NOT_EXCLUDED = "Not excluded: a fractional element, such as a springpot; fracid compare --rung all looks for it."
-"""Said of integer orders beside a misfit."""
 
 
 ClaimWord = Literal["fractional", "integer", "undecided"]
@@ -179,51 +165,47 @@ def claim_of(
     ('No integer-order model was compared with μ = 0.9500 ± 0.0020.',)
     """
     if not orders:
-        return Claim("undecided", ("No order was free: they were given, not found.",))
+        return _undecided(SAYS("given"))
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
-        return Claim("undecided", (_no_fit(missed), "To decide: a model that follows the recordings. "
-                                   "Look at their columns, zeros, signs, units and clock, or type --multi-start "
-                                   "16."))  # fmt: skip
+        return _undecided(_no_fit(missed), SAYS("decide-model"))
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
     coloured = _coloured({where: e for where, e in left_over.items() if e.noise and not e.explained})
+    decides = SAYS("decide-white", where="" if compared else SAYS("compare"))
     if element is not None:
-        found = " and ".join(map(str, orders))
-        return Claim("undecided", (f"{found}, but {LACKS}.", *unexplained, str(element),
-                                   element.remedy))  # fmt: skip
-    open_question = (*unexplained, *([NOT_EXCLUDED] if unexplained else []), *coloured)
+        lacks = f"{' and '.join(map(str, orders))}, but {LACKS}."
+        return _undecided(lacks, *unexplained, str(element), element.remedy)
+    open_question = (*unexplained, *([SAYS("not-excluded")] if unexplained else []), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
             return Claim("integer", (alternative.warning, *open_question))
-        decides = f"To decide: a model whose residual is white noise{'' if compared else COMPARE}."
-        return Claim("undecided", (alternative.warning, UNSETTLED, *open_question, decides))
+        return _undecided(alternative.warning, SAYS("unsettled"), *open_question, decides)
     if not off:
-        claim, decides = _not_off(orders), LONGER
-        if unexplained:
-            decides = f"To decide: a model whose residual is white noise{'' if compared else COMPARE}."
+        claim, decides = _not_off(orders), decides if unexplained else SAYS("decide-longer")
         remedy = [decides] if claim.claim == "undecided" and any(order.integers for order in orders) else []
         return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
-        return Claim("undecided", (_too_little(off), *(open_question or [NO_RECORDING])))
+        return _undecided(_too_little(off), *(open_question or [SAYS("no-recording")]))
     orders_off = " and ".join(map(str, clear))
     if unexplained or (contradictions and compared):
-        looks = "" if compared else COMPARE
-        return Claim("undecided", (f"{orders_off}, but orders may stand in for what the model lacks.", *unexplained,
-                                   *contradictions,
-                                   f"To decide: a model whose residual is white noise{looks}."))  # fmt: skip
+        return _undecided(SAYS("stand-in", orders=orders_off), *unexplained, *contradictions, decides)
     if contradictions:
         speaks, without = ("a finding speaks", "it") if len(contradictions) == 1 else ("findings speak", "them")
-        return Claim("undecided", (f"{orders_off}, but {speaks} against that.", *contradictions,
-                                   f"To decide: refit after fixing {without}."))  # fmt: skip
+        against = f"{orders_off}, but {speaks} against that."
+        return _undecided(against, *contradictions, f"To decide: refit after fixing {without}.")
     if alternative is None:
-        return Claim("undecided", (f"No integer-order model was compared with {orders_off}.",))
+        return _undecided(SAYS("not-compared", orders=orders_off))
     memories = alternative.memories
     if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
         return _no_more_than(memories[-1], orders_off, coloured)
     return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *_worth(memories),
                                 *coloured, *support))  # fmt: skip
+
+
+def _undecided(*reasons: str) -> Claim:
+    return Claim("undecided", reasons)
 
 
 def _not_off(orders: Sequence[OrderFound]) -> Claim:
@@ -232,14 +214,12 @@ def _not_off(orders: Sequence[OrderFound]) -> Claim:
     others = [order for order in orders if order not in (*determined, *without)]
     names = " and ".join(GREEK.get(order.name, order.name) for order in others)
     unknown = [f"{names} {'is' if len(others) == 1 else 'are'} not identifiable."] if others else []
-    unknown += [f"The model gives {order} no integer value (integer_orders), so no integer-order model is compared "
-                "with it." for order in without]  # fmt: skip
+    unknown += [SAYS("no-integer", order=order) for order in without]
     if not determined:
-        return Claim("undecided", tuple(unknown))
+        return _undecided(*unknown)
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
     beside = [order for order in determined if order not in inside]
-    next_to = [f"{order} differs from {order.nearest:g} by less than {OFF:g}: too little to call it fractional."
-               for order in beside]  # fmt: skip
+    next_to = [SAYS("next-to", order=order, least=OFF) for order in beside]
     return Claim("integer", (*_inside(inside), *next_to, *unknown))
 
 
@@ -252,11 +232,8 @@ def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
 
 def _too_little(off: Sequence[OrderFound]) -> str:
     most = max(off, key=lambda order: order.least_damping)
-    return (
-        f"{' and '.join(map(str, off))}: off {most.nearest:g}, but the difference acts like a damping ratio of at most "
-        f"{damping(abs(most.value - most.nearest)):.2g}, and less than {FLOOR:g} beyond the interval "
-        "may be a clock, a cable or a bearing."
-    )
+    ratio = damping(abs(most.value - most.nearest))
+    return SAYS("too-little", orders=" and ".join(map(str, off)), most=most, ratio=ratio, floor=FLOOR)
 
 
 def _no_fit(missed: Mapping[str, LeftOver]) -> str:
@@ -267,23 +244,15 @@ def _no_fit(missed: Mapping[str, LeftOver]) -> str:
 def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
     """One sentence on all residuals that are no noise; empty where there are none."""
     sizes = {where: _size(e) for where, e in left_over.items()}
-    if not sizes:
-        return []
-    if len(sizes) == 1:
-        [(where, size)] = sizes.items()
-        what = f"The residual of {where} is {size}, and correlated"
-    else:
-        each = " and ".join(f"{where} ({size})" for where, size in sizes.items())
-        what = f"The residuals of {each} are correlated"
-    return [f"{what}: {LACKS}."]
+    if len(sizes) < 2:
+        return [SAYS("unexplained", where=where, size=size, lacks=LACKS) for where, size in sizes.items()]
+    each = " and ".join(f"{where} ({size})" for where, size in sizes.items())
+    return [SAYS("all-unexplained", each=each, lacks=LACKS)]
 
 
 def _coloured(left_over: Mapping[str, LeftOver]) -> list[str]:
     """One sentence on all residuals that are correlated as noise is."""
-    each = " and ".join(left_over)
-    return [f"The residual of {each} is correlated as the noise of a filter, a camera or a bus is, alike wherever the "
-            "motion goes: correlated noise, or a model that lacks something. The intervals allow for "
-            "it."] if left_over else []  # fmt: skip
+    return [SAYS("coloured", each=" and ".join(left_over))] if left_over else []
 
 
 def _size(e: LeftOver) -> str:
@@ -293,26 +262,22 @@ def _size(e: LeftOver) -> str:
 
 
 def _effect(order: OrderFound) -> str:
-    return (
-        f"{order} differs from {order.nearest:g}; the difference acts like a damping ratio of "
-        f"{damping(abs(order.value - order.nearest)):.2g}."
-    )
+    return SAYS("effect", order=order, ratio=damping(abs(order.value - order.nearest)))
 
 
 def _no_more_than(memory: FiniteMemory, orders: str, coloured: Sequence[str]) -> Claim:
     """What is claimed of orders that a few relaxations do as well as."""
     count = f"{COUNTS[memory.relaxations]} relaxation{'s' * (memory.relaxations > 1)}"
     if not math.isfinite(memory.gain):
-        return Claim("undecided", (f"{orders}, but no run of the model with {count} in the place of an order ended, "
-                                   "with which that must be compared.",))  # fmt: skip
-    instead = f"{count} in the place of an order, all else equal, cost{'s' * (memory.relaxations == 1)}"
-    bic = f"{memory.cost:.6g} and {'have' if memory.relaxations > 1 else 'has'} a BIC that is {abs(memory.gain):.3g}"
+        return _undecided(SAYS("no-run-of-memory", orders=orders, count=count))
+    costs, have = ("cost", "have") if memory.relaxations > 1 else ("costs", "has")
+    bic = f"{abs(memory.gain):.3g} {'lower' if memory.gain <= 0 else 'higher'}"
+    instead = SAYS("instead", count=count.capitalize(), costs=costs, cost=memory.cost, have=have, bic=bic)
     if memory.gain <= -STRONG and memory.settles:
-        return Claim("integer", (f"{orders}: no evidence of fractional dynamics, for the order is worth no more than "
-                                 f"{count}. {instead.capitalize()} {bic} lower.", *coloured))  # fmt: skip
-    why = "" if memory.settles else f" {UNSETTLED}"
-    return Claim("undecided", (f"{orders}, but the order is worth no more than {count}. {instead.capitalize()} {bic} "
-                               f"{'lower' if memory.gain <= 0 else 'higher'}.{why}", *coloured, DECADES))  # fmt: skip
+        return Claim("integer", (SAYS("memory", orders=orders, count=count, instead=instead), *coloured))
+    why = "" if memory.settles else f" {SAYS('unsettled')}"
+    said = SAYS("memory-as-well", orders=orders, count=count, instead=instead, why=why)
+    return _undecided(said, *coloured, SAYS("decide-decades"))
 
 
 def _worth(memories: Sequence[FiniteMemory]) -> Iterator[str]:
@@ -320,8 +285,7 @@ def _worth(memories: Sequence[FiniteMemory]) -> Iterator[str]:
     if memories:
         tried = ", ".join(COUNTS[m.relaxations] for m in memories)
         higher = ", ".join(_higher(m.gain) for m in memories)
-        yield (f"The order is worth as many as {COUNTS[len(memories)]} relaxations: with {tried} in its place the BIC "
-               f"is {higher} higher.")  # fmt: skip
+        yield SAYS("worth", count=COUNTS[len(memories)], tried=tried, higher=higher)
 
 
 def _in_short(structure: str) -> str:
@@ -337,7 +301,6 @@ def _higher(gain: float) -> str:
 def _beaten(alternative: Alternative) -> tuple[str, ...]:
     tried = [t.name for t in alternative.trials if t.tried]
     untried = [t.name for t in alternative.trials if not t.tried]
-    worse = _higher(alternative.gain)
-    reasons = [f"No integer-order model fits as well. Tried: {', '.join(tried)}. The nearest "
-               f"({_in_short(alternative.structure)}) has a BIC that is {worse} higher."]  # fmt: skip
-    return tuple(map(in_letters, (*reasons, *([f"Not excluded: {', '.join(untried)}."] if untried else []))))
+    reason = SAYS("beaten", tried=", ".join(tried), nearest=_in_short(alternative.structure),
+                  worse=_higher(alternative.gain))  # fmt: skip
+    return tuple(map(in_letters, (reason, *([f"Not excluded: {', '.join(untried)}."] if untried else []))))

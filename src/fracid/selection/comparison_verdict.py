@@ -24,10 +24,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from fracid.findings import Note
+from fracid.findings import Note, Words
 from fracid.selection.bic import STRONG
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
 from fracid.units import GREEK
+
+SAYS = Words("selection/comparison_verdict.toml")
 
 MARGIN = 0.02
 """Errors that differ by less than this part are the same."""
@@ -84,10 +86,7 @@ def _replaced(comparison: Comparison) -> str:
     if not (ratio_of(paper, plain) < 1 - MARGIN and ratio_of(dry, paper) < 1 - MARGIN):
         return ""
     ordered, dried = (held_out_errors(row, comparison.units) for row in (paper, dry))
-    return (
-        f"Coulomb friction explains the data better than free orders: {ordered} held out with viscous friction and "
-        f"free orders, {dried} with viscous and Coulomb friction and orders 1."
-    )
+    return SAYS("replaced", ordered=ordered, dried=dried)
 
 
 def _change(ratio: float) -> str:
@@ -124,15 +123,9 @@ def _paper_beside(comparison: Comparison, integer: Row, fractional: Row) -> str:
 def _verdict_in_sample(integer: Row, fractional: Row) -> str:
     gain = integer.bic - fractional.bic
     if not math.isfinite(gain):
-        return 'No recording is held out, and there is no criterion for this cost: hold some out (use = "validate").'
-    conclusion = (
-        f"orders explain more in sample (BIC {gain:.3g} lower)" if gain > STRONG else
-        f"orders explain nothing that friction does not (BIC {-gain:+.3g} with them)"
-    )  # fmt: skip
-    return (
-        f"No recording was held out, so this is no proof: {conclusion}, {fractional.name} against {integer.name}. "
-        'Hold some out (use = "validate"), or leave one out in turn (--leave-one-out).'
-    )
+        return SAYS("no-criterion")
+    conclusion = SAYS("explain-more", gain=gain) if gain > STRONG else SAYS("explain-nothing", loss=-gain)
+    return SAYS("in-sample", conclusion=conclusion, fractional=fractional, integer=integer)
 
 
 def ratio_of(one: Row, other: Row) -> float:

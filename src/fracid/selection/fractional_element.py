@@ -26,12 +26,15 @@ from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.findings import Words
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import Rival, freed_friction, gain_over, integer_values, moving, springpots
 from fracid.selection.residual_noise import leftovers
+
+SAYS = Words("selection/fractional_element.toml")
 
 SHARE = 0.3
 """Of the residual's squares that a springpot must explain, to first order, to be fitted."""
@@ -74,21 +77,12 @@ class FractionalElement:
 
     def __str__(self) -> str:
         """What it explains, in a sentence."""
-        return (
-            f"A springpot explains more: with {self.name} = {self.strength:.2g} of order {self.order:.2f} and every "
-            f"other order integer the cost falls from {self.before:.3g} to {self.cost:.3g} (BIC {-self.gain:+.3g} in "
-            "its favour)."
-        )
+        return SAYS("explains", element=self, gain=-self.gain)
 
     @property
     def remedy(self) -> str:
         """What to type."""
-        order = _order_of(self.name)
-        return (
-            f"To decide: in [model.parameters] {self.name} = {{ start = {self.strength:.2g}, lower = 0.0, "
-            f"upper = {10 * self.strength:.2g} }} and {order} = {{ start = {self.order:.2f}, lower = 0.05, upper = "
-            "0.95 }, the other orders 1; then fracid fit and compare, which hold it against friction of integer order."
-        )
+        return SAYS("remedy", element=self, upper=10 * self.strength, order=_order_of(self.name))
 
 
 def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]:

@@ -18,12 +18,15 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import embedded
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.findings import Words
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.limits import opened, with_bound, with_ranges
 from fracid.safety.schema import Record
 from fracid.selection.bic import STRONG, schwarz
 from fracid.signals.correlation import effective_samples
+
+SAYS = Words("selection/opened_bounds.toml")
 
 ROUNDS = 3
 """Times that bounds are opened tenfold."""
@@ -59,11 +62,7 @@ class OpenedBound(Record):
     def sentence(self) -> str:
         """What it took, and what keeps the bound."""
         side, unit = "upper" if self.upper else "lower", f" {self.unit}" if self.unit else ""
-        return (
-            f"{self.name} was stopped by its {side} bound, {self.was:.4g}{unit}: opened to {self.bound:.4g}, the "
-            f"search ends at {self.value:.4g}, and the cost falls from {self.cost:.6g} to {self.lowered:.6g}. Give it "
-            "that range; hard = true in its table keeps a bound."
-        )
+        return SAYS("opened", b=self, side=side, unit=unit)
 
 
 def open_bounds(problem: Problem, best: Evaluation, *, jobs: int = 1) -> tuple[Problem, Evaluation]:

@@ -60,9 +60,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import Outcome, Trajectory
+
+SAYS = Words("solver/stiffness.toml")
 
 STEPS_A_PERIOD = 20.0
 """Fewer are too few."""
@@ -307,9 +309,7 @@ def _fault(
     unsolved = run.outcome is Outcome.UNSETTLED
     away = several and not run.completed and _sizes(run)[-1] > 10 * USUAL
     if run.outcome is Outcome.NOT_FINITE and not away:
-        return Finding("not-finite", "", end, math.inf, "s",
-                       f"The right-hand side is not finite after t = {end:.4g} s: a division by zero, such as "
-                       "det M = 0, or an overflow.")  # fmt: skip
+        return SAYS.finding("not-finite", "", end, math.inf)
     if not several and run.completed:
         return None
     last = len(run.time) - 1
@@ -336,10 +336,8 @@ def _fault(
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
         shorter = run.step * steps / (2 * STEPS_A_PERIOD)
-        return Finding("coarse-steps", "", steps, STEPS_A_PERIOD, "steps a period",
-                       f"The fastest oscillation has {steps:.2g} steps a period, and {STEPS_A_PERIOD:.0f} are too few "
-                       f"already: its frequency is wrong by {100 * (2 * math.pi / steps) ** 2 / 12:.2g} % or so. "
-                       f"Take a step of {shorter:.2g} s.")  # fmt: skip
+        return SAYS.finding("coarse-steps", "", steps, STEPS_A_PERIOD, percent=100 * (2 * math.pi / steps) ** 2 / 12,
+                            shorter=shorter)  # fmt: skip
     return None
 
 
@@ -378,22 +376,14 @@ def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
     else:
         why = f"an explicit scheme follows up to about {beyond.limit:g}{note}"
         other = "bdf2" if np.max(run.orders) > 1 else "pi2"
-    return Finding(
-        "stiff", "", beyond.size, beyond.limit, "|J|h",
-        f'The step is too long for {run.method}: |J|h is {beyond.size:.3g}, and {why}. Type method = "{other}", or a '
-        f"step of {run.step / beyond.parts:.2g} s.",
-    )  # fmt: skip
+    return SAYS.finding("stiff", "", beyond.size, beyond.limit, run=run, why=why, other=other,
+                        shorter=run.step / beyond.parts)  # fmt: skip
 
 
 def _unsolved(run: Trajectory, end: float) -> Finding:
     """A step over a pole has no solution, and one over a jump may have one that is not found."""
     stiff = "" if run.method == "bdf2" else 'method = "bdf2", or '
-    return Finding(
-        "unsettled", "", end, run.step, "s",
-        f"Newton's method does not solve the equation of the step after t = {end:.4g} s: the solution jumps, or leaves "
-        f"every bound. Type {stiff}a step of {run.step / 10:.2g} s; if that ends at the same time, check the orders "
-        "and the constants.",
-    )  # fmt: skip
+    return SAYS.finding("unsettled", "", end, run.step, stiff=stiff, shorter=run.step / 10)
 
 
 def _rings(run: Trajectory, spectra: list[NDArray[np.complex128]]) -> Finding | None:
@@ -409,25 +399,14 @@ def _rings(run: Trajectory, spectra: list[NDArray[np.complex128]]) -> Finding | 
     state = int(np.argmax(share))
     if share[state] < SHARE:
         return None
-    return Finding(
-        "ringing", "", largest, 2.0, "|J|h",
-        f"State {state} is wrong: it alternates from step to step, after {RINGS} steps still by "
-        f"{100 * share[state]:.2g} % of its range. The step is too long for {run.method}: |J|h is {largest:.3g}, "
-        f'and near order 1 the scheme hardly damps decays that are faster than 2. Type method = "bdf2", or a step '
-        f"of {run.step / largest:.2g} s.",
-    )  # fmt: skip
+    return SAYS.finding("ringing", "", largest, 2.0, state=state, RINGS=RINGS, percent=100 * share[state], run=run,
+                        shorter=run.step / largest)  # fmt: skip
 
 
 def _swept_away(run: Trajectory, largest: float) -> Finding:
     limit = METHODS[run.method].sweeps
     shorter = run.step * (0.5 * limit / largest) ** (1 / float(np.max(run.orders)))
-    return Finding(
-        "stiff", "", largest, limit, "|J|h",
-        f"The run ended at t = {run.time[-1]:.4g} s, and whether the solution itself diverges is open: |J|h was "
-        f"{largest:.3g} before, and beyond {limit:g} the sweeps of {run.method} overshoot, so that a nonlinear f can "
-        f"diverge before Newton's method is used. "
-        f'Type method = "bdf2", or a step of {shorter:.2g} s.',
-    )  # fmt: skip
+    return SAYS.finding("overshoots", "", largest, limit, end=run.time[-1], run=run, shorter=shorter)
 
 
 def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatArray) -> Finding | None:
@@ -439,12 +418,7 @@ def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatAr
     if not largest > 1 / SETTLED:
         return None
     samples = math.log(SETTLED * largest / (1 + largest)) / (q * math.log(2) - math.log(largest))
-    return Finding(
-        "low-order", "", samples, 1.0, "samples",
-        f"At order {q:g} {run.method} sets x to little else than f of the last sample: its first {samples:.0f} "
-        "samples, and as many after every jump, are wrong by 1 % of it or more, and no step shortens that. "
-        'Type method = "pi2".',
-    )  # fmt: skip
+    return SAYS.finding("low-order", "", samples, 1.0, q=q, run=run)
 
 
 def _runs_away(run: Trajectory, largest: float) -> Finding:
@@ -454,10 +428,6 @@ def _runs_away(run: Trajectory, largest: float) -> Finding:
     later = min(len(t) - 1, first + int(np.argmax(np.append(sizes[first:] > 10 * USUAL, True))))
     step = f"The step is short enough, |J|h was {largest:.2g} before"
     if t[-1] - t[later] < t[later] - t[first - 1]:
-        return Finding("blow-up", "", float(t[-1]), math.inf, "s",
-                       f"The solution itself leaves every bound in finite time, at t = {t[-1]:.4g} s. {step}: a "
-                       "shorter one ends there too. Check the orders and the constants.")  # fmt: skip
+        return SAYS.finding("blow-up", "", float(t[-1]), math.inf, step=step)
     doubling = float(t[later] - t[first - 1]) / math.log2(10.0)
-    return Finding("runs-away", "", doubling, math.inf, "s to double",
-                   f"The solution itself grows without end, twofold in {doubling:.2g} s, and is beyond all use at t = "
-                   f"{t[-1]:.4g} s. {step}. Is a friction negative, or gravity's sign wrong?")  # fmt: skip
+    return SAYS.finding("runs-away", "", doubling, math.inf, end=t[-1], step=step)

@@ -43,6 +43,7 @@ from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.past import release_in_past
@@ -51,6 +52,8 @@ from fracid.recording import Recording, load_recording
 from fracid.safety.schema import as_json
 from fracid.schemas.scatter import CutBlock
 from fracid.units import GREEK
+
+SAYS = Words("validation/unknown_past.toml")
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,12 +154,9 @@ class CutCheck(CardDisplay):
         by = far.shift[name]
         cause = "where the record is cut" if far.name.startswith("cut") else "what is taken for the motion before it"
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
-        letter = GREEK.get(name, name)
-        return (
-            f"{letter} moves by {_signed(by)} with {cause} ({self.orders[name]:.4g} as fitted, {far.orders[name]:.4g} "
-            f"{far.name}{stopped}), {abs(by) / half:.2g} times its interval of ± {half:.2g}: the interval ignores "
-            f"model error. Take {low:.4g} … {high:.4g} for what is known of {letter}."
-        )
+        return SAYS("moves", order=GREEK.get(name, name), by=_signed(by), cause=cause, fitted=self.orders[name],
+                    there=far.orders[name], way=f"{far.name}{stopped}", times=abs(by) / half, half=half, low=low,
+                    high=high)  # fmt: skip
 
     def _better(self, t: Treatment) -> str:
         if self._ratio(t) > BETTER:
@@ -168,10 +168,7 @@ class CutCheck(CardDisplay):
         orders = ", ".join(f"{GREEK.get(n, n)} {self.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
         plateau = any(other.name == "from the plateau" for other in self.treatments)
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
-        return (
-            f"The motion before the start explains part of the residual: with it the rms falls from {was} to {now} "
-            f"({orders}). Give the fit its past: type {what}."
-        )
+        return SAYS("better", was=was, now=now, orders=orders, what=what)
 
     def to_json(self) -> dict[str, Any]:
         """Everything, as plain JSON values; angles in radians."""
