@@ -8,9 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.findings import Words
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.units import with_unit
 from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
+
+SAYS = Words("validation/residual_sentences.toml")
 
 NORMAL = 0.985
 """PPCC from which on a shape is normal enough: Laplace's has 0.981, the uniform 0.977, a sine 0.949."""
@@ -37,20 +40,14 @@ FAST = 0.05
 def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     """Why there is nothing to test, or nothing."""
     if not e.size:
-        return "There is no residual: the simulation failed. Look at the warnings of the fit."
+        return SAYS("no-residual")
     if e.size < SHORT:
-        cut = " have a fitted value, and these" if e.size < whole else ""
-        return f"{e.size} samples{cut} are too few to test; {SHORT} are the least."
+        return SAYS("few-fitted" if e.size < whole else "few", count=e.size, least=SHORT)
     if np.abs(e).max() <= 1e-12 * size:
-        return "The fitted values are the measured ones but for the rounding of numbers: nothing is left to test."
+        return SAYS("nothing-left")
     if np.ptp(e) <= 1e-9 * np.abs(e).max():
-        text = f"All {e.size} residuals are {with_unit(e[0], unit, '.2g')}: the simulation is off by a constant and by "
-        if unit != "rad":
-            return f'{text}nothing else, so the zero of the signal is: use zero = "rest", or free what it rests at.'
-        return (
-            f"{text}nothing else, so the zero of the angle or the rest angle is; free it (theta_rest, alpha_rest), or "
-            'use zero = "rest".'
-        )
+        zero = SAYS("zero-of-angle" if unit == "rad" else "zero-of-signal")
+        return SAYS("constant", count=e.size, value=with_unit(e[0], unit, ".2g"), zero=zero)
     return ""
 
 
@@ -59,163 +56,89 @@ def correlation_cause(
 ) -> str:
     """Where a correlation comes from, most likely."""
     if lag_one < 0 and T < 10:
-        return "neighbours alternate, as after differentiating or sharpening: look at how it was recorded."
+        return SAYS("alternates")
     if power < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12:
-        return "at the encoder's floor that is the rounding of a slow motion, and no fault of the model."
+        return SAYS("at-floor")
     if swing and T * step * swing < FAST:
-        return (
-            f"beside the swing's {_seconds(1 / swing)} that is so short that it is rather the sensor, its filter or a "
-            "vibration than the model."
-        )
-    return (
-        "the model lacks something. Intervals that take the samples for independent would be "
-        f"{_times(math.sqrt(T))} times too narrow; those of fracid fit allow for it."
-    )
+        return SAYS("short", period=_seconds(1 / swing))
+    return SAYS("lacks", times=_times(math.sqrt(T)))
 
 
 def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: float, cause: str) -> str:
     """What the autocorrelation shows, and how many samples count."""
-    count = n / T
     if p >= SIGNIFICANT:
-        return f"White: no autocorrelation in {n:,} samples (Ljung-Box {_p(p)})."
-    if count >= NEXT_TO_WHITE * n:
-        return (
-            f"Next to white: neighbours correlate by {_signed(lag_one)}, which shows because there are {n:,} "
-            f"(Ljung-Box {_p(p)}); {count:,.0f} of them count, and nothing need be done."
-        )
-    return (
-        f"Autocorrelated over {_seconds(seconds)}: {n:,} samples are worth {count:,.0f} independent ones "
-        f"(Ljung-Box {_p(p)}); {cause}"
-    )
-
-
-MISSING = {
-    1: "the simulated swing is too large, too small or out of phase: its damping or period differs from the "
-       "recording's. Free Coulomb friction, drag, the cable's spring, presliding (presliding_...) or an inertia, if "
-       "they are fixed (fracid compare tries them)",
-    2: "something differs between left and right: a rest angle, the encoder's zero or centre, friction by direction",
-    3: "it bends within each swing, left and right alike: friction that switches at the turning points "
-       "(coulomb_...), or the geometry of large swings (C-constants)",
-}  # fmt: skip
-"""What a multiple of the swing's frequency says of the model; 4 says what 2 says, 5 what 3 says."""
+        return SAYS("white", n=n, p=_p(p))
+    if n / T >= NEXT_TO_WHITE * n:
+        return SAYS("next-to-white", lag_one=_signed(lag_one), n=n, p=_p(p), count=n / T)
+    return SAYS("autocorrelated", time=_seconds(seconds), n=n, p=_p(p), count=n / T, cause=cause)
 
 
 def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
     """What the spectrum shows: drift, the swing's band, a line."""
+    line, slow = spectrum.line, SAYS("slow", share=_percent(spectrum.slow_share), below=spectrum.slow_below)
     if spectrum.slow_share >= DRIFT:
-        yield (
-            f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz: a drift. "
-            "The rest angle creeps or is wrong, the axis is tilted, or the cable or friction holds the rig where the "
-            "model does not."
+        yield SAYS("drift", slow=slow)
+    elif line is None and spectrum.swing and spectrum.swing_share >= BROAD:
+        yield SAYS(
+            "swing", share=_percent(spectrum.swing_share), swing=spectrum.swing, what=SAYS("harmonic-1"), slow=slow
         )
-    if spectrum.line is None:
-        if spectrum.slow_share < DRIFT:
-            slow = f"{_percent(spectrum.slow_share)} of its power is slower than {spectrum.slow_below:.2g} Hz"
-            if spectrum.swing and spectrum.swing_share >= BROAD:
-                yield (
-                    f"{_percent(spectrum.swing_share)} of its power lies around the swing's {spectrum.swing:.2g} Hz, "
-                    f"with no frequency that stands out: {MISSING[1]}. There is no drift: {slow}."
-                )
-                return
-            yield f"No frequency stands out, and there is no drift: {slow}."
+    elif line is None:
+        yield SAYS("no-line", slow=slow)
+    if line is None:
         return
-    line = spectrum.line
-    text = f"{_percent(line.share)} of its power lies at {line.frequency:.3g} Hz, "
     if line.harmonic is None:
-        other = (
-            f"no multiple of the swing's {spectrum.swing:.3g} Hz" if spectrum.swing else "where nothing is simulated"
-        )
-        yield f"{text}{other}: another part that moves (bench, link, mains), or a motion that the model has not."
+        where, what = SAYS("no-multiple" if spectrum.swing else "nothing-simulated", swing=spectrum.swing), "other-part"
     else:
-        what = "the swing's own frequency" if line.harmonic == 1 else f"{line.harmonic} times the swing's"
-        yield f"{text}{what}: {MISSING[line.harmonic if line.harmonic < 4 else line.harmonic - 2]}."
+        where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
+        what = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
+    yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=SAYS(what))
 
 
 def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, independent: int) -> str:
     """What the distribution shows, and what to do."""
-    tested = f"Anderson-Darling {_p(p)} on {_apart(independent)}" if math.isfinite(p) else _too_few(independent)
+    tested = SAYS("tested" if math.isfinite(p) else "too-few", p=_p(p), count=independent)
     if ppcc >= NORMAL:
-        note = "; the deviation, for instance the encoder's steps, is too small to matter" if p < SIGNIFICANT else ""
-        return f"Normal enough: PPCC {ppcc:.3f} ({tested}){note}."
+        return SAYS("normal-but" if p < SIGNIFICANT else "normal", ppcc=ppcc, tested=tested)
     shape, cure = shape_and_cure
-    if not p < SIGNIFICANT:
-        return f"Perhaps not normal: PPCC {ppcc:.3f}, {shape}; it may be chance ({tested})."
-    return f"Not normal: PPCC {ppcc:.3f}, {shape} ({tested}). {cure}"
+    return SAYS("not-normal" if p < SIGNIFICANT else "perhaps", ppcc=ppcc, shape=shape, tested=tested, cure=cure)
 
 
 def shape_phrases(lean: float, tails: float, variance: Variance) -> tuple[str, str]:
     """In what a distribution differs most from the normal one, and what to do."""
     if abs(lean) > 0.5 and lean**2 > 0.5 * tails:  # of gamma's family tails = 1.5 lean²
-        side = "above" if lean > 0 else "below"
-        return (
-            f"longer {side} than on the other side",
-            "Look for an offset that comes and goes, or a stop that it hits.",
-        )
-    if tails > 0 and any(c.sure for c in variance.contrasts):
-        return "with heavy tails", "A spread that changes looks so: see the variance."
+        return f"longer {'above' if lean > 0 else 'below'} than on the other side", SAYS("cure-lean")
     if tails > 0:
-        return "with heavy tails", (
-            'Some samples lie far off: see over time where; if it is the sensor, cost = "huber" gives them less weight.'
-        )
-    return "with cut tails", "Rounding or a residual swing looks like this: see the spectrum and the encoder's step."
+        return "with heavy tails", SAYS("cure-spread" if any(c.sure for c in variance.contrasts) else "cure-far")
+    return "with cut tails", SAYS("cure-cut")
 
 
-def _too_few(independent: int) -> str:
-    return f"{_apart(independent)} are too few to test"
-
-
-def _apart(samples: int) -> str:
-    return f"{samples:,} samples two correlation times apart"
-
-
-GROWS: tuple[tuple[str, str, str], ...] = (
-    (
-        "in the last third of the record as in the first",
-        "the swing's phase or damping runs off: look at an inertia, or at a joint that gives before it slides "
-        "(presliding_...)",
-        "what is missing shows while the swing is large: friction (drag, Coulomb), or a term of large angles",
-    ),
-    (
-        "far from the middle as near it",
-        "the scale of the encoder, or a term of large angles",
-        "friction at the small end, or dead play",
-    ),
-    (
-        "when fast as when slow",
-        "the recording's clock or a delay, or friction that grows with speed (drag)",
-        "sticking at the turning points: Coulomb friction, or a joint that gives before it slides (presliding_...)",
-    ),
-)
-"""For each contrast: where, what a residual suggests that is larger there, and one that is smaller."""
+CONTRASTS = ("late", "far", "fast")
+"""Of each the words say where it is, what a residual suggests that is larger there, and one that is smaller."""
 
 
 def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float) -> str:
     """What the spread over time, size and speed shows."""
-    pairs = [(c, texts) for c, texts in zip(contrasts, GROWS, strict=True) if math.isfinite(c.ratio)]
-    uneven = [(c, texts) for c, texts in pairs if c.uneven]
+    pairs = [(c, name) for c, name in zip(contrasts, CONTRASTS, strict=True) if math.isfinite(c.ratio)]
+    uneven = [(c, name) for c, name in pairs if c.uneven]
     if not uneven:
-        worst = max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0)
-        same = "The residual has the same rms early and late, near and far, slow and fast"
-        return f"{same}, within a factor of {worst:.2f}."
-    sure = [(c, texts) for c, texts in uneven if c.sure]
-    text = ", ".join(f"{_times(c.ratio)} times as large {where}{_tail(c)}" for c, (where, _, _) in sure or uneven)
+        return SAYS("even", worst=max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0))
+    sure = [(c, name) for c, name in uneven if c.sure]
+    text = ", ".join(f"{_times(c.ratio)} times as large {SAYS(name)}{_tail(c)}" for c, name in sure or uneven)
     if not sure:
-        worth = f"{effective_samples:,.0f} independent samples"
-        return f"The residual's rms is {text}; that may be chance: the residual is worth {worth}."
-    most, (_, larger, smaller) = _telling(sure)
-    cause = larger if most.ratio > 1 else smaller
-    return f"The residual's rms is {text}. That suggests {cause}. The intervals allow for it."
+        return SAYS("by-chance", text=text, worth=effective_samples)
+    most, name = _telling(sure)
+    return SAYS("uneven", text=text, cause=SAYS(f"{name}-{'larger' if most.ratio > 1 else 'smaller'}"))
 
 
-def _telling(sure: list[tuple[Contrast, tuple[str, str, str]]]) -> tuple[Contrast, tuple[str, str, str]]:
+def _telling(sure: list[tuple[Contrast, str]]) -> tuple[Contrast, str]:
     """Which contrast's hint to give.
 
     Where a motion dies away early is far and fast too, so the record's beginning has the word.  Where a swing is far it
     is slow: of two contrasts that say the same, the one that says where the residual is larger.
     """
-    first, texts = sure[0]
-    if texts is GROWS[0] and first.ratio < 1:
-        return first, texts
+    first, name = sure[0]
+    if name == "late" and first.ratio < 1:
+        return first, name
     return max(sure, key=lambda found: found[0].ratio)
 
 
@@ -226,15 +149,13 @@ def _tail(c: Contrast) -> str:
 def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     """What the size of the residual shows beside the encoder's step."""
     floor = step / math.sqrt(12)
-    text = (
-        f"rms {with_unit(rms, unit, '.2g')}, {_times(rms / step)} steps of the encoder{offset_phrase(mean, rms, unit)}"
-    )
+    steps, rest = f"{_times(rms / step)} steps of the encoder", "noise" if white else "the model or a disturbance"
+    text = f"rms {with_unit(rms, unit, '.2g')}, {steps}{offset_phrase(mean, rms, unit)}"
     if rms < AT_THE_FLOOR * floor:
-        return f"{text}: rounding alone leaves {floor / step:.2g}. This encoder cannot distinguish a better model."
-    rest = "noise" if white else "the model or a disturbance"
+        return SAYS("rounding", text=text, least=floor / step)
     if rms < 2 * floor:
-        return f"{text}: rounding has {_percent((floor / rms) ** 2)} of its power, the rest is {rest}."
-    return f"{text}, {_times(rms / floor)} times what rounding leaves: it is {rest}, not the encoder."
+        return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2), rest=rest)
+    return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest)
 
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
