@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 
 from fracid.errors import SMALLEST, InputError, refuse_beyond, unknown_name
+from fracid.findings import Words
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
@@ -19,6 +20,8 @@ from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of, start_of
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
+
+SAYS = Words("problem/checks.toml")
 
 ELSEWHERE, PROBE = 0.05, 1e-6
 """An output that is off at the start by this part of its range begins elsewhere; and the step of a derivative."""
@@ -45,10 +48,8 @@ def check_simulator(simulator: Simulator) -> None:
         raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
     for e in simulator.parametrisation.experiments:
         if simulator.steps(e) > MOST_STEPS:
-            raise InputError(
-                f"{e.name}: {len(e.measured)} samples with substeps = {simulator.substeps} make "
-                f"{simulator.steps(e):.3g} steps a run; expected {MOST_STEPS:.0e} at most. Give fewer substeps."
-            )
+            raise InputError(SAYS("many-steps", e=e, samples=len(e.measured), simulator=simulator,
+                                  steps=simulator.steps(e), MOST_STEPS=MOST_STEPS))  # fmt: skip
 
 
 def check_criterion(criterion: Criterion) -> None:
@@ -60,10 +61,7 @@ def check_criterion(criterion: Criterion) -> None:
     prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
     what = "a prior" if prior else 'weights = "noise"' if criterion.weights == "noise" else ""
     if what and criterion.cost_function.loss is None:
-        raise InputError(
-            f"{what} has no place beside the cost {criterion.cost_function.name!r}, a user's own, of unknown "
-            f"likelihood: take one of {', '.join(COSTS)}, or leave it out."
-        )
+        raise InputError(SAYS("own-cost", what=what, criterion=criterion, costs=", ".join(COSTS)))
 
 
 def refuse_twins(experiments: Sequence[Experiment]) -> None:
@@ -110,10 +108,7 @@ def _check_ties(p: Parametrisation) -> None:
     for what, values in (("order", p.orders), ("parameter", p.parameters)):
         for name, value in values.items():
             if isinstance(value, Tied) and not value.to.isidentifier():
-                raise InputError(
-                    f"{name} = {value.to!r} is not possible; expected a number in SI, without a unit and without "
-                    f"quotes, or the name of the {what} that it is tied to."
-                )
+                raise InputError(SAYS("not-a-value", name=name, value=value, what=what))
             if isinstance(value, Tied) and value.to not in names[what]:
                 raise unknown_name(f"{what} that {name} is tied to", value.to, names[what])
             root = root_of(what, name, values)
@@ -133,28 +128,19 @@ def _check_bounds(p: Parametrisation) -> None:
             if not 0 < low <= high < 2:
                 raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
             if high > 1 and name in p.model.springpot_orders.values():
-                raise InputError(
-                    f"{name} = {low:g} … {high:g}: a springpot's order lies between 0, a spring, and 1, a dashpot: "
-                    f"type {name} = {{ start = 0.5, lower = 0.02, upper = 0.98 }}."
-                )
+                raise InputError(SAYS("springpot-order", name=name, low=low, high=high))
     for name in p.parameters:
         constant, free = p.model.parameter(name), p.parameters.get(p.ties.get(name, name))
         whose = f"{p.ties[name]}'s" if name in p.ties else "its"
         if isinstance(free, Free) and not constant.lower <= free.lower < free.upper <= constant.upper:
-            raise InputError(
-                f"{name} is free in {free.lower:g} … {free.upper:g} {constant.unit}, but means something only in "
-                f"{constant.lower:g} … {constant.upper:g}: bring {whose} lower and upper into that."
-            )
+            raise InputError(SAYS("beyond-constant", name=name, free=free, constant=constant, whose=whose))
     if name := _twice(p.per_recording):
         raise InputError(f"per_recording names {name!r} twice; name it once.")
     for name in p.per_recording:
         if name in p.ties:
             raise InputError(f"per_recording names {name!r}, which is tied: name {p.ties[name]!r} instead.")
         if not isinstance(p.parameters.get(name), Free):
-            raise InputError(
-                f"per_recording names {name!r}, which is not free; "
-                f"type {name} = {{ start = ..., lower = ..., upper = ... }} among the parameters."
-            )
+            raise InputError(SAYS("per-recording-not-free", name=name))
 
 
 def _check_outputs(p: Parametrisation) -> None:
@@ -173,23 +159,14 @@ def _check_experiments(p: Parametrisation) -> None:
     refuse_twins(p.experiments)
     for e in p.experiments:
         if e.measured.ndim != 2 or e.measured.shape[1] != len(p.outputs) or len(e.measured) < 3:
-            raise InputError(
-                f"{e.name}: measured has the shape {e.measured.shape}; expected at least 3 samples of "
-                f"{len(p.outputs)} outputs: {', '.join(p.outputs)}."
-            )
+            raise InputError(SAYS("measured-shape", e=e, count=len(p.outputs), outputs=", ".join(p.outputs)))
         if p.model.inputs and e.all_inputs.shape[1] != len(p.model.inputs):
-            raise InputError(
-                f"{e.name}: inputs has the shape {e.inputs.shape}; expected a column for each of: "
-                f"{', '.join(p.model.inputs)}."
-            )
+            raise InputError(SAYS("inputs-shape", e=e, inputs=", ".join(p.model.inputs)))
         _check_sensors(p, e)
         _check_past(p, e)
         _check_release(p, e)
         if not (math.isfinite(e.weight) and e.weight > 0):
-            raise InputError(
-                f"{e.name}: weight = {e.weight:g}; expected a number above 0.  A recording that must not count is "
-                'left out, or validates: use = "validate".'
-            )
+            raise InputError(SAYS("weight", e=e))
         refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
         for name, value in e.initial.items():
             refuse_beyond(f"{e.name}: initial {name}", start_of(value))
@@ -205,26 +182,17 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
             check_choice(f"{what} of {e.name} with a delay, gain, bias or lowpass", name, channels)
             for delay in sensor.range("delay"):
                 if abs(delay) >= e.time[-1]:
-                    raise InputError(
-                        f"{e.name}: {name} has a delay of {delay:g} s, beyond the record of {e.time[-1]:g} s; expected "
-                        "a part of it, in seconds: delay = 0.005."
-                    )
+                    raise InputError(SAYS("late-delay", e=e, name=name, delay=delay, end=e.time[-1]))
     for name, between in e.between.items():
         check_choice(f"input of {e.name} with between", name, p.model.inputs)
         check_choice(f"between of {name}", between, BETWEEN)
     if e.samples < 3:
-        raise InputError(
-            f"{e.name}: {e.samples} of its {len(e.measured)} samples are left to score beside its mask, bridged gaps "
-            "and delays; expected 3 at least."
-        )
+        raise InputError(SAYS("few-scored", e=e, samples=len(e.measured)))
     free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}
     for name in p.per_recording:
         quantity, _, channel = name.partition("_")
         if quantity in QUANTITIES and name not in free and channel in (*p.outputs, *p.model.inputs):
-            raise InputError(
-                f"per_recording names {name!r}, but the {quantity} of {channel} is not free in {e.name}; type "
-                f"{quantity} = {{ start = ..., lower = ..., upper = ... }} there too."
-            )
+            raise InputError(SAYS("channel-not-free", name=name, quantity=quantity, channel=channel, e=e))
 
 
 def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
@@ -260,10 +228,8 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
             f'"{states[i]}" = {{ start = {at:.3g}, lower = {at - reach:.3g}, upper = {at + reach:.3g} }}'
             for i, (at, reach) in ranges.items()
         )
-        raise InputError(
-            f"{e.name}: {name} begins at {e.measured[0, k]:.3g}, and the model's at {at_start:.3g}: no output tells "
-            f"alone where {' and '.join(states[i] for i in ranges)} start. Type initial = {{ {typed} }}"
-        )
+        raise InputError(SAYS("begins-elsewhere", e=e, name=name, begins=e.measured[0, k], at_start=at_start,
+                              states=' and '.join(states[i] for i in ranges), typed=typed))  # fmt: skip
 
 
 def _check_past(p: Parametrisation, e: Experiment) -> None:
@@ -271,17 +237,11 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
     if e.past is None:
         return
     if e.past.ndim != 2 or e.past.shape[1] != len(p.outputs) or not len(e.past):
-        raise InputError(
-            f"{e.name}: past has the shape {e.past.shape}; expected (n_past, {len(p.outputs)}), the outputs "
-            f"{', '.join(p.outputs)} before the first sample."
-        )
+        raise InputError(SAYS("past-shape", e=e, count=len(p.outputs), outputs=", ".join(p.outputs)))
     if not np.all(np.isfinite(e.past)) or (e.past_inputs is not None and not np.all(np.isfinite(e.past_inputs))):
         raise InputError(f"{e.name}: a sample of its past is not a finite number; leave such samples out or fill them.")
     if e.sensors:
-        raise InputError(
-            f"{e.name}: history is not possible beside a delay, gain, bias or lowpass of an output; leave one of them "
-            "out."
-        )
+        raise InputError(SAYS("history-beside-sensor", e=e))
     for name in p.outputs:
         if name not in p.model.output_states:
             raise InputError(
@@ -291,15 +251,9 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
     unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
     if unobserved:
         names = ", ".join(p.model.states[i] for i in sorted(unobserved))
-        raise InputError(
-            f"{e.name}: its past does not determine {names}; a past needs every angle among the outputs, which are "
-            f"{', '.join(p.outputs)}."
-        )
+        raise InputError(SAYS("past-undetermined", e=e, names=names, outputs=", ".join(p.outputs)))
     if p.initial_state not in ("estimate", "measured"):
-        raise InputError(
-            f"{e.name} has a past, so it starts in motion, but initial_state is {p.initial_state!r}, a start at "
-            'rest; type initial_state = "estimate" (or "measured"), or leave the past out.'
-        )
+        raise InputError(SAYS("past-starts-in-motion", e=e, p=p))
 
 
 def _check_release(p: Parametrisation, e: Experiment) -> None:
@@ -309,12 +263,7 @@ def _check_release(p: Parametrisation, e: Experiment) -> None:
     free = isinstance(e.release_time, Free)
     ends = (e.release_time.lower, e.release_time.upper) if isinstance(e.release_time, Free) else (e.release_time,) * 2
     if not -e.time[-1] / 2 <= ends[0] <= ends[1] <= e.time[-1] / 2:
-        raise InputError(
-            f"{e.name}: release_time = {' … '.join(f'{v:g}' for v in dict.fromkeys(ends))} s; expected within half of "
-            f"the recording's {e.time[-1]:g} s, counted from its first sample."
-        )
+        raise InputError(SAYS("late-release", e=e, ends=' … '.join(f'{v:g}' for v in dict.fromkeys(ends)),
+                              end=e.time[-1]))  # fmt: skip
     if p.initial_state not in ("rest", "held"):
-        raise InputError(
-            f"{e.name}: a release_time{' that is free' if free else ''} needs a start at rest, but initial_state is "
-            f'{p.initial_state!r}, a start in motion; type initial_state = "rest" (or "held").'
-        )
+        raise InputError(SAYS("release-in-motion", e=e, free=" that is free" if free else "", p=p))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, real_array
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, brief, unknown_name
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
@@ -27,6 +28,8 @@ from fracid.recording.channel import UNITS
 from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
+
+SAYS = Words("problem/experiment.toml")
 
 DEVIATION = "_sd"
 """Behind an output's name: the signal that is the standard deviation of its samples."""
@@ -140,10 +143,8 @@ class Experiment(CardDisplay):
             raise InputError(f"outputs is empty: score at least one of {', '.join(model.outputs)}.")
         for name in outputs:
             if name not in recording.signals:
-                raise InputError(
-                    f"{recording.name} has no signal {name!r}; it has {', '.join(recording.signals)}. "
-                    f"Type {name} = {{ column = ... }} in its table, or leave {name!r} out of outputs."
-                )
+                raise InputError(SAYS("no-signal", recording=recording, name=name,
+                                      signals=', '.join(recording.signals)))  # fmt: skip
         sensors = options.get("sensors", {})
         _refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
         if recording.step is None and not recording.uneven:
@@ -158,10 +159,7 @@ class Experiment(CardDisplay):
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
-                raise InputError(
-                    f"{recording.name}: the past must end one step before the start, on the same grid; "
-                    "take both from one recording: before, after = recording.split(time)."
-                )
+                raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
         options["between"] = held_inputs(recording, model) | dict(options.get("between", {}))
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
@@ -333,10 +331,8 @@ def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collect
             hint = f" Of a potentiometer type gain = ..., its {unit} in a {units[0]}, or the range of it, and bias."
         if (unit, units[0]) == ("m/s^2", "rad/s^2"):
             hint = " Of an accelerometer type radius = ..., how far it is from the axis [m], or the range of it."
-        raise InputError(
-            f"{recording.name}: {name} is {what} of this model, and its unit is {unit}; expected unit = one of "
-            f"{right}.{hint or ' Is it another column?'}"
-        )
+        raise InputError(SAYS("other-unit", recording=recording, name=name, what=what, unit=unit, right=right,
+                              hint=hint or ' Is it another column?'))  # fmt: skip
 
 
 def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:
@@ -350,15 +346,10 @@ def _mask(recording: Recording, mask: Sequence[Sequence[float]]) -> Iterator[tup
     for part in mask:
         first, last = part if len(part) == 2 else (math.nan, math.nan)
         if not first < last:
-            raise InputError(
-                f"{recording.name}: mask = {[list(p) for p in mask]} is not possible; expected pairs of a time and a "
-                f"later one [s], e.g. mask = [[{begin + (end - begin) / 4:.3g}, {begin + (end - begin) / 3:.3g}]]."
-            )
+            raise InputError(SAYS("mask-pairs", recording=recording, mask=[list(p) for p in mask],
+                                  first=begin + (end - begin) / 4, last=begin + (end - begin) / 3))  # fmt: skip
         if not np.any((recording.time >= first) & (recording.time <= last)):
-            raise InputError(
-                f"{recording.name}: the mask from {first:g} to {last:g} s holds none of its samples, which go from "
-                f"{begin:.6g} to {end:.6g} s."
-            )
+            raise InputError(SAYS("empty-mask", recording=recording, first=first, last=last, begin=begin, end=end))
         yield float(first), float(last)
 
 
@@ -383,10 +374,7 @@ def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | Non
     deviation = np.column_stack([recording.signals[n] for n in names])
     if not np.all(deviation > 0):
         k = int(np.argmin(np.min(deviation, axis=1)))
-        raise InputError(
-            f"{recording.name}: a standard deviation is {deviation[k].min():g} at {recording.time[k]:.6g} s; expected "
-            "numbers above 0. A sample of which none is known can be masked, with a number in its place."
-        )
+        raise InputError(SAYS("deviation", recording=recording, deviation=deviation[k].min(), time=recording.time[k]))
     return deviation
 
 
@@ -404,10 +392,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
     step /= math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step))
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
-        raise InputError(
-            f"{recording.name}: its samples are {step:.3g} s apart where they are nearest, over {times[-1]:.3g} s: "
-            f"{count:.3g} steps of the model; expected {MOST_UNEVEN:.0e} at most. Leave out those that crowd."
-        )
+        raise InputError(SAYS("uneven-step", recording=recording, step=step, length=times[-1], count=count,
+                              MOST_UNEVEN=MOST_UNEVEN))  # fmt: skip
     if len(inputs) == 1:
         return step, inputs
     grid = np.arange(count) * step
@@ -429,10 +415,7 @@ def _with_rates(
     inputs = inputs.copy()
     for name, of in rates.items():
         if options["between"].get(of, "line") != "line" or of in options.get("actuators", {}):
-            raise InputError(
-                f"{recording.name}: the model takes the rate of {of} too, which is the slope of the lines between its "
-                f"samples: leave out between, delay, gain, bias and lowpass of {of}, or record {name} as well."
-            )
+            raise InputError(SAYS("rate-not-line", recording=recording, of=of, name=name))
         slopes = np.diff(inputs[:, model.inputs.index(of)]) / step
         inputs[:, model.inputs.index(name)] = np.append(slopes, slopes[-1:])
         options["between"] = {**options["between"], name: "hold"}

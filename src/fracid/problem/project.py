@@ -55,7 +55,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, 
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, unknown_name
-from fracid.findings import with_code
+from fracid.findings import Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import FormulaError
@@ -78,6 +78,8 @@ from fracid.safety.user_code import is_own, refuse_untrusted
 from fracid.solver.inputs import BETWEEN, Between
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
+
+SAYS = Words("problem/project.toml")
 
 _T = TypeVar("_T")
 
@@ -483,8 +485,7 @@ def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     shared = {"inputs": {n: base.input_units.get(n, "") for n in base.inputs}, "input_rates": {**base.input_rates}}
     own = {n: getattr(spec, n) for n in _Equations.model_fields}
     if bool(spec.model) == bool(spec.equations):
-        raise InputError(f"[[alternative]] {spec.name}: give the name of its model, model = \"...\", or its equations, "
-                         "[alternative.equations]; one of the two.")  # fmt: skip
+        raise InputError(SAYS("alternative-without-model", spec=spec))
     named = {"name": spec.model} if spec.model else {"name": ALTERNATIVE, **shared}
     model, parameters = _model(_Model.model_construct(**own, **named), folder, paper=False)
     orders = _orders(spec.orders, model)
@@ -492,16 +493,11 @@ def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     pairs = {"inputs": (problem.model.inputs, model.inputs), "outputs": (problem.outputs, outputs)}
     for kind, (ours, theirs) in pairs.items():
         if theirs != ours:
-            raise InputError(
-                f"[[alternative]] {spec.name}: its {kind} are {', '.join(theirs) or 'none'}, and the model's "
-                f"{', '.join(ours)}; expected the same."
-            )
+            raise InputError(SAYS("other-names", spec=spec, kind=kind, theirs=', '.join(theirs) or 'none',
+                                  ours=', '.join(ours)))  # fmt: skip
     values = [*orders.values(), *(q for q in model.orders if isinstance(q, float | int))]
     if model.complements or not all(isinstance(q, float | int) and float(q).is_integer() for q in values):
-        raise InputError(
-            f"[[alternative]] {spec.name}: not all of its orders are integers; give each, [alternative.orders] "
-            f"{(model.order_names or ('q',))[0]} = 1.0, or the number itself in the model."
-        )
+        raise InputError(SAYS("orders-not-integer", spec=spec, order=(model.order_names or ("q",))[0]))
     return alternative_of(problem, model, orders, parameters)
 
 
@@ -643,10 +639,7 @@ def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
         with suppress(ValidationError):
             found = _value(f"{key} of {channel}", _Range.model_validate(value))
     if isinstance(found, bool) or not isinstance(found, int | float | Free):
-        raise InputError(
-            f"{channel}: {key} = {value!r} is not possible; expected a number, or {{ start = ..., lower = ..., "
-            "upper = ... } to find it."
-        )
+        raise InputError(SAYS("channel-value", channel=channel, key=key, value=value))
     return found if isinstance(found, Free) else float(found)
 
 
@@ -682,10 +675,8 @@ def _load(
             hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(signals)}."
             raise InputError(f"[[recording]] {spec.name or spec.file}: unknown key {name!r}; {hint}")
     if not columns:
-        raise InputError(
-            f"[[recording]] {spec.name or spec.file} names no signal; type for example "
-            f'{signals[-2] if len(signals) > 1 else signals[0]} = {{ column = 1, unit = "deg" }}.'
-        )
+        raise InputError(SAYS("no-signal", file=spec.name or spec.file,
+                              signal=signals[-2] if len(signals) > 1 else signals[0]))  # fmt: skip
     name = _name(spec)
     if past and spec.start is None:
         raise InputError(
@@ -719,8 +710,7 @@ def _constants(recording: str, spec: _Recording, model: Model) -> dict[str, floa
     """What a recording knows for itself; what goes by its amplifier is 0 where it does not say that this is on."""
     switches = {p.name: p.switch for p in model.parameters if p.switch}
     if spec.amplifier is not None and "amplifier" not in switches.values():
-        raise InputError(f"{recording}: amplifier = {spec.amplifier!r}, but no parameter of the model {model.name} "
-                         "goes by an amplifier: leave it out.")  # fmt: skip
+        raise InputError(SAYS("amplifier", recording=recording, spec=spec, model=model))
     for name in spec.parameters:
         if name not in model.parameter_names:
             raise unknown_name(f"parameter of {recording}", name, model.parameter_names)
@@ -744,9 +734,7 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
     """Say which recordings share samples: these count twice, or judge what was fitted to them."""
     by_start = sorted(recordings, key=lambda r: (r.sha256, r.time[0], r.time[-1]))
     return [
-        f"{one.name} and {other.name} are the same samples of {other.path.name} from {other.time[0]:.6g} to "
-        f"{min(one.time[-1], other.time[-1]):.6g} s: they count twice, or judge what was fitted to them. "
-        "Part them with from and to."
+        SAYS("same-samples", one=one, other=other, begin=other.time[0], end=min(one.time[-1], other.time[-1]))
         for one, other in pairwise(by_start)
         if one.sha256 == other.sha256 and other.time[0] < one.time[-1]
     ]

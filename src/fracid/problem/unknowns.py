@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fracid.errors import SMALLEST, InputError, brief, is_number, refuse_beyond
+from fracid.findings import Words
+
+SAYS = Words("problem/unknowns.toml")
 
 InitialState = Literal["estimate", "rest", "measured", "held"]
 
@@ -38,10 +41,7 @@ class Prior:
     def __post_init__(self) -> None:
         """Refuse what is no density."""
         if not (math.isfinite(self.mean) and math.isfinite(self.sd) and self.sd > 0):
-            raise InputError(
-                f"prior = {{ mean = {self.mean:g}, sd = {self.sd:g} }}: expected finite numbers, and sd above 0 "
-                "(to fix a value give the number alone)."
-            )
+            raise InputError(SAYS("prior", mean=self.mean, sd=self.sd))
         refuse_beyond("the prior's mean", self.mean)
         refuse_beyond("the prior's sd", self.sd, max(FINEST * abs(self.mean), SMALLEST))
 
@@ -70,36 +70,26 @@ class Free:
             if not is_number(value := getattr(self, name)):
                 raise InputError(f"{name} = {brief(value)}: expected a number.")
         if not self.lower <= self.start <= self.upper or self.lower == self.upper:
-            raise InputError(
-                f"start = {self.start:g}, lower = {self.lower:g}, upper = {self.upper:g}: "
-                "expected lower <= start <= upper and lower < upper."
-            )
+            raise InputError(SAYS("range", start=self.start, lower=self.lower, upper=self.upper))
         finite = {n: v for n, v in (("lower", self.lower), ("start", self.start), ("upper", self.upper))
                   if math.isfinite(v)}  # fmt: skip
         for name, value in finite.items():
             refuse_beyond(name, value)
         largest = max(map(abs, finite.values()))
         if self.upper - self.lower < max(NARROWEST * largest, SMALLEST):
-            raise InputError(
-                f"lower = {self.lower!r}, upper = {self.upper!r}: the range is too narrow to search in; widen it, or "
-                f"fix the value by the number alone, {self.start!r}."
-            )
+            raise InputError(SAYS("narrow", lower=self.lower, upper=self.upper, start=self.start))
         if self.scale is not None:
             if not 0 < self.scale < math.inf:
                 raise InputError(f"scale = {self.scale:g}; expected the value's typical size, a number above 0.")
             refuse_beyond("scale", self.scale, FINEST * largest)
             if self.upper - self.lower < NARROWEST * self.scale:
-                raise InputError(
-                    f"scale = {self.scale:g} is far beyond the range from {self.lower:g} to {self.upper:g}; expected a "
-                    "size within it."
-                )
+                raise InputError(SAYS("scale", scale=self.scale, lower=self.lower, upper=self.upper))
         if self.prior is not None and math.isfinite(self.upper - self.lower):
             refuse_beyond("the prior's sd", self.prior.sd, FINEST * (self.upper - self.lower))
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
-            raise InputError(
-                f"start = {self.start:g} lies {abs(self.start - self.prior.mean) / self.prior.sd:.3g} standard "
-                f"deviations from its prior's mean, which all but excludes it: type start = {self.prior.mean:g}."
-            )
+            raise InputError(SAYS("start-far-from-prior", start=self.start,
+                                  deviations=abs(self.start - self.prior.mean) / self.prior.sd,
+                                  prior=self.prior))  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,14 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Note
+from fracid.findings import Note, Words
 from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
 from fracid.recording.readers.table import Table
+
+SAYS = Words("recording/columns.toml")
 
 MOST_SIGNALS = 200
 """That are looked at where none is named: each takes milliseconds, and a rig has a dozen."""
@@ -103,11 +105,8 @@ def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | Non
     for name, channel in channels.items():
         j = table.find(channel.column)
         if j in owners:
-            raise InputError(
-                f"{name} and {owners[j]} are both column {j}, {short_text(table.names[j])!r}, of {table.source}; "
-                f"give each "
-                "its own."
-            )
+            raise InputError(SAYS("same-column", name=name, owner=owners[j], j=j, column=short_text(table.names[j]),
+                                  table=table))  # fmt: skip
         owners[j] = name
 
 
@@ -118,10 +117,7 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
     counting = header.lower() in COUNTING
     if counts is not None and channel.unit != "counts":
         if channel.unit is not None or not counting:
-            raise InputError(
-                f'{name}: counts_per_turn = {counts} is for unit = "counts", and its unit is '
-                f'{channel.unit or "not given"}; type unit = "counts", or leave counts_per_turn out.'
-            )
+            raise InputError(SAYS("counts-without-unit", name=name, counts=counts, unit=channel.unit or "not given"))
         return replace(channel, unit="counts"), Note(
             f"{name} is in counts, as the header says.", "unit-of-header", name
         )

@@ -36,13 +36,15 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.findings import Finding, Note, with_code
+from fracid.findings import Finding, Note, Words, with_code
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import signal_faults
 from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.json_files import plain
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time, swing_count
+
+SAYS = Words("recording/report.toml")
 
 LONG_GAP = 0.05
 """A gap of more than this part of the duration makes a recording unfit."""
@@ -289,9 +291,7 @@ def _short(
     after = (time >= release) & np.isfinite(swing)
     count, seconds = swing_count(swing[after]), float(time[after][-1]) - release
     if count < FEW_SWINGS:
-        yield Finding("short-window", "", count, FEW_SWINGS, "swings",
-                      f"It ends {seconds:.3g} s after the release, after {count:.2g} swings, in motion: too short to "
-                      f"identify a model. Record {FEW_SWINGS:g} swings or more, best until it rests.")  # fmt: skip
+        yield SAYS.finding("short-window", "", count, FEW_SWINGS, seconds=seconds)
 
 
 def _samples(
@@ -327,18 +327,11 @@ def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     disorder = len(c.duplicated) + len(c.backward)
     if disorder:
         first = min((c.duplicated + c.backward), key=float)
-        yield (
-            f"time does not increase: {_disorder(len(c.duplicated), len(c.backward))}, "
-            f"the first at {first:.6g} s. Choose another time column, give the rate, or cut the part out."
-        )
+        yield SAYS("disorder", disorder=_disorder(len(c.duplicated), len(c.backward)), first=first)
     longest = max((g for _, g in c.gaps), default=0.0)
     if not disorder and not uneven and longest > LONG_GAP * c.duration:
         at = next(t for t, g in c.gaps if g == longest)
-        yield (
-            f"a gap of {longest:.4g} s after {at:.4g} s is {100 * longest / c.duration:.0f} % of the "
-            "recording. Use the part before or after it (from, to); or if its samples crowd where much happens, as "
-            'those of a relaxation do, type resample = "uneven".'
-        )
+        yield SAYS("gap", longest=longest, at=at, percent=100 * longest / c.duration)
 
 
 def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
@@ -356,19 +349,14 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
 
 def _missing_fault(s: SignalReport) -> str:
     where = f"at {s.missing[0]:.6g} s" if len(s.missing) == 1 else f"from {s.missing[0]:.6g} to {s.missing[-1]:.6g} s"
-    return (
-        f"{shortened(s.name)} misses {len(s.missing)} sample{'s' * (len(s.missing) > 1)} {where}. Cut them off "
-        'with from and to, or if it is logged only when it changes, keep its last value with fill = "hold".'
-    )
+    return SAYS("at-end", signal=shortened(s.name), count=len(s.missing), s="s" * (len(s.missing) > 1), where=where)
 
 
 def _blanks(s: SignalReport, c: Clock) -> str:
     count, row = len(s.missing), longest_row(s, c)
     number = f"1 sample at {s.missing[0]:.6g} s" if count == 1 else f"{count} samples, at most {row} in a row"
-    return (
-        f"{shortened(s.name)} misses {number} ({100 * count / c.samples:.2g} %): a fit interpolates and does not "
-        f"score {'it' if count == 1 else 'them'}"
-    )
+    it = "it" if count == 1 else "them"
+    return SAYS("missing", signal=shortened(s.name), number=number, percent=100 * count / c.samples, it=it)
 
 
 def longest_row(s: SignalReport, clock: Clock) -> int:

@@ -35,9 +35,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
+from fracid.findings import Words
 from fracid.recording.readers.content import seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
+
+SAYS = Words("recording/readers/text.toml")
 
 BLANK = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"})
 """The last four are how Windows writes NaN."""
@@ -215,18 +218,12 @@ def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
             while chunk := file.read(CHUNK):
                 if "\0" in chunk:
                     line = lines_before + chunk[: chunk.index("\0")].count("\n") + 1
-                    raise DataError(
-                        f"{path.name}, line {line}: zero bytes among the text. Did the logger lose power? "
-                        "Delete them and what was cut off by them."
-                    )
+                    raise DataError(SAYS("zero-bytes", path=path, line=line))
                 before, end, rest = chunk.rpartition("\n")
                 lines += filter(_counts, before.split("\n", 20)[1:-1] if lines else before.split("\n"))
                 lines_before, tail = lines_before + chunk.count("\n"), rest if end else tail + rest
         except UnicodeError:  # UTF-16 and UTF-32 only: anything is Latin-1
-            raise DataError(
-                f"{path.name} begins as {encoding.upper()} text and goes on as something else. "
-                "Was it cut off while it was written? Save it again, as UTF-8."
-            ) from None
+            raise DataError(SAYS("other-encoding", path=path, encoding=encoding.upper())) from None
     return [*lines, *filter(_counts, [tail])], tail
 
 
@@ -303,10 +300,7 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
     for dialect in DIALECTS:
         rows = [dialect.split(line) for line in sample]
         if max(map(len, rows), default=0) > MOST_COLUMNS:
-            raise DataError(
-                f"{lines.name} has a line of {max(map(len, rows))} cells; fracid reads {MOST_COLUMNS} columns at most. "
-                "Time must run downwards, one row for each sample."
-            )
+            raise DataError(SAYS("wide-line", lines=lines, cells=max(map(len, rows)), MOST_COLUMNS=MOST_COLUMNS))
         counts = Counter(len(c) for c in rows if any(map(dialect.is_number, c)) and not _text_cells(dialect, c))
         if not counts:
             continue
@@ -324,10 +318,7 @@ def _no_row(lines: _Lines) -> str:
         return f"{lines.name} holds no row of numbers: all its lines are comments."
     line = lines.sample[len(lines.sample) // 2]
     number = next((i for i, other in enumerate(lines.read(), 1) if other.rstrip("\r\n") == line.rstrip("\r\n")), 0)
-    return (
-        f"{lines.name} holds no row of numbers; its line {number}, for example, is {ascii_short(line.strip())}. "
-        "Expected numbers like 0.01 or -1.5e-3, without units and thousands separators; dates like 2024-01-31 12:00:00."
-    )
+    return SAYS("no-numbers", lines=lines, number=number, text=ascii_short(line.strip()))
 
 
 # --- the header -----------------------------------------------------------------------------------------
@@ -344,10 +335,8 @@ def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: st
     ]
     count = len({line for line, _ in rows})
     if count > 2:
-        raise DataError(
-            f"{file} has rows of two kinds: {count} like {ascii_short(rows[0][0])} ({rows[0][1]}), and then {width} "
-            f"cell{'s' * (width != 1)} a row ({dialect}). Write all rows alike."
-        )
+        raise DataError(SAYS("two-kinds", file=file, count=count, first=ascii_short(rows[0][0]), count_first=rows[0][1],
+                             width=width, s='s' * (width != 1), dialect=dialect))  # fmt: skip
     if not rows:
         return []
     lines = f"{count} lines of numbers were" if count > 1 else "a line of numbers was"
@@ -361,10 +350,8 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
         texts = _text_cells(dialect, cells)
         plain = any(map(NUMBER[dialect.decimal].fullmatch, cells))
         if 0 < len(texts) < width == len(cells) and plain and line[0] not in "#%/":
-            raise DataError(
-                f"{file}: {ascii_short(cells[texts[0]])} in column {texts[0]} of the line {ascii_short(line)} "
-                "is not a number."
-            )
+            raise DataError(SAYS("not-a-number", file=file, text=ascii_short(cells[texts[0]]), column=texts[0],
+                                 row=ascii_short(line)))  # fmt: skip
     blank = ("",) * width
     titles = [k for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)]
     # a comment is a header only where nothing better is: prose has commas too
@@ -392,10 +379,7 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
     rows = map(dialect.split, reversed(header))
     last: list[str] = next((cells for cells in rows if not all(map(dialect.is_number, cells))), [])
     if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
-        raise DataError(
-            f"{file} has {len(last)} names above rows of {width} cells: is the comma both the separator and the "
-            "decimal sign? Save it with semicolons between the cells, or with decimal points."
-        )
+        raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
 
 
 def _cut_note(lines: _Lines) -> list[str]:
@@ -439,10 +423,8 @@ def _block(
 def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...], file: str) -> list[float]:
     cells = dialect.split(line)
     if len(cells) != width:
-        raise DataError(
-            f"{file}, line {i}: {len(cells)} cell{'s' * (len(cells) != 1)} where other lines have {width} "
-            f"({ascii_short(line.strip())}). Was the line cut off while it was written? Complete, correct or delete it."
-        )
+        raise DataError(SAYS("cells", file=file, i=i, count=len(cells), s='s' * (len(cells) != 1), width=width,
+                             text=ascii_short(line.strip())))  # fmt: skip
     for j in _text_cells(dialect, cells):
         column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
         raise DataError(
