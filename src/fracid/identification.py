@@ -65,7 +65,7 @@ from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.estimation.windows import beginning, chosen_window, lengthened, prediction_of, windowed
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
@@ -100,6 +100,8 @@ from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
 
 if TYPE_CHECKING:
     from fracid.problem.project import Project
+
+SAYS = Words("identification.toml")
 
 
 def identify(
@@ -184,8 +186,7 @@ def identify(
     project: Project | None = None
     if not isinstance(problem, Problem):
         if not hasattr(problem, "problem"):
-            raise InputError(f"identify takes a project or a problem, and {brief(problem)} is none. For a project "
-                             'file type fracid.identify(fracid.load_project("rig.toml")).')  # fmt: skip
+            raise InputError(SAYS("no-problem", problem=brief(problem)))
         if validation:
             raise InputError('validation is for a Problem; a project has its own, by use = "validate".')
         project = problem
@@ -420,10 +421,7 @@ class _Findings:
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
         began = 1 if self.sampled is None else self.sampled.substeps
-        said = (
-            f"The step was halved to {finer.problem.substeps} a sample; at {began} a sample its errors may bend an "
-            "interval."
-        )
+        said = SAYS("halved", finer=finer, began=began)
         self.take(replace(finer, check=replace(finer.check, refinement=said)), given)
         return True
 
@@ -700,10 +698,7 @@ def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator
     if window is not None:
         seconds, count = prediction_of(problem, x).seconds, len(problem.experiments)
         how_long = f"for longer than {seconds:.2g} s" if math.isfinite(seconds) else "to its end without a new start"
-        yield (
-            f"No simulation follows {listed(problem.recordings)} {how_long}: identified from {count} windows of "
-            f"{window:.2g} s, each with a start of its own."
-        )
+        yield SAYS("windows", recordings=listed(problem.recordings), how_long=how_long, count=count, window=window)
 
 
 # --- search ----------------------------------------------------------------------------------------
@@ -778,10 +773,7 @@ def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, pre
     if polished.cost > 0.999 * best.cost and not any(shifts):
         return ""
     changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
-    return (
-        f"The search stopped before it converged: least squares from its best point reduces the cost from "
-        f"{best.cost:.6g} to {polished.cost:.6g}{f' ({changes})' if changes else ''}."
-    )
+    return SAYS("stopped", best=best, polished=polished, changes=f" ({changes})" if changes else "")
 
 
 def _estimates(
@@ -829,17 +821,11 @@ SAID = {
 
 def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
     if METHODS[problem.method].raw:
-        yield (
-            f"{problem.method} sums raw x (21)-(24), which is right only for a start at zero, and at order 1 it is "
-            'forward Euler: its own growth biases the orders. Use method = "pi2" for a result.'
-        )
+        yield SAYS("raw-sums", problem=problem)
     for order, output in problem.model.seen_in.items():
         if order in problem.names and output not in problem.outputs:
             scored = " and ".join(GREEK.get(n, n) for n in problem.outputs)
-            yield (
-                f"Only {scored} is scored, and it carries almost no information about {GREEK.get(order, order)}: "
-                f"score {GREEK.get(output, output)} too."
-            )
+            yield SAYS("unscored", scored=scored, order=GREEK.get(order, order), output=GREEK.get(output, output))
     if isinstance(precision, Failure):
         yield f"There are no intervals: {precision}."
         return

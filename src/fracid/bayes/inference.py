@@ -16,6 +16,7 @@ from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, j
 from fracid.errors import InputError, at_least, unknown_name
 from fracid.estimation.covariance import at_bound
 from fracid.estimation.long_records import as_fitted
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
@@ -26,6 +27,8 @@ from fracid.tasks.tasks import Execution
 if TYPE_CHECKING:
     from fracid.estimation.fit_figures import Fitted
     from fracid.problem.project import Project
+
+SAYS = Words("bayes/inference.toml")
 
 DRAWS = 2000
 """Of an importance sample, if no number is given."""
@@ -143,10 +146,7 @@ def _nested(
     if not prior.proper:
         unbounded = [n for i, n in enumerate(problem.names)
                      if i not in prior.normal and not math.isfinite(prior.upper[i] - prior.lower[i])]  # fmt: skip
-        raise InputError(
-            f"Nested sampling draws from the prior, and {' and '.join(unbounded)} has no bounds: give it a lower and "
-            "an upper one, or a prior = { mean = ..., sd = ... }."
-        )
+        raise InputError(SAYS("no-bounds", unbounded=" and ".join(unbounded)))
     sample = nested_sample(likelihood, prior, draws=draws, seed=seed, execution=execution)
     return Posterior(
         problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights, sample.log_evidence,
@@ -160,10 +160,7 @@ def _not_minimum(problem: Problem, likelihood: RecordedLikelihood, x: FloatArray
     rise = 0.0 if problem.parametrisation.priors else -likelihood.log_likelihood(x)
     if rise <= SAME:
         return ()
-    return (
-        f"The fit had not reached its minimum, where the log likelihood is {rise:.2g} greater: the posterior is that "
-        "about the minimum.",
-    )
+    return (SAYS("not-at-minimum", rise=rise),)
 
 
 def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[FloatArray]) -> tuple[str, ...]:
@@ -174,10 +171,7 @@ def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[F
         delta = end - likelihood.centre
         distance = math.sqrt(float(delta @ likelihood.precision @ delta) / len(delta))
         if distance > APART and likelihood.log_likelihood(end) > -NEAR:
-            return (
-                f"Another start of the search ended {distance:.0f} standard deviations away, with a log likelihood "
-                f"less by {-likelihood.log_likelihood(end):.1f}: several peaks. Type --method nested.",
-            )
+            return (SAYS("another-minimum", distance=distance, nats=-likelihood.log_likelihood(end)),)
     return ()
 
 

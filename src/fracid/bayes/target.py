@@ -60,12 +60,15 @@ from fracid.estimation.covariance import Sandwich, sandwich
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
+from fracid.findings import Words
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.portable import Portable
 from fracid.problem.unknowns import Free, Prior
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import effective_samples
+
+SAYS = Words("bayes/target.toml")
 
 FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
 """Of Student's t: one has no mean, the other is the normal distribution."""
@@ -359,15 +362,9 @@ def require_likelihood(problem: Problem) -> None:
         If nothing is free, or the cost is a user's own.
     """
     if not problem.names:
-        raise InputError(
-            "Nothing is free, so there is no posterior: give at least one order or parameter a start, a lower and an "
-            "upper bound."
-        )
+        raise InputError(SAYS("nothing-free"))
     if problem.cost_function.loss is None:
-        raise InputError(
-            f"The cost {problem.cost_function.name} is a user's own, of unknown likelihood, so there is no posterior: "
-            'fit with cost = "rmse".'
-        )
+        raise InputError(SAYS("own-cost", problem=problem))
 
 
 def _refuse_improper(problem: Problem, unseen: NDArray[np.intp]) -> None:
@@ -376,10 +373,7 @@ def _refuse_improper(problem: Problem, unseen: NDArray[np.intp]) -> None:
     for i in unseen:
         if not math.isfinite(width[i]) and i not in priors:
             name = problem.names[i]
-            raise InputError(
-                f"The data do not identify {name}, which has no bounds, so there is no posterior: give it a lower and "
-                "an upper bound, or a prior = { mean = ..., sd = ... }."
-            )
+            raise InputError(SAYS("unbounded", name=name))
 
 
 def _minimum(problem: Problem, x: FloatArray) -> Evaluation:

@@ -22,7 +22,7 @@ from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
-from fracid.findings import Note, with_code
+from fracid.findings import Note, Words, with_code
 from fracid.fit import Fit
 from fracid.models import Model
 from fracid.problem import Problem
@@ -30,6 +30,8 @@ from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.tasks.job import Progress, in_threads
 from fracid.tasks.progress import Observer
+
+SAYS = Words("experiments/choice.toml")
 
 Source = Fit | Project | Problem | Model
 
@@ -189,8 +191,7 @@ def subject_of(
     if isinstance(source, Project):
         x = searched(source, "plan with", jobs)
         return subject_of_problem(source.problem, x, space, name=source.path.stem, table=_tables(source), jobs=jobs)
-    raise InputError(f"{type(source).__name__} is nothing to design from; expected a fit, a run that fracid.load_run "
-                     "read, a project or a model.")  # fmt: skip
+    raise InputError(SAYS("no-source", kind=type(source).__name__))
 
 
 def _tables(project: Project) -> dict[str, Any]:
@@ -265,20 +266,15 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
 def _some(space: DesignSpace) -> tuple[Candidate, ...]:
     candidates = space.candidates
     if not candidates:
-        raise InputError("There is no candidate: nothing is released and nothing is applied. Give release = (5, 150), "
-                         "degrees, or a voltage.")  # fmt: skip
+        raise InputError(SAYS("no-candidate"))
     return candidates
 
 
 def _excluded(tables: Sequence[Information | str]) -> str:
     reasons = [t for t in tables if isinstance(t, str)]
     common = max(set(reasons), key=reasons.count)
-    advice = "Widen the limits, release from nearer, or apply less." if with_code([common], "limits") else (
-        "A recording that shows little leaves values that are no rig's: fix those that fracid fit calls not "
-        "identifiable, or plan with the rig's own, by its name in place of the run."
-    )  # fmt: skip
-    return (f"None of the {len(tables)} candidates is possible; of {reasons.count(common)} the reason is: {common}. "
-            f"{advice}")  # fmt: skip
+    advice = SAYS("advice-limits" if with_code([common], "limits") else "advice")
+    return SAYS("none-possible", count=len(tables), times=reasons.count(common), common=common, advice=advice)
 
 
 def _stacked(draws: Sequence[Sequence[Information]]) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
+
+SAYS = Words("experiments/excitation.toml")
 
 PARTS_OF_PEAK = (1.0, 0.5, 0.25)
 """Amplitudes that a design tries, as parts of the peak."""
@@ -104,8 +107,7 @@ class Chirp:
         """Refuse what is no signal."""
         _check_band(self)
         if not (self.sweep > 0 and self.high > self.low):
-            raise InputError(f"A chirp from {self.low:g} to {self.high:g} Hz in {self.sweep:g} s is not possible; "
-                             "expected two frequencies, the lower first, and a sweep above 0 s.")  # fmt: skip
+            raise InputError(SAYS("chirp", low=self.low, high=self.high, sweep=self.sweep))
 
     def variants(self, levels: int) -> tuple[Chirp, ...]:
         """Concrete signals that a design compares: bands and amplitudes."""
@@ -148,8 +150,7 @@ class Pulses:
     def __post_init__(self) -> None:
         """Refuse what is no signal."""
         if not (0 < self.shortest <= self.longest < np.inf and 0 < self.peak < np.inf):
-            raise InputError(f"Pulses of {self.shortest:g} to {self.longest:g} s, peak {self.peak:g}, are not possible;"
-                             " expected widths above 0, the shorter first, and a peak above 0.")  # fmt: skip
+            raise InputError(SAYS("pulses", shortest=self.shortest, longest=self.longest, peak=self.peak))
 
     def variants(self, levels: int) -> tuple[Pulses, ...]:
         """Concrete signals that a design compares: widths and amplitudes."""
@@ -172,8 +173,7 @@ Excitation = Multisine | Chirp | Pulses
 
 def _check_band(e: Multisine | Chirp) -> None:
     if not (0 < e.low <= e.high < np.inf and 0 < e.peak < np.inf):
-        raise InputError(f"A band from {e.low:g} to {e.high:g} Hz with peak {e.peak:g} is not possible; expected "
-                         "frequencies above 0, the lower first, and a peak above 0.")  # fmt: skip
+        raise InputError(SAYS("band", e=e))
 
 
 def _bands(e: Multisine | Chirp) -> tuple[tuple[float, float], ...]:

@@ -14,7 +14,10 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, is_number
 from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
+from fracid.findings import Words
 from fracid.problem.unknowns import InitialState
+
+SAYS = Words("experiments/space.toml")
 
 ARMS = ("free", "clamped")
 
@@ -112,22 +115,18 @@ class DesignSpace(CardDisplay):
         for name, least in (("release", -360.0), ("seconds", 0.0), ("rate", 0.0)):
             values = _several(getattr(self, name))
             if not values or not all(is_number(v) and math.isfinite(v) and v >= least for v in values):
-                raise InputError(f"{name} = {getattr(self, name)!r} is not possible; expected numbers, {least:g} or "
-                                 "more.")  # fmt: skip
+                raise InputError(SAYS("numbers", name=name, value=getattr(self, name), least=least))
         if min(_several(self.seconds)) * min(_several(self.rate)) < 10:
-            raise InputError(f"{min(_several(self.seconds)):g} s at {min(_several(self.rate)):g} Hz are fewer than 10 "
-                             "samples; give a longer duration or a higher rate.")  # fmt: skip
+            raise InputError(SAYS("few-samples", seconds=min(_several(self.seconds)), rate=min(_several(self.rate))))
         for arm in _several(self.arm):
             if arm not in ARMS:
                 raise InputError(f"arm = {arm!r} is not possible; expected {' or '.join(map(repr, ARMS))}, or both.")
         for u in _several(self.voltage):
             if not isinstance(u, Multisine | Chirp | Pulses | None):
-                raise InputError(f"voltage = {u!r} is not possible; expected fracid.Multisine(0.2, 8.0, peak=6.0), "
-                                 "a fracid.Chirp or fracid.Pulses.")  # fmt: skip
+                raise InputError(SAYS("voltage", u=u))
         least = min((u.peak for u in _several(self.voltage) if u is not None), default=math.inf)
         if not 0 <= self.voltage_step <= least or math.isinf(self.voltage_step):
-            raise InputError(f"voltage_step = {self.voltage_step!r} is not possible; expected 0 or more, and no more "
-                             "than the peak.")  # fmt: skip
+            raise InputError(SAYS("voltage-step", voltage_step=self.voltage_step))
         if self.counts is not None and (self.counts < 0 or 0 < self.counts < 3):
             raise InputError(f"counts = {self.counts:g} is not possible; expected counts a turn, such as 4096, or 0.")
         if self.noise is not None and not 0 <= self.noise < math.inf:

@@ -31,11 +31,14 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, nothing, of_samples
 from fracid.experiments.space import Candidate, DesignSpace
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.signals.resolution import resolution
 from fracid.units import GREEK
+
+SAYS = Words("experiments/subject.toml")
 
 COUNTS, QUIET = 4096, 0.1
 """Of an encoder of which nothing is known: counts a turn, and noise in counts."""
@@ -184,8 +187,7 @@ class Subject:
         if any(u is not None for u in space.voltages) and model.drive:
             gain = self.problem.parameter_starts.get(model.drive, model.parameter(model.drive).value)
             if gain == 0.0:
-                raise InputError(f"voltage: {model.drive} is 0, so that no voltage moves the rig; give its value, or "
-                                 "leave the voltage out.")  # fmt: skip
+                raise InputError(SAYS("no-drive", model=model))
         if any(c.arm == "clamped" for c in space.candidates) and "J_theta" not in model.parameter_names:
             raise InputError(f"arm = 'clamped' is of a rotary pendulum; the model {model.name} has no arm.")
         if any(space.angles) and not self.released:
@@ -220,8 +222,7 @@ def subject_of_problem(
         If the model's run fails there, nothing is free, or a recording has standard deviations of its own.
     """
     if any(e.deviation is not None for e in problem.experiments):
-        raise InputError("The recordings state a standard deviation for each sample (sd = ...), which no planned "
-                         "recording has; leave it out of the project.")  # fmt: skip
+        raise InputError(SAYS("deviations"))
     precision = uncertainty(problem, x, jobs=jobs) if precision is None else precision
     errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
     if isinstance(precision, Failure) or isinstance(errors, Failure) or isinstance(J, Failure):
@@ -296,8 +297,7 @@ def subject_of_model(
     step = 2 * math.pi / counts if counts else 0.0
     noise = QUIET * step if space.noise is None else space.noise
     if space.counts is None and step == 0.0 and noise == 0.0:
-        raise InputError(f"The outputs of {model.name} are not known as angles of encoders: give noise, their standard "
-                         "deviation, or counts.")  # fmt: skip
+        raise InputError(SAYS("no-noise", model=model))
     if step == 0.0 and noise == 0.0:
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
     count, finest = len(problem.names), FINE if model.angles else math.inf

@@ -48,6 +48,7 @@ from fracid.errors import InputError
 from fracid.export.matlab import of_recording
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.simulator import LIMIT
@@ -63,6 +64,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.runs.saved import SavedRun
+
+SAYS = Words("export/state_space.toml")
 
 ComplexArray = NDArray[np.complex128]
 
@@ -121,11 +124,8 @@ class Operator:
         if len(self.poles) == 1:
             return "1/s is exact."
         decibel, degrees = self.errors
-        return (
-            f"1/s^{self.order:.6g} is 1/s and {len(self.poles) - 1} lags 1/(s + p) from {self.poles[1]:.3g} to "
-            f"{self.poles[-1]:.3g} rad/s; from {self.band[0]:.3g} to {self.band[1]:.3g} rad/s, the band of "
-            f"the recording, it is right within {decibel:.2g} dB and {degrees:.2g}°."
-        )
+        return SAYS("band", system=self, count=len(self.poles) - 1, last=self.poles[-1], decibel=decibel,
+                    degrees=degrees)  # fmt: skip
 
 
 MOST_POLES = 100
@@ -599,15 +599,9 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
     without += [n for n in p if p[n] != smooth[n] and n not in dry]
     if without:
         have = "has" if len(without) == 1 else "have"
-        yield (
-            f"The linear models are of the rig in motion: without {' and '.join(without)}, which {have} no linear "
-            "part there."
-        )
+        yield SAYS("without", names=" and ".join(without), have=have)
     for delta in (name for name in model.relaxing.values() if p[name] > 0):
-        yield (
-            f"Where {delta} is not 0 the linear models are of a joint that sticks, right within {p[delta]:.3g} "
-            f"{model.parameter(delta).unit}: dry friction is a spring there."
-        )
+        yield SAYS("sticks", delta=delta, value=p[delta], unit=model.parameter(delta).unit)
     if p.get(model.drive) == 0:
         yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
 
@@ -625,10 +619,7 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
         return
     stiff = f", poles up to {system.decay.max():.2g} rad/s: take a stiff solver" if system.decay.max() > STIFF else ""
     words = ", ".join(f"{n} {with_unit(v, system.units.get(n, 'rad'), '.2g')}" for n, v in errors.items())
-    yield (
-        f"Simulated over {e.name}, the integer-order model ({len(system.decay)} states{stiff}) is off the fractional "
-        f"one by {words} rms."
-    )
+    yield SAYS("off", e=e, states=len(system.decay), stiff=stiff, words=words)
 
 
 def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:

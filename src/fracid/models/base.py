@@ -60,6 +60,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, is_number, unknown_name
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.joints import Complement
 from fracid.models.written.reading import read, read_outputs
@@ -70,6 +71,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.models.scene import Scene
+
+SAYS = Words("models/base.toml")
 
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 """``h(t, x, u, p)``: returns an output that is no state."""
@@ -143,10 +146,8 @@ class Parameter:
             raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
         if not self.lower <= self.value <= self.upper:
             unit = "" if self.unit == "-" else f" {self.unit}"
-            raise InputError(
-                f"parameter {self.name} = {self.value!r}{unit} is outside its physical bounds"
-                f" [{self.lower:g}, {self.upper:g}]: give a value inside them"
-            )
+            raise InputError(SAYS("beyond-bounds", name=self.name, value=self.value, unit=unit, lower=self.lower,
+                                  upper=self.upper))  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -366,10 +367,8 @@ class Model(CardDisplay):
         except ArithmeticError:
             return {}
         except Exception as error:
-            raise InputError(
-                f"The right-hand side of {self.name} fails: {type(error).__name__}: {error}. x and out have {n} "
-                f"entries, u has {len(self.inputs)}, p has {len(self.parameters)}."
-            ) from error
+            raise InputError(SAYS("rhs-fails", name=self.name, kind=type(error).__name__, error=error, n=n,
+                                  inputs=len(self.inputs), parameters=len(self.parameters))) from error  # fmt: skip
         return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and self.orders[i] == self.orders[j]}
 
     @cached_property
@@ -490,10 +489,7 @@ class Model(CardDisplay):
         for p in self.parameters:
             if p.needs and p.name in names and names.isdisjoint(p.needs):
                 unit = self.parameter(p.needs[0]).unit
-                raise InputError(
-                    f"{p.name} acts only with {' or '.join(p.needs)}, which is 0: give {p.needs[0]} a value [{unit}], "
-                    f"or leave {p.name} out."
-                )
+                raise InputError(SAYS("needs", p=p, needs=" or ".join(p.needs), first=p.needs[0], unit=unit))
         return self if self.grown is None else self.grown(self, names)
 
     @property
@@ -678,10 +674,8 @@ def _check_output(model: Model, name: str, h: Output) -> None:
     except ArithmeticError:
         return
     except Exception as error:
-        raise InputError(
-            f"model {model.name}: the output {name!r} fails: {type(error).__name__}: {error}; expected a function"
-            f" h(t, x, u, p), where {sizes}"
-        ) from error
+        raise InputError(SAYS("output-fails", model=model, name=name, kind=type(error).__name__, error=error,
+                              sizes=sizes)) from error  # fmt: skip
     if not is_number(value):
         raise InputError(f"model {model.name}: the output {name!r} returns {value!r}; expected one number")
 
@@ -689,10 +683,7 @@ def _check_output(model: Model, name: str, h: Output) -> None:
 def _check_shapes(model: Model) -> None:
     """An order for each state, a state for each output, a right-hand side to call."""
     if not model.states or len(model.orders) != len(model.states):
-        raise InputError(
-            f"model {model.name}: {len(model.states)} states and {len(model.orders)} order names;"
-            " expected at least one state, and one order name for each"
-        )
+        raise InputError(SAYS("orders-count", model=model, states=len(model.states), orders=len(model.orders)))
     for order in model.orders:
         if not isinstance(order, Complement | str) and not (is_number(order) and 0.0 < order < 2.0):
             raise InputError(
@@ -707,10 +698,7 @@ def _check_shapes(model: Model) -> None:
         if callable(index):
             _check_output(model, output, index)
         elif not isinstance(index, int) or not 0 <= index < len(model.states):
-            raise InputError(
-                f"model {model.name}: output {output!r} points to state {index!r};"
-                f" expected an index from 0 to {len(model.states) - 1}, or a function h(t, x, u, p)"
-            )
+            raise InputError(SAYS("output-index", model=model, output=output, index=index, last=len(model.states) - 1))
     for name, of in model.input_rates.items():
         for n in (name, of):
             if n not in model.inputs:
@@ -719,10 +707,7 @@ def _check_shapes(model: Model) -> None:
         if name not in model.order_names:
             raise unknown_name(f"order in integer_orders of {model.name}", name, model.order_names)
         if value is not None and (not is_number(value) or value not in (0, 1)):
-            raise InputError(
-                f"model {model.name}: integer_orders has {name} = {value!r}; expected 0, 1, or None where no integer"
-                " value makes sense.  For a second derivative write two states of order 1"
-            )
+            raise InputError(SAYS("integer-order", model=model, name=name, value=value))
     if not callable(model.rhs):
         raise InputError(f"model {model.name}: rhs is {model.rhs!r}; expected a function rhs(t, x, u, p, out)")
 

@@ -15,7 +15,7 @@ from fracid.arrays import FloatArray, real_array
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Style, draw
-from fracid.findings import Note
+from fracid.findings import Note, Words
 from fracid.recording.channel import UNITS
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
@@ -24,6 +24,8 @@ from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SAYS = Words("recording/recording.toml")
 
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
@@ -174,10 +176,7 @@ class Recording(CardDisplay):
         if not 0 < h <= clock.duration:
             raise InputError(f"step = {step!r} s is not possible; expected above 0 and at most {clock.duration:.6g} s.")
         if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
-            raise InputError(
-                f"{self.name}: a step of {h:.3g} s makes {clock.duration / h:.3g} samples out of {clock.samples}; "
-                "give a longer one: resample = 0.001."
-            )
+            raise InputError(SAYS("long-step", name=self.name, h=h, samples=clock.duration / h, clock=clock))
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
         signals = {n: self._at(n, grid) for n in self.signals}
         gaps = "".join(
@@ -215,8 +214,7 @@ class Recording(CardDisplay):
             return self
         time, signals = between_edges(self.time, self.signals, counts)
         new = self._with(time, signals, self.report.resampled)
-        note = Note(f"Each of its {len(self.time)} rows is an edge of {' or '.join(counts)}, one count on: at each "
-                    f"it is taken halfway between two counts, and read every {1e3 * (time[1] - time[0]):.3g} ms.",
+        note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),
                     "edges")  # fmt: skip
         known = {n: count for n, count in counts.items() if n in self.assumed}  # its unit is guessed from it
         reports = tuple(replace(s, resolution=known.get(s.name, s.resolution)) for s in new.report.signals)
@@ -317,10 +315,8 @@ class Recording(CardDisplay):
             raise InputError(f"{name}: {np.count_nonzero(~np.isfinite(time))} time stamps are not finite.")
         for n, unit in (units or {}).items():
             if n not in arrays or unit not in {of for _, of in UNITS.values()}:
-                raise InputError(
-                    f"{name}: the unit {unit!r} of {n!r} is not possible; expected for {', '.join(arrays)} one of "
-                    f"{', '.join(dict.fromkeys(of for _, of in UNITS.values()))}. Degrees: numpy.radians(samples)."
-                )
+                raise InputError(SAYS("other-unit", name=name, unit=unit, n=n, arrays=', '.join(arrays),
+                                      units=', '.join(dict.fromkeys(of for _, of in UNITS.values()))))  # fmt: skip
         for n, x in arrays.items():
             if x.shape != time.shape or time.ndim != 1:
                 raise InputError(

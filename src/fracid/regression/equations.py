@@ -24,6 +24,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
@@ -31,6 +32,8 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import smoothing
 from fracid.regression.linear import POOR, Constant, Regression
 from fracid.regression.rows import from_rest
+
+SAYS = Words("regression/equations.toml")
 
 STEEPER = 1.5
 """The second window over the first."""
@@ -130,8 +133,7 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
         run = problem.simulator.trajectory(problem.start, e)
         if not run.completed or model.program.constants & {*sought}:
             names = ", ".join(sorted(model.program.constants & {*sought}))
-            raise InputError(f"No state is measured, and their equations have {names or 'no solution here'}: "
-                             "fix those, and the outputs are linear in what remains; or fit.")  # fmt: skip
+            raise InputError(SAYS("unmeasured", names=names or "no solution here"))
         states = run.states[:: problem.substeps][at].tolist()
         for name, h in functions.items():
             y, f = e.measured[at, problem.outputs.index(name)], getattr(h, "py_func", h)
@@ -187,8 +189,7 @@ def regress_equations(problem: Problem) -> Regression:
         unknown = linear_in(r.residual, unknown, at, places)
     held = [n for n in names if n not in unknown]
     if not unknown or not rows:
-        raise InputError(f"The equations of {model.name} are linear in none of the free constants here: "
-                         f"{', '.join(names) or 'none is free'}. fracid fit finds them.")  # fmt: skip
+        raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
     steeper = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
     found, again = (_estimate(some, unknown, at, places) for some in (rows, steeper))
     poor = [n for n, percent in found.fit.items() if percent < POOR]
@@ -240,8 +241,7 @@ def _estimate(rows: Sequence[_Row], names: Sequence[str], at: FloatArray, places
         sizes.append(size)
     W, y = np.vstack(columns), np.concatenate(targets)
     if not np.any(np.abs(y) > 1e-9):
-        raise InputError("Nothing drives the recordings, and the equations hold no known constant: the motion "
-                         f"determines only ratios of {', '.join(names)}. Fix one of them, as a number.")  # fmt: skip
+        raise InputError(SAYS("no-known-constant", names=", ".join(names)))
     scale = np.sqrt(np.mean(W**2, axis=0)) + 1e-300
     A, weights = W / scale, np.ones(len(y))
     for _ in range(20):

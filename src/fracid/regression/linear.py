@@ -13,6 +13,7 @@ from pydantic import computed_field
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.quantiles import NORMAL_95
@@ -47,6 +48,8 @@ from fracid.regression.rows import (
 )
 from fracid.safety.schema import Block, Number, Pair, Record, as_json
 from fracid.signals.resolution import resolution
+
+SAYS = Words("regression/linear.toml")
 
 CUTOFF = (6.0, 9.0)
 """Bounds of the low-pass' cut-off, in swing frequencies: below, products of the motion are lost."""
@@ -230,11 +233,7 @@ def regress(
     several = isinstance(recordings, Sequence)
     records = [recordings] if isinstance(recordings, Recording) else [*recordings] if several else []
     if not records or not all(isinstance(r, Recording) for r in records):
-        raise InputError(
-            f"recordings = {recordings!r:.60}: expected a Recording or a list of them; arrays become one by "
-            'fracid.Recording.of("name", time, {"theta": …, "alpha": …}). Of a project type '
-            "fracid.regress(project.recordings, project.problem.model), or use the command fracid regress."
-        )
+        raise InputError(SAYS("no-recordings", recordings=recordings))
     if estimator not in get_args(Estimator):
         raise unknown_name("estimator", estimator, get_args(Estimator))
     swings = [swing_of(r, model) for r in records]
@@ -294,10 +293,7 @@ def _at(
         instruments, scales = instruments_of(data, system, gauge, scales, names, model, orders)
         if instruments is None:
             estimator = "huber"
-            warnings.append(
-                "No estimate's simulated response is like the measured one, so there are no instruments and Huber's "
-                "estimator was taken: the model lacks something, or the motion is too small."
-            )
+            warnings.append(SAYS("no-instruments"))
     v, weights = solve(estimator, system, gauge, scales, instruments)
     beta = gauge.beta(v)
     noisier = noisier_estimates(estimator, system, gauge, scales, instruments)
@@ -351,11 +347,7 @@ def _terms(
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
     if not any(constants[n] for n in constants if n in (*linear.lumped, model.drive, *fixed_values)):
         example = linear.gauge if linear.gauge in looked else next(n for n in every if n in looked)
-        raise InputError(
-            "Nothing drives these recordings, and a free response gives only the ratios of the constants: one of them "
-            f"must be known. Type for example known={{{example!r}: {own[example]:.4g}}}, which is what "
-            f"{model.source.split('.')[0]} has."
-        )
+        raise InputError(SAYS("undriven", example=example, value=own[example], rig=model.source.split(".")[0]))
     return tuple(n for n in every if n in looked | set(constants)), constants
 
 
@@ -365,10 +357,8 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     swing = max(s.frequency for s in swings)
     if cutoff is not None:
         if not 1.5 * swing < cutoff < 0.8 * nyquist:
-            raise InputError(
-                f"cutoff = {cutoff!r} Hz; expected between {1.5 * swing:.3g} (the swing is {swing:.3g} Hz) and "
-                f"{0.8 * nyquist:.3g} (the samples end at {nyquist:.3g} Hz)."
-            )
+            raise InputError(SAYS("cutoff", cutoff=cutoff, least=1.5 * swing, swing=swing, most=0.8 * nyquist,
+                                  nyquist=nyquist))  # fmt: skip
         return float(cutoff), "as asked for"
     spectral = max(s.cutoff for s in swings)
     low, high = (factor * swing for factor in CUTOFF)
@@ -384,11 +374,8 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
 def _enough(rows: Sequence[Rows], names: Sequence[str]) -> None:
     count = sum(len(k) for r in rows for k in r.kept)
     if count < 3 * len(names):
-        raise InputError(
-            f"Only {count} rows are left of {', '.join(r.swing.name for r in rows)} once borders and standstill are "
-            f"left"
-            f" out, for {len(names)} constants: record a longer or larger motion, or release from a larger angle."
-        )
+        raise InputError(SAYS("few-rows", count=count, recordings=', '.join(r.swing.name for r in rows),
+                              constants=len(names)))  # fmt: skip
 
 
 def _independent(
@@ -474,10 +461,7 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
         if not r.swing.arm:
             messages.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
         if r.swing.in_motion and any(v != 1.0 for v in orders.values()):
-            messages.append(
-                f"{r.swing.name} starts in motion ({r.swing.initial[1][1]:.2g} rad/s in alpha): at orders other than "
-                "1 what it did before is missing from the memory. Start from rest, or keep the plateau before it."
-            )
+            messages.append(SAYS("starts-in-motion", r=r, speed=r.swing.initial[1][1]))
     return messages
 
 
@@ -490,11 +474,9 @@ def _doubted(regression: Regression, search: OrderSearch | None, late: bool, est
     """
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
-    messages = [
-        f"{n} is practically non-identifiable: its interval is {low:.3g} … {high:.3g}. Fix it, or release "
-        "from a larger angle."
-        for n, (low, high) in wide.items()
-    ] + [f"The {n}'s equation fits by {regression.fit_percent[n]:.0f} % only: the model lacks something." for n in poor]
+    messages = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()] + [
+        f"The {n}'s equation fits by {regression.fit_percent[n]:.0f} % only: the model lacks something." for n in poor
+    ]
     why = [f"moves with {' and '.join(wide)}, practically non-identifiable here"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.base import LinearTerms
 from fracid.models.pendulum import LINEAR_TERMS
@@ -19,6 +20,8 @@ from fracid.recording import Recording
 from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
 from fracid.solver.trajectory import refuse_masked
+
+SAYS = Words("regression/rows.toml")
 
 Pair = tuple[FloatArray, FloatArray]
 """Something for the arm's rows and for the pendulum's."""
@@ -133,10 +136,7 @@ def from_rest(x: FloatArray, order: float, step: float) -> FloatArray:
 def terms_of(model: Model) -> LinearTerms:
     """The equations as columns and constants, if the model has them so."""
     if model.linear_terms is None:
-        raise InputError(
-            f"The regression knows the equations of the rotary pendulum, not of {model.name!r}: "
-            'type model=fracid.rotary_pendulum("srv02-rotpen"), or fit with fracid.identify.'
-        )
+        raise InputError(SAYS("other-model", model=model))
     return model.linear_terms
 
 
@@ -257,10 +257,7 @@ def swing_of(recording: Recording, model: Model) -> Swing:
         If α is missing, the samples lie on no uniform grid, or the drive is not what the model takes.
     """
     if "alpha" not in recording.signals:
-        raise InputError(
-            f"{recording.name} has no signal 'alpha'; it has {', '.join(recording.signals)}. "
-            'Type load_recording(path, {"theta": …, "alpha": …}).'
-        )
+        raise InputError(SAYS("no-alpha", recording=recording, signals=", ".join(recording.signals)))
     if recording.step is None:
         raise InputError(f"{recording.name} is not on a uniform grid; type recording.resample() first.")
     drive, volts = _drive(recording, model)
@@ -279,10 +276,7 @@ def _drive(recording: Recording, model: Model) -> tuple[FloatArray | None, bool]
     if "torque" in drives:
         return drives["torque"], False
     if "voltage" in drives and "voltage" not in model.inputs:
-        raise InputError(
-            f"{recording.name} has a voltage, but the model takes a torque: type fracid.rotary_pendulum(rig, "
-            'actuation="voltage"), or give the recording its torque.'
-        )
+        raise InputError(SAYS("voltage", recording=recording))
     return drives.get("voltage"), "voltage" in drives
 
 

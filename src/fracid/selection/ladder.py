@@ -55,11 +55,14 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.climbing import embedded
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.friction import BY_NAME, LOAD, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction, moving
 from fracid.solver.methods import METHODS
+
+SAYS = Words("selection/ladder.toml")
 
 PAPER = ("viscous", True)
 """The paper's structure: its friction, and that its orders are free."""
@@ -233,10 +236,7 @@ def ladder(
         found = _as_it_is(problem, problem.model.name, ())
         _require_both((*found, *beside), problem)
         if not beside:
-            notes.append(
-                f"{problem.model.name} has no parameter of friction, so it is compared as it is. Name another model of "
-                "integer order to hold it against: [[alternative]] in the project."
-            )
+            notes.append(SAYS("no-friction", problem=problem))
         return Ladder(_marked((*found, *beside), given), tuple(notes), given)
     notes += _not_1(problem)
     own = {k.rung for k in problem.model.friction.values()}
@@ -284,10 +284,7 @@ def _not_1(problem: Problem) -> list[str]:
     values = {n: problem.model.integer_order(n) for n in problem.orders}
     stay = [n for n, v in values.items() if v is None]
     if values and len(stay) == len(values):
-        raise InputError(
-            f"The model {problem.model.name} gives {' and '.join(stay)} no integer value (integer_orders), so there is "
-            "no integer-order model to compare with."
-        )
+        raise InputError(SAYS("no-integer", problem=problem, orders=" and ".join(stay)))
     other = [f"{n} = {v:g}" for n, v in values.items() if v not in (None, 1.0)]
     notes = [f"The model defines its integer orders: where a structure has orders 1, {', '.join(other)}."] * bool(other)
     return notes + [f"{n} has no integer value by its model: it is free in every structure." for n in stay]
@@ -407,15 +404,9 @@ def _require_both(structures: tuple[Structure, ...], problem: Problem) -> None:
     """Refuse a model of which nothing can be compared."""
     model = problem.model
     if not any(s.fractional for s in structures):
-        raise InputError(
-            f"The model {model.name} has no order that the recordings see, so there is nothing to compare: name the "
-            "order of a state in its orders."
-        )
+        raise InputError(SAYS("no-order", model=model))
     if all(s.fractional for s in structures):
-        raise InputError(
-            f"The model {model.name} gives {' and '.join(problem.orders)} no integer value (integer_orders), so there "
-            "is no integer-order model to compare with: name one, [[alternative]] in the project."
-        )
+        raise InputError(SAYS("no-integer-model", model=model, orders=" and ".join(problem.orders)))
 
 
 def _integers(problem: Problem) -> dict[str, float | Free | Tied]:

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, brief, unknown_name
+from fracid.findings import Words
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS
@@ -31,6 +32,8 @@ from fracid.solver.trajectory import refuse_masked, vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
+
+SAYS = Words("solver/arguments.toml")
 
 MOST_STEPS = 1e15
 """Whole numbers beyond it are no exact floats, and a year of computing."""
@@ -151,8 +154,7 @@ def check_relaxing(relaxing: Sequence[int], orders: FloatArray) -> tuple[int, ..
     """States of order 1, by their index."""
     for i in relaxing:
         if not isinstance(i, int | np.integer) or not 0 <= i < len(orders) or orders[i] != 1.0:
-            raise InputError(f"relaxing = {tuple(relaxing)!r}: {i!r} is no state of order 1; expected indices of "
-                             f"states, 0 to {len(orders) - 1}, each of order 1.")  # fmt: skip
+            raise InputError(SAYS("relaxing", relaxing=tuple(relaxing), i=i, last=len(orders) - 1))
     return tuple(int(i) for i in relaxing)
 
 
@@ -162,27 +164,22 @@ def check_initial_and_orders(
     """x(0), its slope and one order a state."""
     values, q = vector("initial", initial), vector("orders", orders)
     if values.ndim > 2 or (values.ndim == 2 and values.shape[1] != 2):
-        raise InputError(f"initial has the shape {values.shape}; expected (n_states,), or (n_states, 2) with the "
-                         "first derivatives in the second column.")  # fmt: skip
+        raise InputError(SAYS("initial-shape", values=values))
     x0, slope = (values, np.zeros(len(values))) if values.ndim == 1 else np.ascontiguousarray(values.T)
     if states is not None and len(x0) != states:
         raise InputError(f"initial has {len(x0)} states; the model has {states}.")
     if q.ndim != 1 or len(q) not in (1, len(x0)):
-        raise InputError(f"orders has the shape {q.shape}, but initial has {len(x0)} "
-                         f"state{'s' * (len(x0) > 1)}; give as many of both, or one order for all.")  # fmt: skip
+        raise InputError(SAYS("orders-shape", q=q, states=len(x0), s="s" * (len(x0) > 1)))
     q = np.array(np.broadcast_to(q, len(x0)))
     for i in np.flatnonzero((q <= 0) | (q >= 2)):
         raise InputError(f"orders[{i}] = {q[i]:g}: an order must lie strictly between 0 and 2.")
     for i in np.flatnonzero((slope != 0) & (q <= 1)):
-        raise InputError(f"initial[{i}, 1] = {slope[i]:g}, but a state of order {q[i]:g} has no initial derivative "
-                         "(only orders above 1 have); give 0 there.")  # fmt: skip
+        raise InputError(SAYS("slope-below-1", i=i, slope=slope[i], order=q[i]))
     above = np.flatnonzero(q > 1)
     if states is None and values.ndim == 1 and above.size:
         i = above[0]
         pairs = ", ".join(f"[{x:g}, 0]" for x in x0[:3]) + ", …" * (len(x0) > 3)
-        warnings.warn(f"State {i} of order {q[i]:g} starts at rest: an order above 1 has two initial values, and "
-                      f"initial gives one, so the first derivative is taken as 0. Type initial=[{pairs}], with the "
-                      "derivatives in place of the zeros.", AtRestWarning, stacklevel=4)  # fmt: skip
+        warnings.warn(SAYS("at-rest", i=i, order=q[i], pairs=pairs), AtRestWarning, stacklevel=4)
     return x0, slope, q
 
 
@@ -206,13 +203,11 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
         return step, steps
     if exact:
         below = max(1, math.floor(duration / step))
-        raise InputError(f"end = {end:g} is not a whole number of steps of {step:g}, and inputs or history are sampled "
-                         f"at that step; type end={start + below * step:.12g} or "
-                         f"end={start + (below + 1) * step:.12g}.")  # fmt: skip
+        raise InputError(SAYS("not-whole-steps", end=end, step=step, before=start + below * step,
+                              after=start + (below + 1) * step))  # fmt: skip
     steps = math.ceil(duration / step)
     shortened = duration / steps
-    warnings.warn(f"end = {end:g} is not a whole number of steps of {step:g}; the step is shortened to "
-                  f"{shortened:.12g}.", StepWarning, stacklevel=4)  # fmt: skip
+    warnings.warn(SAYS("shortened", end=end, step=step, shortened=shortened), StepWarning, stacklevel=4)
     return shortened, steps
 
 
@@ -233,8 +228,7 @@ def check_history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
     past = vector("history", history)
     past = np.ascontiguousarray(past.reshape(-1, 1) if past.ndim == 1 and len(x0) == 1 else past)
     if past.ndim != 2 or past.shape[1] != len(x0):
-        raise InputError(f"history has the shape {past.shape}; expected (n_past, {len(x0)}), a row for each of the "
-                         "times …, start − 2 step, start − step.")  # fmt: skip
+        raise InputError(SAYS("history-shape", past=past, states=len(x0)))
     return past
 
 
@@ -248,13 +242,9 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
     except (TypeError, ValueError):
         raise InputError(f"bounds = {brief(bounds)}: expected pairs of numbers (±inf for none).") from None
     if box.shape != (len(x0), 2) or np.any(np.isnan(box)):
-        raise InputError(f"bounds has the shape {box.shape}; expected ({len(x0)}, 2), lowest and highest value of each "
-                         "state (±inf for none).")  # fmt: skip
+        raise InputError(SAYS("bounds-shape", box=box, states=len(x0)))
     for i in np.flatnonzero(~((box[:, 0] <= x0) & (x0 <= box[:, 1]))):
-        raise InputError(
-            f"bounds[{i}] = ({box[i, 0]:g}, {box[i, 1]:g}): expected lowest < highest, and the "
-            f"initial state {x0[i]:g} between them."
-        )
+        raise InputError(SAYS("bounds-range", i=i, lowest=box[i, 0], highest=box[i, 1], start=x0[i]))
     return box
 
 
@@ -277,12 +267,10 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
     u = vector("inputs", inputs)
     u = np.ascontiguousarray(u.reshape(len(u), -1))
     if count is None and len(u) == 1 and u.shape[1] == steps + 1 > 1:
-        raise InputError(f"inputs has the shape {u.shape}: one row of {steps + 1} inputs, where the grid has as many "
-                         "points. Transpose it: inputs.T.")  # fmt: skip
+        raise InputError(SAYS("one-row-of-inputs", u=u, points=steps + 1))
     if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):
         columns = "n_inputs" if count is None else count
-        raise InputError(f"inputs has the shape {u.shape}; expected ({steps + 1}, {columns}), a row for each of the "
-                         f"{steps + 1} grid points from the first known sample on, or one for all.")  # fmt: skip
+        raise InputError(SAYS("inputs-shape", u=u, points=steps + 1, columns=columns))
     return u
 
 

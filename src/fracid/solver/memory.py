@@ -49,8 +49,11 @@ from functools import partial
 import numpy as np
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
 from fracid.solver.weights import Kernel, exact_kernel
+
+SAYS = Words("solver/memory.toml")
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,7 @@ def short(length: int) -> Memory:
     array([ 1.   , -0.5  , -0.125])
     """
     if not (isinstance(length, int | np.integer) and length >= 1):
-        raise InputError(f"short({length!r}): the length must be a whole number of lags, 1 or more; "
-                         "type for example memory='short(2000)'.")  # fmt: skip
+        raise InputError(SAYS("short", length=length))
     return Memory(f"short({length})", partial(_short_kernel, length=int(length)))
 
 
@@ -145,11 +147,9 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
     25
     """
     if not 1e-13 <= tolerance <= 1e-2:
-        raise InputError(f"compressed({tolerance!r}): the tolerance must lie between 1e-13 and 1e-2; "
-                         "type for example tolerance=1e-10.")  # fmt: skip
+        raise InputError(SAYS("tolerance", tolerance=tolerance))
     if not (isinstance(lags, int | np.integer) and EXACT_LAGS <= lags <= WHOLE):
-        raise InputError(f"compressed(lags={lags!r}): the exact lags must be a whole number from {EXACT_LAGS} to "
-                         f"{WHOLE}; type for example lags=16.")  # fmt: skip
+        raise InputError(SAYS("lags", lags=lags, EXACT_LAGS=EXACT_LAGS, WHOLE=WHOLE))
     name = f"compressed({tolerance:g})" if lags == EXACT_LAGS else f"compressed({tolerance:g}, lags={lags})"
     return Memory(name, partial(_compressed_kernel, tolerance=float(tolerance), lags=int(lags)))
 

@@ -63,9 +63,12 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory
+
+SAYS = Words("solver/reduction.toml")
 
 SAME = 1e-9
 """Orders nearer to each other, or to a whole number, are the same: 0.1 + 0.2 is 0.3."""
@@ -392,8 +395,7 @@ def _forcing(forcing: Any) -> tuple[RightHandSide, bool]:
     if isinstance(forcing, str) and forcing == "input":
         return _linear, True
     if not callable(forcing):
-        raise InputError(f"forcing = {forcing!r}; expected None, a function (t, u, p), or 'input' for samples, which "
-                         "the solver gets: s.solve(inputs=samples, ...).")  # fmt: skip
+        raise InputError(SAYS("forcing", forcing=forcing))
     return _forced(_jitable(forcing, "forcing", "(t, u, p)", 3)), True
 
 
@@ -433,8 +435,7 @@ def _increasing(orders: Any) -> tuple[float, ...]:
     """The orders, rounded to a whole number where they are one but for rounding."""
     values = _numbers("orders", orders)
     if values.ndim != 1 or len(values) == 0:
-        raise InputError(f"orders = {orders!r}: expected the orders of the derivatives, increasing, the one to solve "
-                         "for last, such as orders=(0, 1.5, 2).")  # fmt: skip
+        raise InputError(SAYS("orders", orders=orders))
     a = tuple(float(round(v)) if abs(v - round(v)) < SAME else float(v) for v in values)
     for low, high in pairwise(sorted(a)):
         if high - low < SAME:
@@ -443,26 +444,22 @@ def _increasing(orders: Any) -> tuple[float, ...]:
         raise InputError(f"orders = {orders!r}: {min(a):g} is negative; expected 0 (y itself) or more.")
     if a != tuple(sorted(a)):
         suggestion = ", ".join(f"{v:g}" for v in sorted(a))
-        raise InputError(f"orders = {orders!r}: expected them increasing, the one to solve for last; "
-                         f"type orders=({suggestion}), and mind that d follows them.")  # fmt: skip
+        raise InputError(SAYS("increasing", orders=orders, suggestion=suggestion))
     if a[-1] == 0:
-        raise InputError(f"orders = {orders!r}: the highest is 0, so there is no derivative to solve for; "
-                         "add its order, such as orders=(0, 1.5).")  # fmt: skip
+        raise InputError(SAYS("highest-0", orders=orders))
     return a
 
 
 def _terms(coefficients: Any) -> tuple[tuple[float, ...], FloatArray]:
     """Orders, increasing, and their coefficients."""
     if not isinstance(coefficients, Mapping) or not coefficients:
-        raise InputError(f"coefficients = {coefficients!r}: expected a mapping from order to coefficient, such as "
-                         "{2: 1.0, 1.5: 0.3, 0: 4.0}.")  # fmt: skip
+        raise InputError(SAYS("coefficients", coefficients=coefficients))
     keys = _numbers("the orders in coefficients", list(coefficients))
     values = _numbers("coefficients", list(coefficients.values()))
     by_order = np.argsort(keys)
     a, c = _increasing(keys[by_order].tolist()), values[by_order]
     if c[-1] == 0:
-        raise InputError(f"The coefficient of the highest order, {a[-1]:g}, is 0, so that nothing solves for it; "
-                         "leave that term out.")  # fmt: skip
+        raise InputError(SAYS("coefficient-0", value=a[-1]))
     return a, c
 
 
@@ -470,8 +467,7 @@ def _initial(initial: ArrayLike, a_m: float) -> FloatArray:
     y0, count = _numbers("initial", initial), math.ceil(a_m)
     if y0.shape != (count,):
         names = ", ".join(["y(0)", "y'(0)", "y''(0)", *(f"y^({k})(0)" for k in range(3, count))][:count])
-        raise InputError(f"initial has the shape {y0.shape}; an equation of order {a_m:g} starts from {count} value"
-                         f"{'s' * (count > 1)}: {names}.")  # fmt: skip
+        raise InputError(SAYS("initial-shape", y0=y0, a_m=a_m, count=count, s="s" * (count > 1), names=names))
     return y0
 
 

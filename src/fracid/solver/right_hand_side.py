@@ -27,9 +27,12 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, brief
+from fracid.findings import Words
 from fracid.models import joints
 from fracid.solver.compilation import RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
+
+SAYS = Words("solver/right_hand_side.toml")
 
 ARGUMENTS = 5
 """Of a right-hand side."""
@@ -78,10 +81,7 @@ def _compiled(function: Any) -> Any:
     try:
         return _reading(function, options)
     except Exception as error:  # Numba's own, and what it stumbles over
-        fault = (
-            f"cannot be compiled by Numba: {_reason(error)} Use numbers, loops, indexing and NumPy or math functions "
-            "only, and write into out[i]; rhs(t, x, u, p, out) gets float64 arrays."
-        )
+        fault = SAYS("not-compiled", error=_reason(error))
     with suppress(Exception):
         kept(RHS_SIGNATURE, keep=False, **options)(function)
         fault = f"changes {CHANGED}"
@@ -273,8 +273,8 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
     sizes_there = len(x0), len(u), len(p), len(x0) * (1 + relaxing)
     for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], sizes_there, strict=True):
         if needed > there:
-            raise InputError(f"The right-hand side {name_of(function)} does not fit its arguments: it uses "
-                             f"{argument}[{needed - 1}]. Here {sizes}.")  # fmt: skip
+            raise InputError(SAYS("other-arguments", function=name_of(function), argument=argument, last=needed - 1,
+                                  sizes=sizes))  # fmt: skip
     arguments = {"x": x0.copy(), "u": u.copy(), "p": p.copy()}
     for given in arguments.values():
         given.flags.writeable = False
@@ -292,15 +292,13 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
             f"The right-hand side {name_of(function)} does not fit its arguments: {error}. Here {sizes}."
         ) from None
     except Exception as error:
-        raise InputError(f"The right-hand side {name_of(function)} fails at the start: "
-                         f"{type(error).__name__}: {error}. Here {sizes}.") from None  # fmt: skip
+        raise InputError(SAYS("fails", function=name_of(function), kind=type(error).__name__, error=error,
+                              sizes=sizes)) from None  # fmt: skip
     if returned is not None:
-        raise InputError(f"The right-hand side {name_of(function)} returns a value; "
-                         "it must write the derivatives into out and return nothing: out[0] = ...")  # fmt: skip
+        raise InputError(SAYS("returns", function=name_of(function)))
     untouched = np.flatnonzero(np.isnan(out))
     if len(untouched) and np.all(np.isfinite(x0)) and not _computes_nan(function, x0, u, p, untouched):
-        raise InputError(f"The right-hand side {name_of(function)} leaves out[{untouched[0]}] unwritten; "
-                         f"it must fill all {len(x0)} entries of out.")  # fmt: skip
+        raise InputError(SAYS("unwritten", function=name_of(function), where=untouched[0], states=len(x0)))
 
 
 def _computes_nan(function: Any, x0: FloatArray, u: FloatArray, p: FloatArray, where: NDArray[np.intp]) -> bool:

@@ -55,7 +55,7 @@ from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import LOOSER
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
-from fracid.findings import Finding, Note, with_code
+from fracid.findings import Finding, Note, Words, with_code
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Experiment, Problem
 from fracid.problem.checks import require_free
@@ -85,6 +85,8 @@ from fracid.validation.study_records import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SAYS = Words("validation/monte_carlo.toml")
 
 BELIEVED = (0.90, 0.99)
 """Intervals of 95 % whose coverage lies within can be believed."""
@@ -190,10 +192,7 @@ class NoiseStudy(CardDisplay):
                 yield f"{cell.label}: {times} of {cell.repetitions} repetitions found nothing: {reason}."
         short, whole = sum(c.stopped_short for c in self.cells), sum(c.repetitions - c.failed for c in self.cells)
         if short:
-            yield (
-                f"The search by {self.optimiser} stopped short of its minimum in {short} of {whole} repetitions: "
-                "the truth itself costs less than what it found."
-            )
+            yield SAYS("stopped-short", optimiser=self.optimiser, short=short, whole=whole)
 
     def _of_the_intervals(self) -> Iterator[str]:
         """What is wrong, a sentence each; then the others, in one sentence where they are many."""
@@ -247,10 +246,7 @@ TOGETHER, ALONE = ("few", "believed"), 3
 def _folded(group: Sequence[_Judged]) -> str:
     shares = [100 * j.held / j.intervals for j in group]
     least, most = min(j.intervals for j in group), max(j.intervals for j in group)
-    text = (
-        f"{listed(j.name for j in group)}: {min(shares):.0f} to {max(shares):.0f} % of their intervals of 95 % contain "
-        "the true value"
-    )
+    text = SAYS("coverage", names=listed(j.name for j in group), least=min(shares), most=max(shares))
     if group[0].kind == "believed":
         return Note(f"{text}: they can be believed.", "believed")
     each = f"{most}" if least == most else f"{least} to {most}"
@@ -618,8 +614,7 @@ def _cells(levels: Sequence[float], resolutions: Sequence[float], relative: bool
 def _sizes(problem: Problem, truth: FloatArray) -> list[float]:
     for output, size in (sizes := problem.levels(truth)).items():
         if not size:
-            raise InputError(f"The residual of {output} is 0, and so is any multiple of it: relative = False takes "
-                             "levels in the output's unit.")  # fmt: skip
+            raise InputError(SAYS("zero-residual", output=output))
     return [*sizes.values()]
 
 
@@ -627,25 +622,16 @@ def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
     require_free(problem.names)
     truth = vector("x", x)
     if truth.shape != (len(problem.names),) or not np.all(np.isfinite(truth)):
-        raise InputError(
-            f"The truth has the shape {truth.shape}; expected {len(problem.names)} finite numbers, one for each of "
-            f"{', '.join(problem.names)}."
-        )
+        raise InputError(SAYS("truth-shape", truth=truth, count=len(problem.names), names=", ".join(problem.names)))
     for u, value in zip(problem.unknowns, truth.tolist(), strict=True):
         if u.kind != "initial" and not u.range.lower <= value <= u.range.upper:  # an initial state's moves with it
-            raise InputError(
-                f"The truth {u.name} = {value:g} lies outside the bounds {u.range.lower:g} … {u.range.upper:g}, so no "
-                "search can find it: widen them."
-            )
+            raise InputError(SAYS("truth-outside", u=u, value=value))
     return truth
 
 
 def _check_portable(plan: Plan, executor: str) -> None:
     if executor != "threads" and plan.own:
-        raise InputError(
-            f"{plan.own} comes from a file of your own, which other processes do not have: type --executor threads "
-            '(executor = "threads").'
-        )
+        raise InputError(SAYS("own-code", plan=plan))
 
 
 def _importable(name: str) -> bool:

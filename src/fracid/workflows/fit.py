@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, Unfinished, at_least
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
@@ -50,6 +50,8 @@ from fracid.workflows.records import command_of
 if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
+
+SAYS = Words("workflows/fit.toml")
 
 FOLDER = 50_000_000
 """Bytes of a finished run folder, figures and all: a few MB, and some for each recording."""
@@ -240,8 +242,7 @@ def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Pr
     if not isinstance(project, Project):
         return load_project(project, preset=preset, trust=trust)
     if preset not in (None, project.preset):
-        raise InputError(f"The project {project.path} is loaded with preset = {project.preset!r}, not {preset!r}. Type "
-                         f"fracid.load_project({str(project.path)!r}, preset={preset!r}).")  # fmt: skip
+        raise InputError(SAYS("other-preset", project=project, preset=preset, path=str(project.path)))
     return project
 
 
@@ -337,16 +338,10 @@ def _short_of_room(project: Project, folder: Path) -> Iterator[str]:
 
     left, needed = disk_usage(folder).free, memory_needed(project.problem)
     if left < FOLDER:
-        yield (
-            f"The disk of {folder} has {left / 1e6:.0f} MB left, and a result with its figures may take "
-            f"{FOLDER / 1e6:.0f} MB: make room, or give another folder: --out DIR."
-        )
+        yield SAYS("disk", folder=folder, left=left / 1e6, needed=FOLDER / 1e6)
     available = free_memory()
     if available is not None and needed > available:
-        yield (
-            f"This fit may take {needed / 1e9:.1f} GB of memory, and {available / 1e9:.1f} GB are free: end other "
-            "programs, take a part with from and to, or thin the recordings with resample."
-        )
+        yield SAYS("memory", needed=needed / 1e9, available=available / 1e9)
 
 
 def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
@@ -364,7 +359,4 @@ def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
     if log.torn:
         yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
     if memo is None or memo.emptied:
-        yield (
-            f"What {run.folder} had simulated cannot be used: the program has changed, or the machine was restarted, "
-            "since. It begins again."
-        )
+        yield SAYS("emptied", run=run)

@@ -9,6 +9,7 @@ from typing import Any
 
 from fracid.cards import Card, CardDisplay, brief
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.models import Model, rotary_pendulum
 from fracid.problem import Free, Problem
 from fracid.problem.project import Project, load_project
@@ -22,6 +23,8 @@ from fracid.safety.schema import as_json
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files
+
+SAYS = Words("workflows/regression.toml")
 
 REGRESSION = "regression.json"
 
@@ -190,10 +193,7 @@ def _in_motion(request: _Asked) -> _Asked:
     searched = [n for n, v in request.orders.items() if isinstance(v, Free)]
     if not moving or not searched:
         return request
-    note = (
-        f"{', '.join(moving)}: starts in motion, so {' and '.join(searched)} are not searched. Type --from release if "
-        "the rig was held still before."
-    )
+    note = SAYS("in-motion", moving=", ".join(moving), searched=" and ".join(searched))
     orders = {n: v.start if isinstance(v, Free) else v for n, v in request.orders.items()}
     return replace(request, orders=orders, notes=(*request.notes, note))
 
@@ -204,10 +204,7 @@ def _of_recording(
 ) -> _Asked:  # fmt: skip
     """The nine lumped constants of a rig, from one recording."""
     if columns is None or "alpha" not in columns:
-        raise InputError(
-            f"Which column of {path} is the pendulum's angle? Type --column alpha=2,unit=deg and --column theta=1; "
-            f"fracid check {path} shows the columns. Or give a project file, .toml."
-        )
+        raise InputError(SAYS("which-column", path=path))
     recording = load_recording(
         path, columns, time=time, start=start, stop=stop,
         variable=variable, resample="needed",
@@ -240,10 +237,7 @@ def _with_gauge(request: _Asked) -> _Asked:
         return replace(request, terms=terms)
     gauge = request.model.parameter(terms_of(request.model).gauge)
     owner = "project" if request.problem else "rig"
-    note = (
-        f"{gauge.name} = {gauge.value:.4g} {gauge.unit} is taken from the {owner}: one constant must be known, for the "
-        f"motion tells only their ratios. Weigh and measure yours, and type --known {gauge.name}=VALUE."
-    )
+    note = SAYS("gauge", gauge=gauge, owner=owner)
     return replace(request, terms=terms, known={gauge.name: gauge.value}, notes=(*request.notes, note))
 
 

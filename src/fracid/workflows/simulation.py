@@ -15,6 +15,7 @@ import numpy as np
 
 from fracid._version import __version__
 from fracid.errors import DataError, InputError, unknown_name
+from fracid.findings import Words
 from fracid.models import RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
 from fracid.problem.project import load_project
@@ -28,6 +29,8 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
 from fracid.workflows.records import json_document, write_files
+
+SAYS = Words("workflows/simulation.toml")
 
 RELEASE = {"alpha": pi / 18}
 """Where a rig's pendulum is let go, if nothing else is said [rad]: the paper's 10°."""
@@ -104,8 +107,7 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
     if kind_of(Path(source)) is None and len(Path(source).parts) > 1:
         refuse_mistaken(Path(source), "run")
     if kind_of(Path(source)) == "recording":
-        return InputError(f"{source} is a recording: fracid check {source} looks at it, fracid init {source} writes a "
-                          "project of it, which can be simulated.")  # fmt: skip
+        return InputError(SAYS("recording", source=source))
     hint = unknown_name("rig or model", source, known)
     return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
 
@@ -159,8 +161,8 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     there = inspect_recording(file)
     here = [n for n in there.signals if n in inputs] or list(there.signals)
     if not channel and len(here) > 1:
-        raise InputError(f"{file} has {len(here)} columns besides its time: {', '.join(here)}. "
-                         f"Say which drives it: --input {shlex.quote(f'{file},column={here[-1]}')}.")  # fmt: skip
+        raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here),
+                              typed=shlex.quote(f'{file},column={here[-1]}')))  # fmt: skip
     only = {"column": int(here[0]) if here[0].isdigit() else here[0]}
     unit = {"unit": "V" if inputs[0] == "voltage" else "1"}
     read = load_recording(file, {inputs[0]: unit | (dict(channel) or only)})
@@ -214,8 +216,7 @@ def simulate_twin(
     if not run.completed:
         advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         advice = advice.replace('method = "bdf2"', "--method bdf2")
-        raise DataError(f"The simulation did not reach its end: at t = {run.time[-1]:.4g} s, {run.outcome.value}. "
-                        f"{advice}")  # fmt: skip
+        raise DataError(SAYS("not-reached", end=run.time[-1], run=run, advice=advice))
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
     record = _record(source, twin, run, noise, counts, seed)
     watching.stage("figure")
