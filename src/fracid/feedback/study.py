@@ -25,6 +25,7 @@ from fracid.estimation.covariance import uncertainty
 from fracid.feedback.pid import both
 from fracid.feedback.regulators import Plant, Posture, margins, posture_of, regulator
 from fracid.figures import Style, draw
+from fracid.findings import Words
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.quantiles import NORMAL_95
@@ -47,6 +48,8 @@ from fracid.validation.study_records import binomial95
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SAYS = Words("feedback/study.toml")
 
 DRAWS, FIRST = 200, 40
 """Of the unknowns, and those on which all designs are tried."""
@@ -224,20 +227,17 @@ def conditions_of(
         raise InputError(f"{model.name} has no input: there is nothing to control it with.")
     for channel, s in {**e.sensors, **e.actuators}.items():
         if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):  # type: ignore[arg-type]
-            raise InputError(f"A loop knows the delay of {channel}, and not its gain, bias or lowpass: correct the "
-                             "recording for them first.")  # fmt: skip
+            raise InputError(SAYS("sensor", channel=channel))
     moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
     name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])
     if name not in moved:
         raise unknown_name("input", name, model.inputs)
     parameters = problem.unpack(x, e)[1]
     if model.drive and parameters[model.parameter_names.index(model.drive)] == 0.0:
-        raise InputError(f"{model.drive} is 0: what {name} does to {model.name} is not known. Give it its value under "
-                         "[parameters], and fit again.")  # fmt: skip
+        raise InputError(SAYS("no-drive", model=model, name=name))
     most = limit or max(float(np.abs(f.all_inputs[:, model.inputs.index(name)]).max()) for f in problem.experiments)
     if not most > 0:
-        raise InputError(f"Nothing drove the recordings, so how much {name} there is is not known: type --limit, in "
-                         f"{model.input_units.get(name, 'SI units')}.")  # fmt: skip
+        raise InputError(SAYS("undriven", name=name, unit=model.input_units.get(name, "SI units")))
     there = posture_of(model, parameters, posture, at, model.inputs.index(name))
     outputs = tuple(n for n in problem.outputs if n in model.output_states)
     if not outputs:
@@ -303,10 +303,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
         there = loop.plant(other).response(omega, loop.conditions.period)
         if np.abs(there - here).max() > UNSEEN * np.abs(here).max():
             names = [n for n, d in zip(loop.problem.names, direction, strict=True) if abs(d) > UNSEEN]
-            raise InputError(
-                f"The recordings do not separate {' and '.join(names)}, and what {loop.conditions.input} does hangs "
-                "on them: fix one of them, or fit a recording that is driven."
-            )
+            raise InputError(SAYS("not-separated", names=" and ".join(names), loop=loop))
 
 
 def control(
@@ -426,11 +423,8 @@ class Plan:
         if not tried[best].held:
             late = f" A delay of {1e3 * c.delay:.3g} ms may be more than the loop bears." * (c.delay > 0)
             off = ", ".join(f"{n} {with_unit(v, c.units[n])}" for n, v in c.off.items())
-            raise InputError(
-                f"None of {len(tried)} controllers holds {c.posture} in any of {first} draws, from {off} off and with "
-                f"{c.input} up to {with_unit(c.most, c.unit)}.{late} Begin nearer (--off), or give more (--limit, "
-                "--rate)."
-            )
+            raise InputError(SAYS("none-holds", count=len(tried), c=c, first=first, off=off,
+                                  most=with_unit(c.most, c.unit), late=late))  # fmt: skip
         done = len(self.designs) * first
         (more,) = self._tried([self.designs[best]], range(first, len(self.points)), Part("trials", done, total), how)
         notes = (*_notes(self.loop), *_compared(tried, trials))
@@ -453,8 +447,7 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
     plant, noise = replace(loop.plant(loop.x), delay=c.delay), np.maximum(noise, 1e-4 * allowed)
     most = min(c.most - c.at_rest, c.at_rest - c.least)
     if most <= 0:
-        raise InputError(f"Resting at {c.posture} takes {with_unit(c.at_rest, c.unit)} of {c.input}, and there are "
-                         f"{with_unit(c.most, c.unit)}.")  # fmt: skip
+        raise InputError(SAYS("at-rest", c=c, needed=with_unit(c.at_rest, c.unit), most=with_unit(c.most, c.unit)))
     return [
         regulator(plant, c.period, allowed, most, noise, *weights) for weights in itertools.product(*WEIGHTS.values())
     ]
@@ -493,8 +486,7 @@ def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Ite
         (error, effort), (other, more) = (
             np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID")
         )
-        yield (f"The FOPID's rms error is {other / error:.3g} times the PID's, at {more / effort:.3g} times its effort "
-               "(medians of the draws).")  # fmt: skip
+        yield SAYS("fopid", error=other / error, effort=more / effort)
 
 
 def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:

@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import math
 
+from fracid.findings import Words
+
+SAYS = Words("regression/credibility.toml")
+
 ENCODER = 2 * math.pi / 4096 / math.sqrt(12)
 """Noise of that encoder's rounding, rms [rad]."""
 
@@ -20,17 +24,8 @@ LACKS = 10.0
 MIDDLE, LARGE = math.radians(20), math.radians(45)
 """Between the table's 10°, 30° and 60°."""
 
-SAID = {
-    0.0: "the inertias were up to 14 % off, b_alpha and C6 arbitrary, the orders not identifiable: release "
-         "from 60° or more, or trust a fit of the whole trajectory only",
-    MIDDLE: "at given orders the inertias and the arm's friction were within 3 % where the orders were 1 and "
-            "within 12 % where they were 0.86, C6 within 10 %; b_alpha was 20 to 130 % off, coulomb_alpha 50 %; orders "
-            "that were searched were within 0.02, the inertias then within 12 %",
-    LARGE: "at given orders the inertias were within 1 %, C6 and the arm's friction within 4 %, b_alpha within "
-           "13 %, coulomb_alpha was up to 40 % off; orders that were searched were within 0.005, the inertias then "
-           "within 3 %",
-}  # fmt: skip
-"""From which amplitude on [rad]: what the table says."""
+SAID = {0.0: "small", MIDDLE: "middle", LARGE: "large"}
+"""From which amplitude on [rad]: which line of the table."""
 
 
 def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
@@ -50,13 +45,7 @@ def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
     >>> print(belief(math.radians(10), ENCODER, 1.0)[:83])
     α swings by 10°. In simulated releases of this size the inertias were up to 14 % of
     """
-    expectation = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least)
-    loud = noise / ENCODER
-    worse = f" Here the noise of alpha is {loud:.2g} times theirs: expect more." if loud > LOUD else ""
-    lacks = "" if noise_ratio <= LACKS else (
-        f" Here the residual is {noise_ratio:.2g} times what noise explains: the model lacks something (friction that "
-        "sticks, say), every value is less accurate than that, and no interval shows it."
-    )  # fmt: skip
-    return (
-        f"α swings by {math.degrees(amplitude):.3g}°. In simulated releases of this size {expectation}.{worse}{lacks}"
-    )
+    size, loud = next(SAID[least] for least in sorted(SAID, reverse=True) if amplitude >= least), noise / ENCODER
+    worse = SAYS("worse", times=loud) if loud > LOUD else ""
+    lacks = "" if noise_ratio <= LACKS else SAYS("lacks", times=noise_ratio)
+    return SAYS("belief", degrees=math.degrees(amplitude), expectation=SAYS(size), more=f"{worse}{lacks}")

@@ -32,7 +32,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +46,7 @@ from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.estimation.windows import PARTS, chosen_window, windowed
-from fracid.findings import with_code
+from fracid.findings import Words, with_code
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
 from fracid.problem import Experiment, Free, Problem
@@ -82,8 +82,7 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
 
-if TYPE_CHECKING:
-    pass
+SAYS = Words("selection/comparison.toml")
 
 SAME = 1e-3
 """A cost that is higher by less than this part is as low."""
@@ -180,11 +179,7 @@ def compare(
     notes = (*_of_long_recordings(base), *(b.sentence for b in study.origin.opened))
     fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
     if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
-        fitted, notes = study.fit_again(fitted, substeps), (
-            *notes,
-            f"The step was refined to {substeps} a sample and every structure fitted again there: at {base.substeps} a "
-            "sample it moved the best ones.",
-        )  # fmt: skip
+        fitted, notes = study.fit_again(fitted, substeps), (*notes, SAYS("refined", substeps=substeps, base=base))
         rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
     if evidence:
         rows, without = study.with_odds(rows, samples)
@@ -203,8 +198,7 @@ def _of_long_recordings(problem: Problem) -> Iterator[str]:
     """That they were not compared as they are."""
     if is_coarse(problem):
         e = max(problem.experiments, key=lambda e: e.time[-1])
-        yield (f"Long recordings are compared on means of {e.means} samples, the first {e.time[-1]:.3g} s of each; "
-               "errors are those of the means.")  # fmt: skip
+        yield SAYS("long-recordings", e=e, length=e.time[-1])
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -285,10 +279,7 @@ def _origin(
         compared, others = to_compare(problem.problem, (*problem.validation, *validation))
         return _InMemory(compared, others, only, problem.alternatives)
     if executor != "threads":
-        raise InputError(
-            f"A problem in memory cannot be sent to other processes: give a project (fracid.load_project), or "
-            f'executor = "threads" in place of {executor!r}.'
-        )
+        raise InputError(SAYS("in-memory", executor=executor))
     return _InMemory(*to_compare(problem, validation), only)
 
 

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.solver.arguments import (
     Arguments,
     Equation,
@@ -53,6 +54,8 @@ from fracid.solver.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
     from fracid.models import Model
+
+SAYS = Words("solver/solve.toml")
 
 
 class PaperSchemeWarning(UserWarning):
@@ -244,8 +247,8 @@ def _with_integer_orders(model: Model, given: Mapping[str, float]) -> dict[str, 
     named = {name.rstrip("_") for name in given}
     others = {n: model.solved_at(n) for n in model.order_names if n not in named}
     if without := [n for n, q in others.items() if q is None]:
-        raise InputError(f"orders are missing: the model gives {' and '.join(without)} no integer value. Type "
-                         f"orders={{{', '.join(f'{n!r}: 0.5' for n in without)}}}.")  # fmt: skip
+        raise InputError(SAYS("no-orders", without=' and '.join(without),
+                              typed=', '.join(f'{n!r}: 0.5' for n in without)))  # fmt: skip
     return {n: q for n, q in others.items() if q is not None} | dict(given)
 
 
@@ -272,8 +275,7 @@ def _solve(
     relaxing = check_relaxing(arguments.relaxing, q)
     probe(rhs, x0, u[0], p, bool(relaxing))
     if METHODS[options.method].raw and np.any(x0 != 0):
-        warnings.warn(f"{options.method} sums raw x (21)-(24), which is right only for x(0) = 0; here it is not, and "
-                      "the result does not converge. Type method='pi2' for the Caputo solution.",
+        warnings.warn(SAYS("raw-sums", options=options),
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
     equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
@@ -321,9 +323,9 @@ def integrate(
         last, how = (loop or method.run)(address_of(equation.rhs), run, out)
     except Exception as error:
         forget_mode()
-        raise InputError(f"The right-hand side {name_of(equation.rhs)} fails on the way: {type(error).__name__}: "
-                         f"{error}. Here x and out have {states} entries, u has {equation.inputs.shape[1]}, "
-                         f"p has {len(equation.parameters)}.") from None  # fmt: skip
+        raise InputError(SAYS("fails", name=name_of(equation.rhs), kind=type(error).__name__, error=error,
+                              states=states, inputs=equation.inputs.shape[1],
+                              parameters=len(equation.parameters))) from None  # fmt: skip
     count = max(0, last) // options.every + 1
     return Trajectory(
         initial.time + np.arange(count, dtype=np.float64) * (step * options.every), out[:count], _OUTCOMES[how], step,
@@ -356,8 +358,7 @@ def _room(steps: int, every: int, states: int) -> FloatArray:
     try:
         return np.empty((steps // every + 1, states))
     except (MemoryError, ValueError):
-        raise InputError(f"{steps:.3g} steps of {states} states are more than there is memory for. Give a longer step, "
-                         "or store every so many only: every=1000.") from None  # fmt: skip
+        raise InputError(SAYS("memory", steps=steps, states=states)) from None
 
 
 def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int) -> Kernels:

@@ -19,7 +19,6 @@ from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
-from fracid.report.index import write_study_page
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
 from fracid.safety.schema import as_json, fault_of
 from fracid.safety.user_code import is_own
@@ -40,9 +39,9 @@ from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
-from fracid.workflows.figures import of_comparison, saved
+from fracid.workflows.figures import of_comparison
 from fracid.workflows.fit import loaded
-from fracid.workflows.records import command_of, csv_text, json_document, write_files
+from fracid.workflows.records import command_of, csv_text
 from fracid.workflows.study import Finished, folder_of, header_of, journal_of, refuse_fit
 
 if TYPE_CHECKING:
@@ -149,16 +148,11 @@ def run_comparison(
     with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, "fits") as kept:
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
-    watching.stage("figures")
-    write_files(folder, {
+    return FinishedComparison.written(folder, record, of_comparison(comparison), watching, {
         "project.toml": project.text, TABLE: csv_text(comparison.lines()),
         CURVES: json.dumps(_curves(project, comparison), separators=(",", ":")),
-        FinishedComparison.FILE: json_document(record), **_best(project, hierarchy, comparison, folder),
-    })  # fmt: skip
-    figures = saved(of_comparison(comparison), folder)
-    write_study_page(folder, FinishedComparison.FILE)
-    watching.stage("")
-    return FinishedComparison(folder, figures, record, project, comparison)
+        **_best(project, hierarchy, comparison, folder),
+    }, project=project, comparison=comparison)  # fmt: skip
 
 
 def _curves(project: Project, comparison: Comparison) -> dict[str, Any]:

@@ -15,8 +15,6 @@ import numpy as np
 from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
 from fracid.recording.readers.numpy_files import read_npz
-from fracid.report.index import write_study_page
-from fracid.runs.folder import open_folder
 from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
@@ -24,10 +22,10 @@ from fracid.schemas.feedback import Trial
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.figures import saved
+from fracid.workflows.figures import plotted
 from fracid.workflows.posterior_draws import DRAWN, header_of_run
-from fracid.workflows.records import command_of, json_document, write_files
-from fracid.workflows.study import Finished, folder_of, journal_of, refuse_fit
+from fracid.workflows.records import command_of
+from fracid.workflows.study import Finished, begun, folder_of
 
 CODE = "controller.c"
 
@@ -91,7 +89,6 @@ def run_control(
     with one_blas_thread():
         fit = load_run(run, trust=trust)
         folder, points = folder_of(out, run, "control"), None
-        refuse_fit(folder, "the controller")
         if posterior:
             drawn = read_npz(run / "posterior" / DRAWN)
             weights = np.exp(np.asarray(drawn["log_weights"], float))
@@ -99,15 +96,8 @@ def run_control(
             points = np.asarray(drawn["points"], float)[chosen]
         plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
         words = command_of("control", run, {"out": out, "draws": draws, "seed": seed}) if command is None else command
-        open_folder(folder, words)
-        with journal_of(
-            folder, header_of_run(fit, "control"), lambda _, trial: fault_of(trial, Trial), watching, "trials"
-        ) as kept:
+        header = header_of_run(fit, "control")
+        with begun(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)
-        watching.stage("figures")
-        record = found.to_json() | {"source": str(run)}
-        write_files(folder, {FinishedControl.FILE: json_document(record), CODE: c_controller(found)})
-        figures = saved([("control", found.plot())], folder)
-        write_study_page(folder, FinishedControl.FILE)
-    watching.stage("")
-    return FinishedControl(folder, figures, record, found)
+        return FinishedControl.written(folder, found.to_json() | {"source": str(run)}, plotted("control", found),
+                                       watching, {CODE: c_controller(found)}, control=found)  # fmt: skip

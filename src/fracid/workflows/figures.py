@@ -221,6 +221,11 @@ def of_comparison(comparison: Comparison, style: str = "screen") -> Figures:
             yield f"amplitude-{stem}", comparison.amplitude[name].plot(style=style)
 
 
+def plotted(name: str, result: Any) -> Figures:
+    """The one figure of a result that plots itself."""
+    yield name, result.plot()
+
+
 def of_study(study: NoiseStudy | SavedStudy, style: str = "screen") -> Figures:
     """Bias, spread and coverage, where anything was estimated."""
     if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):

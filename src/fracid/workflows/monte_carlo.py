@@ -17,18 +17,16 @@ from fracid.errors import InputError
 from fracid.estimation.search import searched
 from fracid.problem import Problem
 from fracid.problem.project import Project
-from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
-from fracid.runs.folder import open_folder
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.validation.study_records import fault_of_repetition
-from fracid.workflows.figures import of_study, saved
-from fracid.workflows.records import command_of, csv_text, json_document, write_files
-from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit, run_or_project
+from fracid.workflows.figures import of_study
+from fracid.workflows.records import command_of, csv_text
+from fracid.workflows.study import Finished, begun, digest_of, folder_of, run_or_project
 
 TABLE = "noise.csv"
 
@@ -133,13 +131,8 @@ def run_noise_study(
         )  # fmt: skip
         watching.stage("repetitions")
         study = _studied(plan, truth, folder, executor, jobs, watching, words)
-    watching.stage("figures")
-    record = study.to_json() | {"source": str(source)}
-    write_files(folder, {FinishedNoiseStudy.FILE: json_document(record), TABLE: csv_text(study.lines())})
-    figures = saved(of_study(study), folder)
-    write_study_page(folder, FinishedNoiseStudy.FILE)
-    watching.stage("")
-    return FinishedNoiseStudy(folder, figures, record, study)
+    return FinishedNoiseStudy.written(folder, study.to_json() | {"source": str(source)}, of_study(study), watching,
+                                      {TABLE: csv_text(study.lines())}, study=study)  # fmt: skip
 
 
 def _grid(
@@ -217,13 +210,11 @@ def _studied(
     command: Sequence[str],
 ) -> NoiseStudy:  # fmt: skip
     """Run it, going on with what the journal in the folder has."""
-    refuse_fit(folder, "the study")
-    open_folder(folder, command)
 
     def fault(_key: str, said: Any) -> str:
         return fault_of_repetition(said, plan.problem.names)
 
-    with journal_of(folder, _header(plan, truth), fault, observer, "repetitions") as kept:
+    with begun(folder, _header(plan, truth), fault, observer, "repetitions", command) as kept:
         for finding in plan.findings:
             observer.notice(str(finding))
         return plan.run(executor=executor or ("threads" if plan.own else "processes"), jobs=jobs, **kept)

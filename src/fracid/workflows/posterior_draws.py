@@ -19,7 +19,7 @@ from fracid.errors import InputError, unknown_name, writing
 from fracid.optimise.base import Outcome
 from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
-from fracid.runs.folder import FIGURES, open_folder
+from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import write_whole
 from fracid.safety.paths import refuse_mistaken
@@ -27,7 +27,7 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of, json_document, write_files
-from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, refuse_fit
+from fracid.workflows.study import Finished, begun, digest_of, folder_of
 
 DRAWN = "draws.npz"
 
@@ -106,11 +106,9 @@ def run_posterior(
                 f"fracid fit {saved.project.path}."
             )
         folder = folder_of(out, run, "posterior")
-        refuse_fit(folder, "the posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
-        open_folder(folder, words)
-        with journal_of(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations") as kept:
+        with begun(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations", words) as kept:
             drawn = posterior(
                 saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
             )

@@ -19,7 +19,6 @@ from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
 from fracid.problem import Problem
-from fracid.report.index import write_study_page
 from fracid.runs.folder import MEMO
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import as_json
@@ -29,8 +28,7 @@ from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
-from fracid.workflows.figures import saved
-from fracid.workflows.records import json_document, write_files
+from fracid.workflows.figures import plotted
 from fracid.workflows.study import Finished, folder_of, run_or_project
 
 
@@ -125,14 +123,11 @@ def run_profiles(
             "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
             "seed": seed,
         })  # fmt: skip
-        watching.stage("figures")
-        write_files(folder, {FinishedProfiles.FILE: json_document(record)})
-        figures = saved([("profiles", likelihood.plot())], folder)
-        write_study_page(folder, FinishedProfiles.FILE)
+        finished = FinishedProfiles.written(folder, record, plotted("profiles", likelihood), watching,
+                                            profiles=likelihood, bootstrap=resampling, verdicts=verdicts)  # fmt: skip
         if isinstance(memo, Memo):
             memo.remove()
-    watching.stage("")
-    return FinishedProfiles(folder, figures, record, likelihood, resampling, verdicts)
+    return finished
 
 
 def _note(problem: Problem) -> str:

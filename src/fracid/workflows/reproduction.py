@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.errors import InputError
 from fracid.runs.folder import JOURNAL, open_folder, refuse_used
@@ -23,9 +23,6 @@ from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of
-
-if TYPE_CHECKING:
-    pass
 
 STUDIES = ("compare.json", "noise.json", "posterior.json")
 """What a study leaves, of which its command is done again."""

@@ -6,17 +6,18 @@ that a result depends on beside its key) and what is wrong with a result; the re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
 from fracid.problem.project import Project, load_project
-from fracid.runs.folder import JOURNAL
+from fracid.report.index import write_study_page
+from fracid.runs.folder import JOURNAL, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import bytes_of
 from fracid.safety.paths import refuse_mistaken
@@ -24,6 +25,11 @@ from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import SILENT, Observer
+from fracid.workflows.figures import Figures, saved
+from fracid.workflows.records import json_document, write_files
+
+CALLED = {"noise": "study", "control": "controller"}
+"""Kind of a study → what it is called where a folder is refused; its kind if left out."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,6 +49,19 @@ class Finished(CardDisplay):
     def _card(self) -> Card:
         card: Card = getattr(self, self.FOUND)._card()
         return card.of_folder(self.folder)
+
+    @classmethod
+    def written(
+        cls, folder: Path, record: Mapping[str, Any], figures: Figures, observer: Observer,
+        texts: Mapping[str, str] | None = None, **found: Any,
+    ) -> Self:  # fmt: skip
+        """Write what was found: the JSON file and `texts` beside it, the figures, the page."""
+        observer.stage("figures")
+        write_files(folder, {**(texts or {}), cls.FILE: json_document(record)})
+        drawn = saved(figures, folder)
+        write_study_page(folder, cls.FILE)
+        observer.stage("")
+        return cls(folder, drawn, record, **found)
 
     @property
     def path(self) -> Path:
@@ -106,6 +125,18 @@ def digest_of(project: Project) -> str:
     """Hash a project file with its own code."""
     parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
     return sha256(b"".join(parts)).hexdigest()[:16]
+
+
+@contextmanager
+def begun(
+    folder: Path, study: Mapping[str, Any], fault: Callable[[str, Any], str], observer: Observer, counted: str,
+    command: Sequence[str],
+) -> Iterator[dict[str, Any]]:  # fmt: skip
+    """Make the folder of a study, which must hold no fit, and open its journal; see :func:`journal_of`."""
+    refuse_fit(folder, f"the {CALLED.get(study['kind'], study['kind'])}")
+    open_folder(folder, command)
+    with journal_of(folder, study, fault, observer, counted) as kept:
+        yield kept
 
 
 @contextmanager
