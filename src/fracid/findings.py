@@ -22,7 +22,7 @@ from functools import cached_property
 from typing import Any
 
 from fracid.safety.door import own_text
-from fracid.safety.schema import Record, Unknown, as_json
+from fracid.safety.schema import Record, Unknown
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,6 @@ class Finding(Record):
     def __str__(self) -> str:
         """Where, and the sentence."""
         return f"{self.where}: {self.sentence}" if self.where else self.sentence
-
-    def to_json(self) -> dict[str, Any]:
-        """As plain JSON values; a number that is not finite becomes null."""
-        return as_json(Finding, self)
 
 
 @dataclass(frozen=True)

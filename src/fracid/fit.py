@@ -91,7 +91,7 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
             "substeps": p.substeps,
             "orders": {n: OrderEstimate(**vars(e), integer=p.model.integer_order(n)) for n, e in self.orders.items()},
             "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
-            "starts": [vars(s) | {"point": self._named(s.point), "end": self._named(s.end)} for s in self.starts],
+            "starts": [vars(s) | {"point": p.named(s.point), "end": p.named(s.end)} for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
             "spread": None if self.spread is None else self.spread.to_json(),
             "cut": None if self.cut is None else self.cut.to_json(),
@@ -108,10 +108,6 @@ class Fit(CardDisplay, FitPictures, WithPosterior):
         cost = self.problem.cost_function.name, self.cost
         return fit_card(f"{title}: {claim}", (self.orders, self.parameters), search, cost, self.warnings, scores,
                         self.claim_reasons)  # fmt: skip
-
-    def _named(self, x: FloatArray) -> dict[str, float]:
-        """Name of each unknown → its value."""
-        return dict(zip(self.problem.names, x.tolist(), strict=True))
 
 
 def fit_card(

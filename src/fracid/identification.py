@@ -545,9 +545,9 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
         return None  # noise cannot be fitted better
     else:
         integer = replace(problem, orders=integer_values(problem))
-        here = dict(zip(problem.names, best.point.tolist(), strict=True))
+        here = problem.named(best.point)
         end = uninterrupted(refined(integer, embedded(integer, here), jobs, Watch(), **NESTED)).best
-        values = dict(zip(integer.names, end.point.tolist(), strict=True)) | {
+        values = integer.named(end.point) | {
             n: v for n, v in integer.orders.items() if isinstance(v, float | int)
         } if end.cost < goal else {}  # fmt: skip
     if not values:

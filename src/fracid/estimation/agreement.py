@@ -121,7 +121,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     if problem.cost_function.loss is None:
         raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no spread of it.")
     shared = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
-    at = dict(zip(problem.names, np.asarray(x).tolist(), strict=True))
+    at = problem.named(np.asarray(x))
 
     J = derivatives_of_each(problem, np.asarray(x), jobs)
 

@@ -80,7 +80,7 @@ def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result
     ends = []
     if simple.names:
         below = growing(simple, simple.start, jobs, watch).best
-        values = dict(zip(simple.names, below.point.tolist(), strict=True)) | _off(problem, elements)
+        values = simple.named(below.point) | _off(problem, elements)
         ends.append(("the simpler structure", refined(problem, embedded(problem, values), jobs, watch)))
     return [*ends, ("windows", by_windows(problem, jobs, watch))]
 
@@ -110,7 +110,7 @@ def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:
         own = growing(alone, alone.start, jobs, watch).best
-        values = {**values, **dict(zip(alone.names, own.point.tolist(), strict=True))}
+        values = {**values, **alone.named(own.point)}
     return refined(problem, embedded(problem, values), jobs, watch, **options)
 
 

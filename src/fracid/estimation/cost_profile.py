@@ -191,7 +191,7 @@ class Profiles(CardDisplay):
         """Plain JSON values."""
         return as_json(ProfilesBlock, {
             "cost": {"name": self.problem.cost_function.name, "value": self.cost},
-            "minimum": dict(zip(self.problem.names, self.x.tolist(), strict=True)),
+            "minimum": self.problem.named(self.x),
             "threshold": None if self.problem.cost_function.loss is None else CHI2_95[1],
             "profiles": {n: p.to_json() for n, p in self.profiles.items()},
             "joint": None if self.joint is None else self.joint.to_json(),

@@ -215,7 +215,7 @@ def start_shift(
     if isinstance(errors, Failure):
         return None
     weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
-    values, variance, any_taken = dict(zip(problem.names, x.tolist(), strict=True)), np.zeros(len(parabola.free)), False
+    values, variance, any_taken = problem.named(x), np.zeros(len(parabola.free)), False
     for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
         alone = replace(
             problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)

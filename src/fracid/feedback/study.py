@@ -86,10 +86,6 @@ class Fitted(Protocol):
 class Control(ControlRecord, CardDisplay):
     """A controller with the draws on which it holds."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(Control, self)
-
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Open loop, margins over the draws and the motion of the worst; see :func:`fracid.plots.control_loop`."""
         return draw("control_loop", self, style=style)
@@ -505,7 +501,7 @@ def _judged(
     notes: tuple[str, ...],
 ) -> Control:
     worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, trials[k].distance))
-    values = dict(zip(loop.problem.names, points[worst].tolist(), strict=True))
+    values = loop.problem.named(points[worst])
     return Control(
         loop.problem.model.name, loop.conditions, _design(loop, controller, trials), tried,
         tuple(trials), values, worst, seed, binomial95(sum(t.holds for t in trials), len(trials)),

@@ -202,6 +202,10 @@ class Problem(CardDisplay):
         """Names of the unknowns."""
         return self.parametrisation.names
 
+    def named(self, x: FloatArray) -> dict[str, float]:
+        """Name of each unknown → its value."""
+        return dict(zip(self.names, np.asarray(x).tolist(), strict=True))
+
     @property
     def order_indices(self) -> tuple[int, ...]:
         """Which of the unknowns are orders."""

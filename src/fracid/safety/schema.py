@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
 from math import inf, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -103,6 +103,23 @@ class Record:
             own = own["schema"]
         own["strict"] = False
         return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON values, angles in radians; a number that is not finite becomes null."""
+        return as_json(type(self), self)
+
+    @classmethod
+    def of_json(cls, content: Mapping[str, Any]) -> Self:
+        """Read the same from :meth:`to_json`.
+
+        Examples
+        --------
+        >>> from fracid.selection.amplitude import AmplitudeTest
+        >>> test = AmplitudeTest((), (), ("nothing swings",))
+        >>> AmplitudeTest.of_json(test.to_json()) == test
+        True
+        """
+        return record_of(cls, content)
 
 
 Kind = TypeVar("Kind", bound=Block | Record)

@@ -38,7 +38,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -53,7 +53,7 @@ from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
-from fracid.safety.schema import Infinite, Listed, Record, as_json, record_of
+from fracid.safety.schema import Infinite, Listed, Record
 from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
@@ -197,22 +197,6 @@ class AmplitudeTest(CardDisplay, Record):
         """
         return draw("amplitudes", self, style=style)
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values; angles in radians."""
-        return as_json(AmplitudeTest, self)
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> AmplitudeTest:
-        """The same from :meth:`to_json`.
-
-        Examples
-        --------
-        >>> test = AmplitudeTest((), (), ("nothing swings",))
-        >>> AmplitudeTest.of_json(test.to_json()) == test
-        True
-        """
-        return record_of(cls, content)
-
 
 def amplitude_test(
     problem: Problem, x: FloatArray, *, others: Sequence[Experiment] = (), windows: int = 5, jobs: int = 1
@@ -289,7 +273,7 @@ def amplitude_test(
 
 def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, float]:
     found = uncertainty(problem, x, jobs=jobs)
-    return {} if isinstance(found, Failure) else dict(zip(problem.names, found.standard_error.tolist(), strict=True))
+    return {} if isinstance(found, Failure) else problem.named(found.standard_error)
 
 
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
@@ -381,7 +365,7 @@ def _window(
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
-    fitted = dict(zip(problem.names, x.tolist(), strict=True)) if span[0] == 0 else {}  # its initial state too
+    fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
     best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):

@@ -378,7 +378,7 @@ def _fit_structure(
     best, outcome = (
         _fitted(structure, below, seed, starts, jobs) if before is None else _refitted(structure, below, *before, jobs)
     )
-    values = dict(zip(problem.names, best.point.tolist(), strict=True))
+    values = problem.named(best.point)
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
         scores = {n: _score(problem, e, errors) for n, (e, _) in problem.recordings.items()}

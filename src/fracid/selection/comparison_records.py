@@ -31,10 +31,8 @@ from fracid.safety.schema import (
     Numbers,
     Record,
     Unknown,
-    as_json,
     fault_of,
     lacking,
-    record_of,
 )
 from fracid.selection.amplitude import AmplitudeTest
 from fracid.selection.claim import LACKS, ClaimWord
@@ -221,15 +219,6 @@ class Comparison(CardDisplay, Record):
         """What speaks against the claim, as :func:`fracid.selection.doubts.doubts` of a fit."""
         left = self.best(fractional=self.claim == "fractional").left_over.values()
         return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKS}
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values; angles in radians, what is not finite as null."""
-        return as_json(Comparison, self)
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> Comparison:
-        """The same from :meth:`to_json`, or from compare.json."""
-        return record_of(cls, content)
 
     def _card(self) -> Card:
         return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (

@@ -106,7 +106,7 @@ def finite_memories(
     """
     groups = _groups(problem, off)
     memories: list[FiniteMemory] = []
-    values = dict(zip(problem.names, best.point.tolist(), strict=True))
+    values = problem.named(best.point)
     fewer: dict[str, float] = {}
     for count in range(1, MOST + 1):
         rival = _relaxing(problem, best, groups, count)
@@ -114,7 +114,7 @@ def finite_memories(
         starts += [starts[-1] | fewer | _faint(groups, rival, count)] if fewer else []
         end = _lowest(rival, starts, jobs)
         memories.append(_judged(rival, end, groups, count, problem, best, jobs))
-        fewer = dict(zip(rival.names, end.point.tolist(), strict=True))
+        fewer = rival.named(end.point)
         if memories[-1].as_well:
             break
     return tuple(memories)

@@ -163,12 +163,12 @@ def fractional_element(
     free = {score.name: replace(own, start=score.strength, upper=max(own.upper, 10 * score.strength)),
             order: Free(score.order, 0.05, 0.95)}  # fmt: skip
     with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
-    values = dict(zip(problem.names, best.point.tolist(), strict=True)) | {n: v.start for n, v in free.items()}
+    values = problem.named(best.point) | {n: v.start for n, v in free.items()}
     end = uninterrupted(refined(with_it, embedded(with_it, values), jobs, Watch())).best
     if end.residuals is None:
         return None
     _, gain = gain_over(Rival(with_it, end, "", {}), problem, best)
-    at = dict(zip(with_it.names, end.point.tolist(), strict=True))
+    at = with_it.named(end.point)
     before = min(best.cost, best.cost if goal is None else goal)
     explained = all(left.explained for left in leftovers(with_it, end.point).values())
     if gain > -STRONG or end.cost**2 > (1 - SHARE) * before**2 or not explained:
@@ -198,7 +198,7 @@ def _effect(
 
     def errors(strength: float) -> FloatArray | None:
         there = replace(problem, parameters={**problem.parameters, name: strength, _order_of(name): order})
-        result = there.errors(embedded(there, dict(zip(problem.names, x.tolist(), strict=True))))
+        result = there.errors(embedded(there, problem.named(x)))
         return None if isinstance(result, Failure) else _joined(result)[scored]
 
     strength = 1e-5 * freed_friction(problem, [name])[name].upper

@@ -344,5 +344,5 @@ def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -
     )
     same = replace(problem, experiments=its_own, memo=None)  # what its inputs do between samples stays
     off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
-    evaluation = same.evaluate(embedded(same, off | dict(zip(problem.names, best.point.tolist(), strict=True))))
+    evaluation = same.evaluate(embedded(same, off | problem.named(best.point)))
     return replace(evaluation, point=best.point) if evaluation.residuals is not None else None

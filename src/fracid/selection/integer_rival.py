@@ -185,7 +185,7 @@ class Rival:
     @property
     def values(self) -> dict[str, float]:
         """Its unknowns by name [SI]."""
-        return dict(zip(self.problem.names, self.evaluation.point.tolist(), strict=True))
+        return self.problem.named(self.evaluation.point)
 
     def trial(self, gain: float, as_well: bool) -> Trial:
         """Of the model without what was added to it."""
@@ -268,7 +268,7 @@ def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float
     whole = without(problem, springpots(problem))
     ranges = _seen(whole, best, freed_friction(whole)) if whole.names == problem.names else freed_friction(whole)
     rival = replace(whole, parameters={**whole.parameters, **ranges}, method="pi2", orders=integer_values(whole))
-    best_values = dict(zip(problem.names, best.point.tolist(), strict=True))
+    best_values = problem.named(best.point)
     as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
         integer = uninterrupted(growing(rival, rival.start, jobs, Watch(), also=(as_found,))).best

@@ -396,7 +396,7 @@ def assignment(problem: Problem, x: FloatArray) -> dict[str, float]:
     (1.0, 0.9, 0.2, 0.0003)
     """
     own = {p.name: p.value for p in problem.model.parameters}
-    found = dict(zip(problem.names, x.tolist(), strict=True))
+    found = problem.named(x)
     return {**own, **problem.parameter_starts, **problem.order_starts, **found}
 
 

@@ -121,7 +121,7 @@ def _stopping(problem: Problem, end: Evaluation) -> dict[str, Free]:
 
 def _point(problem: Problem, former: Problem, end: Evaluation) -> FloatArray:
     """A point of a problem in one with other bounds."""
-    return embedded(problem, dict(zip(former.names, end.point.tolist(), strict=True)))
+    return embedded(problem, former.named(end.point))
 
 
 def _is_worth_it(problem: Problem, further: Evaluation, end: Evaluation) -> bool:

@@ -132,7 +132,7 @@ class NoiseStudy(CardDisplay):
         """Plain JSON values; angles in radians."""
         return as_json(StudyBlock, vars(self) | {
             "model": self.problem.model.name,
-            "truth": dict(zip(self.problem.names, self.truth.tolist(), strict=True)),
+            "truth": self.problem.named(self.truth),
             "method": self.problem.method,
             "cost_name": self.cost_name,
             "outputs": self.problem.outputs,
@@ -484,7 +484,7 @@ def repetition(
     return as_json(RepetitionBlock, begun | {
         "failure": "",
         "cost": best.cost,
-        "values": dict(zip(problem.names, best.point.tolist(), strict=True)),
+        "values": problem.named(best.point),
         "standard_errors": {
             n: None if isinstance(precision, Failure) else float(precision.standard_error[i])
             for i, n in enumerate(problem.names)

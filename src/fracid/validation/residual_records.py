@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
 from fracid.cards import Card, CardDisplay
-from fracid.safety.schema import Block, Number, Record, Unknown, as_json
+from fracid.safety.schema import Block, Number, Record, Unknown
 
 SHORT = 30
 """Samples below which nothing is asked."""
@@ -203,18 +203,6 @@ class ResidualAnalysis(CardDisplay, Record):
 
     def _card(self) -> Card:
         return Card(f"Residual of {self.recording}, {self.output} ({self.use})", tuple(self.sentences.items()))
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything as plain JSON values, what is not known as null; angles in radians.
-
-        Examples
-        --------
-        >>> nothing = ResidualAnalysis("r", "alpha", "fit", 0, 3, 0.01, Whiteness("none"), Spectrum(""),
-        ...                            Normality(""), Variance(""), Level(""))
-        >>> nothing.to_json()["whiteness"]["p_value"] is None, nothing.sentences
-        (True, {'whiteness': 'none'})
-        """
-        return as_json(ResidualAnalysis, self)
 
 
 class ResidualsBlock(Block):

@@ -11,7 +11,7 @@ from pydantic import Field, computed_field
 
 from fracid.figures import Style, draw
 from fracid.findings import Finding
-from fracid.safety.schema import Block, Coherent, Interval, Number, Record, as_json, fault_of, lacking, record_of
+from fracid.safety.schema import Block, Coherent, Interval, Number, Record, fault_of, lacking, record_of
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -55,10 +55,6 @@ class Statistics(Record):
     def bias_error(self) -> float | None:
         """Standard error of the bias [unit]."""
         return None if self.spread is None else self.spread / math.sqrt(self.estimates)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(Statistics, self)
 
 
 TIMES = "× RMS"
@@ -108,10 +104,6 @@ class Cell(Record):
     def label(self) -> str:
         """In words: ``0.1° of noise, 4096 counts``."""
         return label_of(self.level, self.resolution, self.unit)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(Cell, self)
 
 
 @dataclass(frozen=True)

@@ -489,7 +489,7 @@ def _signed(shift: float) -> str:
 
 def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
     """The minimum x in another problem's unknowns; the state of a start at another time from the fit's own run."""
-    values = dict(zip(problem.names, x.tolist(), strict=True))
+    values = problem.named(x)
     for e, later in zip(problem.experiments, other.experiments, strict=True):
         at = later.start - e.start
         if at < 0:  # the start as measured

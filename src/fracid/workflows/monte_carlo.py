@@ -225,7 +225,7 @@ def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
     return {
         "kind": "noise",
         "project": truth.digest,
-        "truth": dict(zip(plan.problem.names, plan.truth.tolist(), strict=True)),
+        "truth": plan.problem.named(plan.truth),
         "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
         "cost": plan.problem.cost_function.name,
         "seed": plan.seed,

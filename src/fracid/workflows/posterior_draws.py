@@ -123,7 +123,7 @@ def header_of_run(saved: SavedRun, kind: str) -> dict[str, Any]:
     return {
         "kind": kind,
         "project": digest_of(saved.project),
-        "fit": dict(zip(saved.problem.names, saved.x.tolist(), strict=True)),
+        "fit": saved.problem.named(saved.x),
         "data": {r.name: r.sha256 for r in saved.project.recordings},
         "versions": versions(),
     }  # fmt: skip
