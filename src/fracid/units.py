@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 GREEK = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ", "eta": "η", "theta": "θ",
@@ -154,6 +155,17 @@ def interval_beside(value: float, low: float, high: float) -> str:
     if max(high - value, value - low) <= LOPSIDED * half:
         return f"± {half_width(half, value)}"
     return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
+
+
+def half_of(ends: Sequence[float] | None) -> float:
+    """Half the width of an interval; 0 where there is none.
+
+    Examples
+    --------
+    >>> half_of((0.5, 1.0)), half_of(None)
+    (0.25, 0.0)
+    """
+    return 0.0 if ends is None else (ends[1] - ends[0]) / 2
 
 
 def half_width(half: float, value: float = 0.0) -> str:

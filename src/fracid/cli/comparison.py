@@ -37,7 +37,7 @@ from fracid.cli.completion import key_of
 from fracid.errors import DataError
 from fracid.safety.door import text_of
 from fracid.tasks.display import shown
-from fracid.units import shown_unit, with_unit
+from fracid.units import half_of, shown_unit, with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -183,7 +183,7 @@ def _structure(row: Row) -> tuple[str, str]:
 
 
 def _order(value: float, ends: tuple[float, ...] | None) -> str:
-    return f"{value:.4f}" if ends is None else f"{value:.4f} ± {(ends[1] - ends[0]) / 2:.2g}"
+    return f"{value:.4f}" if ends is None else f"{value:.4f} ± {half_of(ends):.2g}"
 
 
 def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:

@@ -40,7 +40,7 @@ from fracid.cli.completion import key_of
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
-from fracid.units import interval_beside, to_second_digit, with_unit
+from fracid.units import half_of, interval_beside, to_second_digit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -296,8 +296,8 @@ def _digits(value: float, e: Estimate) -> str:
     """The value to the second digit of its interval; the bound where it lies at one."""
     if e.bound is not None:
         return f"{e.bound:.6g}"
-    half = None if e.interval95 is None else (e.interval95[1] - e.interval95[0]) / 2
-    if half is None or not half > 0 or value == 0:
+    half = half_of(e.interval95)
+    if not half > 0 or value == 0:
         return f"{value:.6g}" if not e.free else f"{value:.4g}"
     return to_second_digit(value, half)
 

@@ -31,7 +31,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
-from fracid.units import half_width, to_second_digit
+from fracid.units import half_of, half_width, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -166,7 +166,7 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
     table = new_table("", "value", "95 % to expect", "narrower by", "unit")
     gains = plan.gain_over()
     for name, v in plan.expected.items():
-        half = 0.0 if v.interval95 is None else (v.interval95[1] - v.interval95[0]) / 2
+        half = half_of(v.interval95)
         value = to_second_digit(v.value, half) if half else f"{v.value:.5g}"
         ends = f"± {half_width(half, v.value)}" if half else "not shown"
         gain = gains.get(name)

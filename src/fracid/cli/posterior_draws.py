@@ -31,7 +31,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import key_of, one_of
 from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
-from fracid.units import to_second_digit
+from fracid.units import half_of, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -92,7 +92,7 @@ def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Co
     drawn, unknowns = finished.posterior, finished.result["unknowns"]
     wide, narrow = (new_table("", "median", "95 % interval", "unit", *more, fold=("",)) for more in (["prior"], []))
     for name, row in unknowns.items():
-        half = max((row["interval95"][1] - row["interval95"][0]) / 2, SMALLEST)
+        half = max(half_of(row["interval95"]), SMALLEST)
         median, low, high = (to_second_digit(v, half) for v in (row["median"], *row["interval95"]))
         cells = [*map(escape, (name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))]
         wide.add_row(*cells)

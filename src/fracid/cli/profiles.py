@@ -28,7 +28,7 @@ from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
-from fracid.units import to_second_digit
+from fracid.units import half_of, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -112,7 +112,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
 
 
 def _half(ends: tuple[float, float] | None) -> str:
-    return "none" if ends is None else f"± {(ends[1] - ends[0]) / 2:.2g}"
+    return "none" if ends is None else f"± {half_of(ends):.2g}"
 
 
 def _value(p: Profile) -> str:

@@ -31,7 +31,7 @@ from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.cli.completion import ZEROS, key_of, one_of
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
-from fracid.units import half_width, to_second_digit
+from fracid.units import half_of, half_width, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -140,7 +140,7 @@ def _print_constants(console: Console, f: Regression) -> None:
 
     table = new_table("", "value", "95 % interval", "bias", "unit", "", fold=())
     for name, c in f.parameters.items():
-        half = 0.0 if c.interval95 is None else (c.interval95[1] - c.interval95[0]) / 2
+        half = half_of(c.interval95)
         value, interval = f"{c.value:.4g}", ""
         if 0 < half < inf:
             value, interval = to_second_digit(c.value, half), f"± {half_width(half, c.value)}"

@@ -50,7 +50,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import GREEK, with_unit
+from fracid.units import GREEK, half_of, with_unit
 
 SAYS = Words("estimation/parameter_verdicts.toml")
 
@@ -272,7 +272,7 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
         return
     low, high = profile.interval95
     if profile.two_sided is not None:
-        narrow = not view.too_wide(i, (profile.two_sided[1] - profile.two_sided[0]) / 2)
+        narrow = not view.too_wide(i, half_of(profile.two_sided))
         if narrow and view.known.at_bound[i]:  # the walk found it off the bound
             yield from _identifiable(view, i)
         elif view.known.at_bound[i]:

@@ -16,8 +16,11 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC, Writer
+
+SAYS = Words("export/whole.toml")
 
 LANGUAGES: dict[str, type[Writer]] = {"c": C, "c-single": SingleC, "matlab": Matlab, "javascript": JavaScript}
 
@@ -55,10 +58,7 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
     lacking = _lacking(model)
     if lacking is not None:
         what = f"lacks {' and '.join(lacking)}, which it runs with" if lacking else "reads otherwise than it runs"
-        raise InputError(
-            f"The source of the right-hand side of {model.name!r} {what}: it was changed after it was loaded, "
-            "or refers to something that changes. Load the model again; refer to constants only."
-        )
+        raise InputError(SAYS("other-rhs", model=model, what=what))
     zero = f"; {model.pendulum} = 0 is {model.zero}" if model.pendulum and model.zero else ""
     name = " ".join(model.name.split()).replace("*/", "* /")
     title = f"Right-hand side of the model {name}{zero}."
@@ -86,10 +86,7 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
             read(0.0, x, u, p, out)
             solved = [x[h] if isinstance(h, int) else h(0.0, x, u, p) for h in model.shown.values()]
         if not np.array_equal(out, solved, equal_nan=True):
-            raise InputError(
-                f"The source of the outputs of {model.name!r} reads otherwise than it runs: it was changed after it "
-                "was loaded. Load the model again."
-            )
+            raise InputError(SAYS("other-outputs", model=model))
     writer, taken = LANGUAGES[language], (*taken, "fracid_output")
     return writer(tree, taken, "", "void fracid_output").text(writer(model.program, taken))
 

@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import with_code
+from fracid.findings import Words, with_code
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
@@ -59,6 +59,8 @@ from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
 from fracid.signals.swing import common_period, final_value, half_swings, quickening, stands, swing_period
+
+SAYS = Words("problem/draft.toml")
 
 REST_ERROR, MIDDLE_ERROR = math.radians(2), math.radians(11)
 """Of what rests, and of the middle of what swings: nearer to hanging its zero is the file's."""
@@ -82,8 +84,7 @@ ENOUGH = 64
 MANY_TIMES, MANY_SAMPLES = 4, 100_000
 """A recording with so many times as many, and so many in all, could have fewer."""
 
-HELD = ("No column is the arm's angle: the project has it held still. If it moves, name its column: "
-        "--column theta=COLUMN.")  # fmt: skip
+HELD = SAYS("no-arm")
 """What a draft assumes where the file has one angle."""
 
 BROKEN = "the clock jumps, an angle drops out, or samples are missing"
@@ -227,8 +228,7 @@ def draft_project(
     notes += with_code(recording.report.reading, "interpolated")
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     if rig is None and not starts:
-        notes += (f"No rig is named: the constants are those of {rig_name}, and all that are fitted scale with its C4. "
-                  f"Type --rig NAME for another: {', '.join(n for n in RIGS if n != rig_name)}.",)  # fmt: skip
+        notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
     page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window, starts or {})
     return Draft(page.text(), column_specs, notes)
 

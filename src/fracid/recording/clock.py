@@ -28,10 +28,12 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Finding, Note
+from fracid.findings import Finding, Note, Words
 from fracid.recording.channel import TABLES, measurable
 from fracid.recording.readers.table import Table
 from fracid.safety.text import LONGEST_NAME, printable
+
+SAYS = Words("recording/clock.toml")
 
 SECONDS: dict[str, float] = {n: row["factor"] for n, row in TABLES["time"].items()}
 
@@ -142,10 +144,7 @@ def _refuse_no_clock(stamps: FloatArray, table: Table) -> None:
     steps = np.abs(np.diff(stamps))
     steps = steps[steps > 0]
     if steps.size and not (steps.min() > SHORTEST_STEP and np.ptp(stamps) < LONGEST_TIME):
-        raise DataError(
-            f"{table.source}: time has steps from {steps.min():.3g} to {steps.max():.3g} s over "
-            f"{np.ptp(stamps):.3g} s, as no clock has. Is it another column, or in another unit?"
-        )
+        raise DataError(SAYS("no-clock", table=table, least=steps.min(), most=steps.max(), seconds=np.ptp(stamps)))
 
 
 def _from_rate(table: Table, rate: Any) -> tuple[FloatArray, NDArray[np.bool_], _Said]:
@@ -171,12 +170,7 @@ def _other_rates(table: Table, rate: float) -> Iterator[Finding]:
         times = [rate / (own / seconds) for seconds in SECONDS.values()]
         nearest = min(times, key=lambda r: abs(math.log(r)))
         if abs(math.log(nearest)) > math.log(OTHER_RATE):
-            yield Finding(
-                "wrong-clock", "time", times[0], OTHER_RATE, "times the rate of its column",
-                f"the rate is {rate:g} Hz, as given, and the column {short_text(name)!r} runs at {own:.6g} Hz: one "
-                f"of the "
-                "two is wrong. Leave the rate out to take the column.",
-            )  # fmt: skip
+            yield SAYS.finding("other-rate", "time", times[0], OTHER_RATE, rate=rate, column=short_text(name), own=own)
 
 
 def _header_rate(header: Sequence[str]) -> float | None:

@@ -20,7 +20,7 @@ from math import isfinite
 from typing import Any
 
 from fracid.optimise.base import Outcome
-from fracid.units import GREEK, interval_beside, to_second_digit, typeset_unit
+from fracid.units import GREEK, half_of, interval_beside, to_second_digit, typeset_unit
 
 
 def letter(name: str) -> str:
@@ -156,7 +156,7 @@ def half_width(estimate: Mapping[str, Any]) -> float | None:
     0.1
     """
     ends = estimate.get("interval95")
-    return None if ends is None else round((ends[1] - ends[0]) / 2, 15)
+    return None if ends is None else round(half_of(ends), 15)
 
 
 def end_of(estimate: Mapping[str, Any], side: int) -> str:

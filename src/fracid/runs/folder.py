@@ -35,6 +35,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, writing
+from fracid.findings import Words
 from fracid.fit import Fit, ResultBlock
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
@@ -44,6 +45,8 @@ from fracid.tasks.folder_lock import FolderLock, Json
 
 if TYPE_CHECKING:
     from fracid.problem.project import Project
+
+SAYS = Words("runs/folder.toml")
 
 RUN = "run.json"
 
@@ -186,10 +189,7 @@ def run_state(folder: Path) -> RunState:
         content = read_as(folder / RUN, RunState, "the command itself")
         return record_of(RunState, content)
     except (OSError, InputError):
-        raise InputError(
-            f"{folder} has no run.json that can be read: it is no run folder, or was left before anything was done. "
-            "Type the command itself again."
-        ) from None
+        raise InputError(SAYS("no-state", folder=folder)) from None
 
 
 def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
@@ -314,10 +314,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
         raise InputError(f"{folder} holds another run: {before.kind} with {dict(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
-            raise InputError(
-                f"{folder} cannot be resumed: {what} has changed since. Put it back, or begin again in another "
-                "folder: --out DIR."
-            )
+            raise InputError(SAYS("changed", folder=folder, what=what))
 
 
 def _write_state(folder: Path, state: RunState) -> None:

@@ -81,6 +81,7 @@ from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution, Part
+from fracid.units import half_of
 
 SAYS = Words("selection/comparison.toml")
 
@@ -693,7 +694,7 @@ class _Study:
 
 def _half_widths(row: Row) -> dict[str, float]:
     """Half the 95 % interval of each order that has one."""
-    return {n: (ends[1] - ends[0]) / 2 for n, o in row.orders.items() if (ends := o.interval95) is not None}
+    return {n: half_of(o.interval95) for n, o in row.orders.items() if o.interval95 is not None}
 
 
 def _choose_step(

@@ -37,6 +37,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models import Model, model
 from fracid.models.base import Output
 from fracid.models.library import inputs_of, table_of
@@ -48,6 +49,8 @@ from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
 from fracid.twins.encoder import encoder
+
+SAYS = Words("twins/twin.toml")
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
@@ -185,10 +188,7 @@ class Twin(CardDisplay):
         """
         model: Model = problem.model
         if experiment.sensors or experiment.actuators:
-            raise InputError(
-                f"{experiment.name} has a delay, gain, bias or lowpass, which a simulated recording does not have; "
-                "leave them out of a copy of the project, or simulate the model itself: fracid simulate RIG."
-            )
+            raise InputError(SAYS("sensor", experiment=experiment))
         orders, values, initial = problem.unpack(x, experiment)
         inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
         if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
@@ -223,10 +223,7 @@ class Twin(CardDisplay):
         new.model.parameter_vector(new.parameters)
         new.model.state_vector({**new.initial, **changes.get("initial", {})})
         if new.history is not None and (new.step, new.orders) != (self.step, self.orders):
-            raise InputError(
-                f"{self.name} starts in motion, with its measured past on its own grid; leave its step and orders as "
-                "they are, or simulate the model itself: fracid simulate RIG."
-            )
+            raise InputError(SAYS("in-motion", name=self.name))
         return new
 
     @property

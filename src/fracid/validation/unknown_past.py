@@ -51,7 +51,7 @@ from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import as_json
 from fracid.schemas.scatter import CutBlock
-from fracid.units import GREEK
+from fracid.units import GREEK, half_of
 
 SAYS = Words("validation/unknown_past.toml")
 
@@ -287,7 +287,7 @@ def cut_check(
     ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
     return CutCheck(
         dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
-        {n: None if end is None else (end[1] - end[0]) / 2 for n, end in zip(names, ends, strict=True)},
+        {n: None if end is None else half_of(end) for n, end in zip(names, ends, strict=True)},
         problem.cost(x), problem.levels(x), tuple(treatments), left_out,
     )  # fmt: skip
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError, NotTrusted
+from fracid.findings import Words
 from fracid.fit import ResultBlock
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.safety.paths import refuse_mistaken
@@ -29,6 +30,8 @@ from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
 from fracid.workflows.fit import FinishedRun, run
+
+SAYS = Words("workflows/resumption.toml")
 
 STUDIES = ("compare", "noise", "posterior", "control")
 """The commands that are typed again."""
@@ -130,10 +133,7 @@ def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
 
 def _said_by_hand(folder: Path, there: str, executor: str | None) -> str:
     if executor is None:
-        raise InputError(
-            f"{folder} was on the scheduler {there}, and what a scheduler sends is run here: type its address "
-            f"yourself, if it is yours: fracid resume {folder} --scheduler {there}."
-        )
+        raise InputError(SAYS("scheduler", folder=folder, there=there))
     return executor
 
 
@@ -202,10 +202,7 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
     if words[:1] not in ([name] for name in STUDIES):
         raise InputError(f"{folder} holds no study that can be typed again; those are {' and '.join(STUDIES)}.")
     if any(".py:" in word for word in words) and not trust:
-        raise NotTrusted(
-            f"{folder} refers to Python code: {shlex.join(['fracid', *words])}. Review the file; to run it, add "
-            "--trust."
-        )
+        raise NotTrusted(SAYS("own-code", folder=folder, words=shlex.join(["fracid", *words])))
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
         _said_by_hand(folder, address.removeprefix("--scheduler="), None)
     return [word for word in _without_address(words) if word != "--trust"]
