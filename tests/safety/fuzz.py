@@ -34,6 +34,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import mmap
 import os
 import resource
@@ -46,6 +47,7 @@ import traceback
 import unicodedata
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,7 +57,7 @@ from unittest import mock
 sys.path.insert(0, str(Path(__file__).parent))
 from fuzz_inputs import PACKAGED, READERS, answer_here, input_of, swings
 
-__all__ = ["Tally", "fuzz", "judge"]
+__all__ = ["Tally", "fuzz", "judge", "say_and_exit", "tried"]
 
 ROOT = Path(__file__).parents[2]
 SECONDS = 5.0
@@ -188,7 +190,30 @@ def _fault_of(message: str) -> str | None:
 def _where(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     ours = [f"{Path(f.filename).name}:{f.lineno}" for f in frames if "fracid" in f.filename]
-    return "at " + " ".join(ours[-2:])
+    return "at " + " ".join(ours[-3:])
+
+
+def tried(
+    numbers: range, judge: Callable[[int], str], seconds: float = math.inf
+) -> tuple[Counter[str], dict[int, str]]:
+    """How inputs end, until they or the time are used up: how often each way, and what went wrong in which."""
+    ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
+    for number in numbers:
+        if time.monotonic() > end:
+            break
+        outcome = judge(number)
+        ended["failed" if outcome.startswith("!") else outcome] += 1
+        if outcome.startswith("!"):
+            failures[number] = outcome[2:]
+    return ended, failures
+
+
+def say_and_exit(ended: Counter[str], failures: dict[int, str]) -> None:
+    """Print how the inputs ended; exit code 1 where anything went wrong."""
+    print(f"{sum(ended.values())} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
+    for number, what in failures.items():
+        print(f"{number}: {what}")
+    sys.exit(1 if failures else 0)
 
 
 # --- a child process that reads one after the other -----------------------------------------------------

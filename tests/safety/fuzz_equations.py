@@ -35,7 +35,7 @@ from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import Formula
 from fracid.models.written.languages import Python
 from fracid.models.written.tree import Program
-from fuzz import _fault_of
+from fuzz import _fault_of, say_and_exit, tried
 
 __all__ = ["equation", "fuzz", "judge"]
 
@@ -212,19 +212,17 @@ def fuzz(numbers: range) -> tuple[Counter[str], dict[int, str]]:
     """Read texts; return what came of them, and what went wrong."""
     for text in ("\x00", "2*sign(speed)"):  # what is imported, or read of fracid's own, at the first use
         judged(text)
-    ended, failures = Counter[str](), dict[int, str]()
     gc.disable()  # when garbage is looked for is Python's affair, and is no text's time
     try:
-        for number in numbers:
-            outcome = judge(number)
-            ended["failed" if outcome.startswith("!") else outcome] += 1
-            if outcome.startswith("!"):
-                failures[number] = outcome[2:]
-            if number % 5000 == 0:
-                gc.collect()
+        return tried(numbers, _judged_and_cleared)
     finally:
         gc.enable()
-    return ended, failures
+
+
+def _judged_and_cleared(number: int) -> str:
+    if number % 5000 == 0:
+        gc.collect()
+    return judge(number)
 
 
 sys.addaudithook(_listen)
@@ -241,12 +239,7 @@ def main() -> None:
         print(repr(equation(asked.again)), judge(asked.again), sep="\n")
         print(_model(equation(asked.again)))
         return
-    begun = time.process_time()
-    ended, failures = fuzz(range(asked.first, asked.first + asked.inputs))
-    print(f"{sum(ended.values())} texts in {time.process_time() - begun:.0f} s: {dict(ended)}")
-    for number, what in [*failures.items()][:50]:
-        print(f"{number}: {what}")
-    sys.exit(1 if failures else 0)
+    say_and_exit(*fuzz(range(asked.first, asked.first + asked.inputs)))
 
 
 if __name__ == "__main__":

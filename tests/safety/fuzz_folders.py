@@ -1,4 +1,3 @@
-# ruff: noqa: T201  (a command: it prints)
 """Fuzzing of folders of folders: anything at all, under the names that fracid looks for, given to every command.
 
 ::
@@ -23,17 +22,14 @@ import random
 import socket
 import sys
 import tempfile
-import time
-import warnings
 from collections import Counter
 from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.plots import writing
-from fracid.safety.text import printable
-from fuzz import _fault_of
-from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, _where, judge_imports, limited, made
+from fuzz import say_and_exit, tried
+from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, fault_of, judge_imports, limited, made
 
 __all__ = ["fuzz", "judge", "planted"]
 
@@ -141,24 +137,10 @@ def judge(number: int, scratch: Path, good: Path | None = None) -> str:
     words = planted(number, scratch, good)
     writing._rendered = _drawn  # a good run's figures are laid out, but not set in pixels: that is no stranger's work
     before = _outside(scratch)
-    with warnings.catch_warnings(record=True) as heard, contextlib.chdir(scratch / "in"):
-        warnings.simplefilter("always")
-        try:
-            code, out, err = _called(words)
-        except Exception as error:
-            return f"! {words}: {type(error).__name__}: {str(error)[:200]} {_where(error)}"
-    told = err.strip().splitlines()
-    if heard:
-        return f"! {words}: warning: {heard[0].message}"
-    if code not in (0, 1, 2, 3):
-        return f"! {words}: exit code {code}: {err[-300:]}"
-    if code == 2 and (fault := _fault_of(told[-1].replace(printable(words[1]), "FOLDER") if told else "")):
-        return f"! {words}: {fault}"
-    if any(c in out + err for c in "\x1b\x07\u202e\x00"):
-        return f"! {words}: prints what commands a terminal"
-    if (now := _outside(scratch)) != before:
-        return f"! {words}: wrote outside: {sorted(set(now.items()) ^ set(before.items()))[:3]}"
-    return f"{words[0]} {code}"
+    fault = fault_of(words, scratch / "in", (0, 1, 2, 3), partial(_called, words))
+    if not fault.startswith("!") and (now := _outside(scratch)) != before:
+        fault = f"! wrote outside: {sorted(set(now.items()) ^ set(before.items()))[:3]}"
+    return f"! {words}: {fault[2:]}" if fault.startswith("!") else fault
 
 
 def _outside(scratch: Path) -> dict[str, tuple[int, int]]:
@@ -170,21 +152,13 @@ def _outside(scratch: Path) -> dict[str, tuple[int, int]]:
 def fuzz(numbers: range, seconds: float, good: Path | None = None) -> tuple[Counter[str], dict[int, str]]:
     """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
     _import_all(good)
-    ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=memory) as name:
         scratch = Path(name)
         (scratch / "thesis").write_text("mine")
         (scratch / "outside").mkdir()
         (scratch / "outside" / "report.html").write_text("mine, too")
-        for number in numbers:
-            if time.monotonic() > end:
-                break
-            outcome = limited(partial(judge, number, scratch, good), scratch, SECONDS)
-            ended["failed" if outcome.startswith("!") else outcome] += 1
-            if outcome.startswith("!"):
-                failures[number] = outcome[2:]
-    return ended, failures
+        return tried(numbers, lambda n: limited(partial(judge, n, scratch, good), scratch, SECONDS), seconds)
 
 
 def _import_all(good: Path | None) -> None:
@@ -208,11 +182,7 @@ def main() -> None:
     if asked.good and not (asked.good / "noisy" / "noise.json").exists():
         made(asked.good)
     first, count = (asked.first, asked.inputs) if asked.again is None else (asked.again, 1)
-    ended, failures = fuzz(range(first, first + count), asked.seconds, asked.good)
-    print(f"{sum(ended.values())} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
-    for number, what in failures.items():
-        print(f"{number}: {what}")
-    sys.exit(1 if failures else 0)
+    say_and_exit(*fuzz(range(first, first + count), asked.seconds, asked.good))
 
 
 if __name__ == "__main__":

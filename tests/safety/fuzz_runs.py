@@ -27,8 +27,6 @@ import shutil
 import signal
 import sys
 import tempfile
-import time
-import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
@@ -40,7 +38,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.plots import writing
-from fuzz import MEMORY, _fault_of
+from fracid.safety.text import printable
+from fuzz import MEMORY, _fault_of, _where, say_and_exit, tried
 
 __all__ = ["judge", "made", "spoilt"]
 
@@ -292,25 +291,30 @@ def judge(number: int, good: Path, scratch: Path) -> str:
     words = typed.split()
     mine = folder / (words[1] if words[-2] != "--out" else words[-1])
     before = _listed(scratch, mine)
+    codes = (0, 1, 2, 3) if words[0] == "reproduce" else (0, 2, 3)
+    fault = fault_of(words, folder, codes, lambda: _python(mine) if words[0] == "python" else _called(words))
+    if not fault.startswith("!") and (now := _listed(scratch, mine)) != before:
+        fault = f"! wrote {sorted(set(now.items()) ^ set(before.items()))[:3]}"
+    return f"! {typed}: {fault[2:]}" if fault.startswith("!") else fault
+
+
+def fault_of(words: list[str], folder: Path, codes: tuple[int, ...], call: Callable[[], tuple[int, str, str]]) -> str:
+    """How a command ends in a folder, or what is wrong with its code and its words after an exclamation mark."""
     with warnings.catch_warnings(record=True) as heard, contextlib.chdir(folder):
         warnings.simplefilter("always")
         try:
-            code, out, err = _python(mine) if words[0] == "python" else _called(words)
+            code, out, err = call()
         except Exception as error:
-            return f"! {typed}: {type(error).__name__}: {str(error)[:200]} {_where(error)}"
+            return f"! {type(error).__name__}: {str(error)[:200]} {_where(error)}"
     told = err.strip().splitlines()
     if heard:
-        return f"! {typed}: warning: {heard[0].message} {heard[0].filename}:{heard[0].lineno}"
-    if code not in ((0, 1, 2, 3) if words[0] == "reproduce" else (0, 2, 3)):
-        return f"! {typed}: exit code {code}: {err[-200:]}"
-    if code == 2 and (fault := _fault_of(told[-1] if told else "")):
-        return f"! {typed}: {fault}"
-    if code == 2 and not told:
-        return f"! {typed}: refused without a word"
+        return f"! warning: {heard[0].message} {heard[0].filename}:{heard[0].lineno}"
+    if code not in codes:
+        return f"! exit code {code}: {err[-300:]}"
+    if code == 2 and (fault := _fault_of(told[-1].replace(printable(words[1]), "FOLDER")) if told else "! not a word"):
+        return fault
     if any(c in out + err for c in "\x1b\x07\u202e\x00"):
-        return f"! {typed}: prints what commands a terminal"
-    if (now := _listed(scratch, mine)) != before:
-        return f"! {typed}: wrote {sorted(set(now.items()) ^ set(before.items()))[:3]}"
+        return "! prints what commands a terminal"
     return f"{words[0]} {code}"
 
 
@@ -344,12 +348,6 @@ def _listed(scratch: Path, mine: Path) -> dict[str, tuple[int, int]]:
             found[os.path.relpath(os.path.join(place, name), scratch)] = about.st_size, about.st_mtime_ns
     runs = os.path.join("in", "runs") + os.sep  # where simulate and noise write by themselves
     return {name: about for name, about in found.items() if not name.startswith(runs)}
-
-
-def _where(error: BaseException) -> str:
-    frames = traceback.extract_tb(error.__traceback__)
-    ours = [f"{Path(f.filename).name}:{f.lineno}" for f in frames if "fracid" in f.filename]
-    return "at " + " ".join(ours[-3:])
 
 
 def limited(run: Callable[[], str], scratch: Path, seconds: float = SECONDS) -> str:
@@ -391,16 +389,9 @@ def limited(run: Callable[[], str], scratch: Path, seconds: float = SECONDS) -> 
 def fuzz(good: Path, numbers: range, seconds: float) -> tuple[Counter[str], dict[int, str]]:
     """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
     judge_imports(good)
-    ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
-    with tempfile.TemporaryDirectory() as scratch:
-        for number in numbers:
-            if time.monotonic() > end:
-                break
-            outcome = limited(partial(judge, number, good, Path(scratch)), Path(scratch))
-            ended["failed" if outcome.startswith("!") else outcome] += 1
-            if outcome.startswith("!"):
-                failures[number] = outcome[2:]
-    return ended, failures
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        return tried(numbers, lambda number: limited(partial(judge, number, good, scratch), scratch), seconds)
 
 
 def judge_imports(good: Path) -> None:
@@ -436,10 +427,7 @@ def main() -> None:
             print(judge(asked.again, good, place))
             return
         ended, failures = fuzz(good, range(asked.first, asked.first + asked.inputs), asked.seconds)
-    print(f"{sum(ended.values())} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
-    for number, what in failures.items():
-        print(f"{number}: {what}")
-    sys.exit(1 if failures else 0)
+    say_and_exit(ended, failures)
 
 
 if __name__ == "__main__":
