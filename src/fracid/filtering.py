@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.fit import Fit
 from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.models.written.formulas import Formula
@@ -36,18 +36,6 @@ TUNED_ON = 3000
 
 UNSEEN = 0.98
 """Where the sensors leave so much of a standard deviation, they do not see it."""
-
-
-class Fitted(Protocol):
-    """A fit, of this session or of a folder."""
-
-    @property
-    def problem(self) -> Problem:
-        """What was fitted."""
-
-    @property
-    def x(self) -> FloatArray:
-        """Where it ended."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +157,7 @@ class StateObserver:
 
 
 def observer(
-    fit: Fitted,
+    fit: Fit,
     sensors: Sequence[str] = (),
     noise: Mapping[str, float] | None = None,
     *,

@@ -13,7 +13,6 @@ from fracid.bayes.inference import WithPosterior
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.estimation.agreement import Spread
 from fracid.estimation.covariance import METHODS, Uncertainty
-from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.records import Estimate, OrderEstimate, RecordingFit
 from fracid.estimation.starts import Start, won
 from fracid.findings import Finding
@@ -37,7 +36,7 @@ Scores = Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]]
 
 
 @dataclass(frozen=True, repr=False)
-class Fit(CardDisplay, FitPictures, WithPosterior):
+class Fit(CardDisplay, WithPosterior):
     """The result of :func:`identify`."""
 
     problem: Problem

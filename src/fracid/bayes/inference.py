@@ -15,6 +15,7 @@ from fracid.bayes.result import METHODS, Posterior
 from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, joint_prior
 from fracid.errors import InputError, at_least, unknown_name
 from fracid.estimation.covariance import at_bound
+from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.long_records import as_fitted
 from fracid.findings import Words
 from fracid.problem import Problem
@@ -25,7 +26,6 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
 
 if TYPE_CHECKING:
-    from fracid.estimation.fit_figures import Fitted
     from fracid.problem.project import Project
 
 SAYS = Words("bayes/inference.toml")
@@ -45,7 +45,7 @@ NEAR = 10.0
 
 @counted("simulations")
 def posterior(
-    problem: Problem | Project | Fitted,
+    problem: Problem | Project | FitPictures,
     x: FloatArray | None = None,
     *,
     method: str = "laplace",
@@ -175,12 +175,10 @@ def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[F
     return ()
 
 
-class WithPosterior:
-    """What a fit can draw its parameters by."""
+class WithPosterior(FitPictures):
+    """What a fit can draw its parameters by, besides its pictures."""
 
-    def posterior(
-        self: Fitted, *, method: str = "laplace", draws: int = DRAWS, seed: int = 1, jobs: int = 1
-    ) -> Posterior:
+    def posterior(self, *, method: str = "laplace", draws: int = DRAWS, seed: int = 1, jobs: int = 1) -> Posterior:
         """Draw the free parameters from their posterior; see :func:`fracid.posterior`.
 
         Parameters

@@ -71,7 +71,7 @@ from fracid.units import GREEK, with_unit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.estimation.fit_figures import Fitted
+    from fracid.estimation.fit_figures import FitPictures
     from fracid.problem.project import Project
 
 
@@ -235,7 +235,7 @@ class Profiles(CardDisplay):
 
 @counted("points")
 def profile(
-    problem: Problem | Project | Fitted,
+    problem: Problem | Project | FitPictures,
     x: FloatArray | None = None,
     *,
     parameters: Sequence[str] | None = None,

@@ -28,7 +28,7 @@ The figures themselves are in :mod:`fracid.plots`, which stands above what is dr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from fracid.cards import tabulated
 from fracid.errors import InputError
@@ -45,38 +45,19 @@ if TYPE_CHECKING:
     from fracid.problem import Problem
 
 
-class Fitted(Protocol):
-    """What a fit has, of this session or of a folder."""
-
-    @property
-    def problem(self) -> Problem:
-        """What was solved."""
-
-    @property
-    def x(self) -> NDArray[np.float64]:
-        """The free parameters, shape (n_unknowns,)."""
-
-    @property
-    def recordings(self) -> Mapping[str, RecordingFit]:
-        """By name."""
-
-    @property
-    def orders(self) -> Mapping[str, Estimate]:
-        """By name."""
-
-    @property
-    def parameters(self) -> Mapping[str, Estimate]:
-        """By name."""
-
-    @property
-    def starts(self) -> tuple[Start, ...]:
-        """Of the search, if it had several."""
-
-
 class FitPictures:
-    """What a fit can draw, and its table."""
+    """What a fit, of this session or of a folder, can draw, and its table."""
 
-    def table(self: Fitted) -> Any:
+    problem: Problem
+    x: NDArray[np.float64]
+    """The free parameters, shape (n_unknowns,)."""
+    recordings: Mapping[str, RecordingFit]
+    orders: Mapping[str, Estimate]
+    parameters: Mapping[str, Estimate]
+    starts: tuple[Start, ...]
+    """Of the search, if it had several."""
+
+    def table(self) -> Any:
         """Every order, parameter and value of a recording's own, a row each.
 
         Returns
@@ -89,7 +70,7 @@ class FitPictures:
                for block, mark in ((r.parameters, ""), (r.initial, "(0)")) for n, e in block.items()}  # fmt: skip
         return tabulated([{"name": n, **e.row()} for n, e in {**self.orders, **self.parameters, **own}.items()], "name")
 
-    def plot(self: Fitted, recording: str | None = None, *, style: str | Style = "screen") -> Figure:
+    def plot(self, recording: str | None = None, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.
 
         Parameters
@@ -107,7 +88,7 @@ class FitPictures:
         return _one(self, recording).plot(style=style)
 
     def plot_residuals(
-        self: Fitted,
+        self,
         recording: str | None = None,
         output: str | None = None,
         *,
@@ -134,7 +115,7 @@ class FitPictures:
         """
         return _one(self, recording).plot_residuals(output, tests=tests, style=style)
 
-    def plot_cost(self: Fitted, *, points: int = 15, jobs: int = 1, style: str | Style = "screen") -> Figure:
+    def plot_cost(self, *, points: int = 15, jobs: int = 1, style: str | Style = "screen") -> Figure:
         """The cost over the two free orders about what was found; see :func:`fracid.plots.cost_plane`.
 
         Parameters
@@ -159,7 +140,7 @@ class FitPictures:
         best = (orders[plane.names[0]], orders[plane.names[1]])
         return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)
 
-    def plot_rig(self: Fitted, *, style: str | Style = "screen") -> Figure:
+    def plot_rig(self, *, style: str | Style = "screen") -> Figure:
         """The model's scene with the constants as found; see :func:`fracid.plots.rig_drawing`.
 
         Parameters
@@ -174,7 +155,7 @@ class FitPictures:
         """
         return rig_as_found(self.problem.model, self.parameters).plot(style=style)
 
-    def plot_starts(self: Fitted, *, style: str | Style = "screen") -> Figure:
+    def plot_starts(self, *, style: str | Style = "screen") -> Figure:
         """Where each start of the search ended, sorted; see :func:`fracid.plots.waterfall`.
 
         Parameters
@@ -190,7 +171,7 @@ class FitPictures:
         return draw("waterfall", self.starts, cost_name=self.problem.cost_function.name, style=style)
 
 
-def _one(fit: Fitted, name: str | None) -> RecordingFit:
+def _one(fit: FitPictures, name: str | None) -> RecordingFit:
     """A recording by its name, the first without one."""
     if name is None:
         return next(iter(fit.recordings.values()))

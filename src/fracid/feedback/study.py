@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from fracid.feedback.pid import both
 from fracid.feedback.regulators import Plant, Posture, margins, posture_of, regulator
 from fracid.figures import Style, draw
 from fracid.findings import Words
+from fracid.fit import Fit
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.quantiles import NORMAL_95
@@ -68,18 +69,6 @@ QUIET = 0.5
 
 UNSEEN = 0.01
 """By how much a direction that the recordings do not see may change the response, along a tenth of it."""
-
-
-class Fitted(Protocol):
-    """A fit, of this session or of a folder."""
-
-    @property
-    def problem(self) -> Problem:
-        """What was fitted."""
-
-    @property
-    def x(self) -> FloatArray:
-        """Where it ended."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -303,7 +292,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
 
 
 def control(
-    fit: Fitted,
+    fit: Fit,
     *,
     kind: str = "lqr",
     posture: str = "",
@@ -382,7 +371,7 @@ def control(
 
 
 def planned(
-    fit: Fitted, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
+    fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
 ) -> Plan:
     """What is to be tried; refuses what cannot be controlled."""
     closed, unseen = conditions_of(fit.problem, fit.x, **loop), np.empty((0, 0))
