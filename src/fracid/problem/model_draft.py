@@ -20,6 +20,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.models import Model, model
 from fracid.models.base import ZEROS
 from fracid.models.library import table_of
@@ -33,6 +34,8 @@ from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, inspect_recording
 from fracid.recording.guess import Columns, unit_of
 from fracid.recording.readers.table import read_table
+
+SAYS = Words("problem/model_draft.toml")
 
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
@@ -119,10 +122,7 @@ class _Page:
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
         if self.first.explained < POOR:
-            self.notes.append(
-                f"May be wrong: with the constants that the search begins with, the equations explain "
-                f"{100 * self.first.explained:.0f} % of the motion. Is it a {self.name}, and are the units right?"
-            )
+            self.notes.append(SAYS("poor", percent=100 * self.first.explained, name=self.name))
 
     def _recording_of(self, file: Path) -> Recording:
         channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
@@ -170,10 +170,8 @@ class _Page:
                 idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in roles else [signal]
                 roles = {n: c for n, c in roles.items() if n not in idle}
         for name in (n for n in self.table["needs"] if given is None and n not in roles):
-            raise InputError(
-                f"{self.file.name} has no column that is called like {name}, which {self.name} needs; it has "
-                f"{', '.join(raw.signals)}. Name all columns: --column {name}=COLUMN."
-            )
+            raise InputError(SAYS("no-column", file=self.file, name=name, model=self.name,
+                                  signals=', '.join(raw.signals)))  # fmt: skip
         columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
         for name, column in roles.items():
             place = column.removeprefix("column ")
@@ -183,10 +181,8 @@ class _Page:
         if given is None and not {*columns} & {*self.model.outputs}:
             columns |= self._of_sensors(raw)
         if not {*columns} & {*self.model.outputs}:
-            raise InputError(
-                f"{self.file.name} has none of {', '.join(self.model.outputs)}, which are measured of {self.name}; it "
-                f"has {', '.join(raw.signals)}. Name its columns: --column {next(iter(self.model.outputs))}=COLUMN."
-            )
+            raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
+                                  signals=', '.join(raw.signals), first=next(iter(self.model.outputs))))  # fmt: skip
         for name, fields in columns.items():
             said = fields["column"] in raw.signals and fields["column"] not in raw.assumed  # by the header
             if "unit" not in fields and given is not None and not said and (unit := self._own_unit(name)) != "rad":
