@@ -126,13 +126,15 @@ def typeset_unit(unit: str) -> str:
 
 
 def with_half_width(value: float, half: float) -> str:
-    """A value to the second digit of a half-width above 0, and that half-width: with one power of ten, if any.
+    """A value to the second digit of a half-width, and that: with one power of ten, if any; alone where none is known.
 
     Examples
     --------
-    >>> with_half_width(0.914578, 0.00016), with_half_width(0.00013361, 9.1e-07)
-    ('0.91458 ± 0.00016', '(1.3361 ± 0.0091)e-04')
+    >>> with_half_width(0.914578, 0.00016), with_half_width(0.00013361, 9.1e-07), with_half_width(0.914578, math.inf)
+    ('0.91458 ± 0.00016', '(1.3361 ± 0.0091)e-04', '0.9146')
     """
+    if not 0 < half < math.inf:
+        return f"{value:.4f}"
     texts = to_second_digit(value, half), half_width(half)
     if not any("e" in text for text in texts):
         return " ± ".join(texts)

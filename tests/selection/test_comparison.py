@@ -570,14 +570,14 @@ def test_the_verdict_counts_recordings_and_runs_that_fail(integer, free, says):
 
 def test_orders_that_are_1_within_their_intervals_are_said_to_be():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(1.01, (0.98, 1.04))))
-    assert "There the orders are 1 within their intervals (μ 1.010 ± 0.03)." in verdict_of(result(rows))
+    assert "There the orders are 1 within their intervals (μ 1.010 ± 0.030)." in verdict_of(result(rows))
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3))
     assert "within their intervals" not in verdict_of(result(rows))
 
 
 def test_what_is_integer_is_what_the_model_says():
     rows = (row("viscous", False, [1.0] * 3), row("viscous", True, [0.9] * 3, mu=(0.01, (-0.02, 0.04))))
-    assert "There the orders are 0 within their intervals (μ 0.010 ± 0.03)." in verdict_of(result(rows), {"mu": 0.0})
+    assert "There the orders are 0 within their intervals (μ 0.010 ± 0.030)." in verdict_of(result(rows), {"mu": 0.0})
     assert "within their intervals" not in verdict_of(result(rows), {"mu": None})
 
 

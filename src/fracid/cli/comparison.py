@@ -37,7 +37,7 @@ from fracid.cli.completion import key_of
 from fracid.errors import DataError
 from fracid.safety.door import text_of
 from fracid.tasks.display import shown
-from fracid.units import half_of, shown_unit, with_unit
+from fracid.units import half_of, shown_unit, with_half_width, with_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -143,7 +143,9 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
     odds = ["log odds"] * any(isfinite(row.log_odds) for row in comparison.rows)
     wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *odds, *more, fold=()) for more in (scores, ()))
     for row in comparison.rows:
-        values = [_order(row.orders[n].value, row.orders[n].interval95) if row.fractional else "" for n in orders]
+        values = [
+            with_half_width(o.value, half_of(o.interval95)) if row.fractional else "" for o in row.orders.values()
+        ]
         cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
         cells += [f"{row.log_odds:+.1f}" if isfinite(row.log_odds) else "–"] * len(odds)
         wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))
@@ -180,10 +182,6 @@ def _structure(row: Row) -> tuple[str, str]:
     """What its rung adds, and its orders."""
     terms = row.friction.split(" + ")
     return ("+ " if len(terms) > 1 else "") + terms[-1], ("free ←" if row.paper else "free") if row.fractional else "1"
-
-
-def _order(value: float, ends: tuple[float, ...] | None) -> str:
-    return f"{value:.4f}" if ends is None else f"{value:.4f} ± {half_of(ends):.2g}"
 
 
 def _scores(comparison: Comparison, scores: Sequence[Score]) -> list[str]:

@@ -31,7 +31,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, half_width, in_letters, plain, to_second_digit
+from fracid.units import GREEK, in_letters, plain, with_half_width
 
 SAYS = Words("selection/claim.toml")
 
@@ -97,9 +97,7 @@ class OrderFound:
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``."""
-        name, known = GREEK.get(self.name, self.name), 0 < self.half < math.inf
-        value = f"{to_second_digit(self.value, self.half)} ± {half_width(self.half)}" if known else f"{self.value:.4f}"
-        return f"{name} = {value}"
+        return f"{GREEK.get(self.name, self.name)} = {with_half_width(self.value, self.half)}"
 
 
 def damping(off: float) -> float:
