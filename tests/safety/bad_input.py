@@ -21,6 +21,7 @@ import os
 import struct
 import subprocess
 import sys
+import tomllib
 import warnings
 import zipfile
 import zlib
@@ -33,6 +34,7 @@ import numpy as np
 
 __all__ = ["PROJECTS", "RECORDINGS", "Row", "page"]
 
+HERE = Path(__file__).parent
 T = np.arange(400) / 100
 ALPHA = 0.8 * np.cos(5 * T)
 THETA = 0.1 * np.sin(3 * T)
@@ -576,196 +578,38 @@ RECORDINGS = [*_grouped(TEXTS, "Text"), *_grouped(SAMPLES, "Samples"), *_grouped
 
 ONE = '[[recording]]\nfile = "swing.csv"\ntime = { column = "t" }\nalpha = { column = "alpha" }\n'
 
-FREE = ONE.replace("{", "{{").replace("}", "}}") + "[model.orders]\nmu = {{ {} }}"
+MADE: dict[str, Callable[[], bytes] | Callable[[Path], None]] = {
+    "binary": noise(b"\xff\xfe"),
+    "UTF-16": lambda: ONE.encode("utf-16"),
+    "a byte-order mark": lambda: b"\xef\xbb\xbf" + ONE.encode(),
+    "tables a thousand deep": lambda: f"{ONE}x = {'[' * 5000}".encode(),
+    "a key of a thousand parts": lambda: f"{ONE}a{'.a' * 1000} = 1".encode(),
+    "a number of 5000 digits": lambda: f"{ONE}[fit]\nseed = {'9' * 5000}".encode(),
+    "three thousand copies of one recording": lambda: (ONE * 3000).encode(),
+    "a pipe": lambda path: os.mkfifo(path),
+}
+"""What no text is, or a long one."""
 
 
-def toml(words: str) -> Callable[[], bytes]:
-    return lambda: words.encode()
-
-
-def project(wrong: str, words: str | Callable[[], bytes], says: str, code: int = 2) -> Row:
-    return Row(wrong, "rig.toml", toml(words) if isinstance(words, str) else words, says, code, "Project files")
-
-
-def of_alpha(more: str) -> str:
-    """One recording, with more in the table of its channel."""
-    return ONE.replace('"alpha" }', f'"alpha", {more} }}')
-
-
-def both(first: str, second: str) -> str:
-    """Two recordings of one file, each with its own keys."""
-    return ONE + f'name = "one"\n{first}\n' + ONE + f'name = "two"\n{second}\n'
+def project(wrong: str, says: str, *, words: str = ONE, alpha: str = "", add: str = "", code: int = 2) -> Row:
+    """A row of bad_projects.toml."""
+    words = words.replace('"alpha" }', f'"alpha", {alpha} }}') if alpha else words
+    return Row(wrong, "rig.toml", MADE.get(wrong, lambda: (words + add).encode()), says, code, "Project files")
 
 
 PROJECTS = [
-    project("empty", "", "[[recording]] is missing."),
-    project("no TOML", "hello world", "rig.toml is not TOML: Expected '=' after a key"),
-    project("binary", noise(b"\xff\xfe"), "rig.toml cannot be read: it is not UTF-8 text; save it as UTF-8."),
-    project("UTF-16", lambda: ONE.encode("utf-16"), "rig.toml cannot be read: it is not UTF-8 text; save it as UTF-8."),
-    project("a byte-order mark", lambda: b"\xef\xbb\xbf" + ONE.encode(), "", 0),
-    project("a key twice", ONE + "weight = 1.0\nweight = 2.0", "is not TOML: Cannot overwrite a value"),
-    project("tables a thousand deep", ONE + "x = " + "[" * 5000, "its tables or lists lie too deep in each other"),
-    project("tables twenty deep", ONE + "[a" + ".a" * 20 + "]\nb = 1", "lie more than 16 deep in each other"),
-    project("a key of a thousand parts", ONE + "a" + ".a" * 1000 + " = 1", "a key has more than 100 points; a project's has two."),
-    project("a number of 5000 digits", ONE + "[fit]\nseed = " + "9" * 5000, "it holds a whole number of thousands of digits."),
-    project("a number of 30 digits", ONE + "[fit]\nseed = " + "9" * 30, "it holds a whole number of more than 18 digits"),
-    project("NaN", ONE + "[model.parameters]\nC1 = nan", "[model.parameters] C1 = nan; expected a finite number"),
-    project("infinity", ONE + "[fit]\ntolerance = inf", "[fit] tolerance = inf; expected a finite number."),
-    project("a misspelt table", "[modle]\n" + ONE, "[modle] is unknown; did you mean 'model'?"),
-    project("a misspelt key", ONE + '[fit]\noptimizer = "cma"', "[fit] optimizer is unknown; did you mean 'optimiser'?"),
-    project("a misspelt signal", ONE.replace("alpha =", "alfa ="), "unknown key 'alfa'; did you mean 'alpha'?"),
-    project("a misspelt name", ONE + '[fit]\ncost = "rsme"', "no cost 'rsme'; did you mean 'rmse'"),
-    project("text for a number", ONE + '[fit]\nsubsteps = "2"', "[fit] substeps = '2'; expected a whole number."),
-    project("truth for a number", ONE + "[model.orders]\nmu = true", "[model.orders] mu = true; expected a number or a table"),
-    project("a list for a table", "recording = 3", "[[recording]] = 3; expected a list [...]; for recordings type [[recording]]"),
-    project("bounds crossed", ONE + "[model.orders]\nmu = { start = 1.0, lower = 1.2, upper = 0.8 }",
-            "mu: start = 1, lower = 1.2, upper = 0.8: expected lower <= start <= upper and lower < upper."),
-    project("a start outside its bounds", ONE + "[model.orders]\nmu = { start = 2.0, lower = 0.8, upper = 1.2 }",
-            "mu: start = 2, lower = 0.8, upper = 1.2: expected lower <= start <= upper and lower < upper."),
-    project("a value outside of physics", ONE + "[model.parameters]\nC1 = -1.0", "is outside its physical bounds"),
-    project("orders tied in a circle", ONE + '[model.orders]\nlambda = "mu"\nmu = "lambda"', "goes in a circle"),
-    project("a hard bound that is a number", ONE + "[model.parameters]\nb_alpha = { start = 1e-4, lower = 0.0, upper = 1.0, hard = 1 }\n",
-            "[model.parameters.b_alpha] hard = 1; expected true or false."),
-    project("a range of two neighbouring numbers", FREE.format("start = 1.0, lower = 1.0, upper = 1.0000000000000002"),
-            "mu: lower = 1.0, upper = 1.0000000000000002: the range is too narrow to search in; widen it, or fix the value "
-            "by the number alone, 1.0."),
-    project("a range beyond all numbers", ONE + "[model.parameters]\nb_alpha = { start = 0.0, lower = -1e308, upper = 1e308 }",
-            "b_alpha: lower = -1e+308 is beyond what can be computed with; expected -1e+100 … 1e+100."),
-    project("a scale of next to nothing", FREE.format("start = 1.0, lower = 0.8, upper = 1.2, scale = 1e-320"),
-            "mu: scale = 9.99989e-321 is beyond what can be computed with; expected 1.2e-12 … 1e+100."),
-    project("a scale far beyond the range", FREE.format("start = 1.0, lower = 0.8, upper = 1.2, scale = 1e12"),
-            "mu: scale = 1e+12 is far beyond the range from 0.8 to 1.2; expected a size within it."),
-    project("a prior as narrow as that",
-            FREE.format("start = 1.0, lower = 0.8, upper = 1.2, prior = { mean = 1.0, sd = 1e-320 }"),
-            "mu: the prior's sd = 9.99989e-321 is beyond what can be computed with; expected 1e-12 … 1e+100."),
-    project("a prior about zero as narrow as that", ONE + "[model.parameters]\ntheta_rest = "
-            "{ start = 0.0, lower = -0.5, upper = 0.5, prior = { mean = 0.0, sd = 5e-324 } }",
-            "theta_rest: the prior's sd = 4.94066e-324 is beyond what can be computed with; expected 1e-100 … 1e+100."),
-    project("a channel's scale beyond all numbers", ONE.replace('"alpha" }', '"alpha", scale = 1e308 }'),
-            "scale = 1e+308 is beyond what can be computed with; expected 1e-100 … 1e+100."),
-    *(project(f"an angle in {unit}", ONE.replace('"alpha" }', f'"alpha", unit = "{unit}" }}'),
-              f"swing: alpha is an angle of this model, and its unit is {unit}; expected unit = one of 'rad' 'deg'")
-      for unit in ("V", "N m", "rad/s")),
-    project("a torque in volts", "[model]\nactuation = 'torque'\n" + ONE + 'torque = { column = "theta", unit = "V" }',
-            "swing: torque is a quantity in N m of this model, and its unit is V; expected unit = one of 'N m'."),
-    project("a voltage in degrees", ONE + 'voltage = { column = "theta", unit = "deg" }',
-            "swing: voltage is a quantity in V of this model, and its unit is rad; expected unit = one of 'V' 'mV'."),
-    project("a voltage of which nobody says a unit", ONE + 'voltage = { column = "theta" }', "", 0),
-    project("more starts than can be made", ONE + "[fit]\nstarts = 1000000000000",
-            "[fit] starts = 1000000000000; expected 100000 at most."),
-    project("no outputs", ONE + "[fit]\noutputs = []", "outputs is empty: score at least one of theta, alpha."),
-    project("an output twice", ONE + '[fit]\noutputs = ["alpha", "alpha"]', "outputs names 'alpha' twice"),
-    project("a parameter of its own twice", ONE + '[fit]\nper_recording = ["alpha_rest", "alpha_rest"]',
-            "per_recording names 'alpha_rest' twice; name it once."),
-    project("an output that no recording has", ONE + '[fit]\noutputs = ["theta"]',
-            "swing has no signal 'theta'; it has alpha. Type theta = "),
-    project("a column that is not there", ONE.replace('"alpha" }', '"alfa" }'),
-            "swing.csv has no column 'alfa'. Did you mean 'alpha'? Its columns, by position or name: 0 't', 1 'theta'"),
-    project("a window of nothing", ONE + "from = 99.0", "swing: from 99 to inf s holds 0 samples; it spans 0 to 3.99 s."),
-    project("a window that ends before it begins", ONE + "from = 3.0\nto = 1.0", "swing: from = 3 is not before to = 1."),
-    project("windows that overlap", both("to = 2.0", "from = 1.5"),
-            "one and two are the same samples of swing.csv from 1.5 to 2 s: they count twice, or judge what was fitted to them.",
-            0),
-    project("the recording that was fitted as validation", both('use = "fit"', 'use = "validate"'),
-            "one and two are the same samples of swing.csv from 0 to 3.99 s", 0),
-    project("two recordings of one name", ONE + ONE, "two recordings are named 'swing'; give each its own name."),
-    project("three thousand copies of one recording", ONE * 3000,
-            "3,000 recordings are named 'swing'; give each its own name."),
-    project("a delay beyond the record", of_alpha("delay = 7.5"), "swing: alpha has a delay of 7.5 s, beyond the record of 3.99 s"),
-    project("a range of delays beyond the record", of_alpha("delay = { start = 0.0, lower = -9.0, upper = 9.0 }"),
-            "swing: alpha has a delay of -9 s, beyond the record of 3.99 s"),
-    project("a delay of text", of_alpha('delay = "5 ms"'), "alpha: delay = '5 ms' is not possible; expected a number, or { start"),
-    project("a delay without its bounds", of_alpha("delay = { start = 0.0 }"), "alpha: delay = {'start': 0.0} is not possible; expected a number, or {"),
-    project("a gain of 0", of_alpha("gain = 0"), "swing.csv: alpha: gain = 0 is not possible, nothing would be left of the signal"),
-    project("a gain that may be 0", of_alpha("gain = { start = 1.0, lower = -1.0, upper = 2.0 }"),
-            "alpha: gain = -1 … 2 holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."),
-    project("a low-pass below 0", of_alpha("lowpass = -0.01"),
-            "alpha: lowpass = -0.01 s is not possible; expected a time constant of 0 or more."),
-    *(project(f"a {name} beyond all numbers", of_alpha(f"{name} = -1e308"),
-              f"swing.csv: alpha: {name} = -1e+308 is beyond what can be computed with; expected -1e+100 … 1e+100.")
-      for name in ("delay", "gain", "bias", "lowpass")),
-    project("a gain of next to nothing", of_alpha("gain = 1e-320"),
-            "alpha: gain's size = 9.99989e-321 is beyond what can be computed with; expected 1e-100 … 1e+100."),
-    project("a delay that is each recording's own where it is none", of_alpha("gain = 1.0") + '[fit]\nper_recording = ["delay_alpha"]\n',
-            "unknown rotary-pendulum parameter 'delay_alpha'"),
-    project("an unknown way between samples", ONE + 'voltage = { column = "theta", unit = "V", between = "held" }\n',
-            "unknown between of voltage 'held': did you mean hold? The known ones are line, hold, band-limited"),
-    project("an angle that is held", of_alpha('between = "hold"'), "unknown field of alpha 'between'"),
-    project("a mask outside", ONE + "mask = [[12.0, 12.5]]", "swing: the mask from 12 to 12.5 s holds none of its samples, which go from 0 to 3.99 s."),
-    project("a mask that ends before it begins", ONE + "mask = [[2.0, 1.0]]", "swing: mask = [[2.0, 1.0]] is not possible; expected pairs of a time and a later one"),
-    project("a mask of one number", ONE + "mask = [1.0]", "[[recording]] number 1: mask: 0 = 1.0; expected a list"),
-    project("a mask of everything", ONE + "mask = [[0.0, 2.0], [1.0, 9.0]]", "swing: 0 of its 400 samples are left to score"),
-    project("masks that overlap", ONE + "mask = [[1.0, 2.0], [1.5, 2.5]]", "", 0),
-    project("nothing to fit", ONE + 'use = "validate"', 'no [[recording]] has use = "fit"; at least one must be fitted.'),
-    project("a finer grid than there is memory", ONE + "resample = 1e-9", "swing: a step of 1e-09 s makes 3.99e+09 samples"),
-    project("a recording that is not there", ONE.replace("swing", "swong"), "swong.csv"),
-    project("an absolute path that is a device", ONE.replace("swing.csv", "/dev/zero"), "is no plain file but a pipe or a device"),
-    project("a path out of the folder", ONE.replace("swing.csv", "../{folder}/swing.csv"), "", 0),
-    project("a file with a zero byte in its name", ONE.replace("swing", "a\\u0000b") + 'name = "a"\n', "no file's name holds a zero byte."),
-    project("code of its own, not there", '[model]\nname = "rig.py:model"\n' + ONE, "'rig.py:model': there is no file … rig.py."),
-    Row("a pipe", "rig.toml", lambda path: os.mkfifo(path), "cannot be read: it is no plain file but a pipe or a device.", 2,
-        "Project files"),
-]  # fmt: skip
+    project(**row) for row in tomllib.loads((HERE / "bad_projects.toml").read_text(encoding="utf-8"))["project"]
+]
 
 
 # --- the page -------------------------------------------------------------------------------------------
 
-PAGE = Path(__file__).parents[2] / "docs" / "bad-input.md"
-
-INTRODUCTION = """# Bad input
-
-What is wrong with a file, what fracid says of it, and the exit code. Each row is a test in
-[`tests/safety/test_bad_input.py`](../tests/safety/test_bad_input.py), which makes the file and reads the sentence. The tables are
-written from those tests: `python tests/safety/bad_input.py --write`.
-
-Exit codes: **0** the file is used, and the sentence is a note on it; **2** the caller's mistake; **3** a recording that
-is damaged or unfit; **1** work was interrupted: a full disk, too little memory, Ctrl-C. Never a traceback: what nobody has
-foreseen ends with **4** and one line that says what to send us; `FRACID_TRACEBACK=1` before the command shows all of it.
-`…` stands for words left out.
-
-Three rules are behind the rows.
-
-- **What can be meant in one way only is read, and said**: UTF-16, Latin-1, decimal commas, dates as time. What can be
-  meant in two ways is refused: rows of two kinds, a comma that is both separator and decimal sign.
-- **A file takes memory in proportion to its size.** It may unpack to 8 numbers for each of its bytes, or 4 million if it
-  is small. So a small file cannot fill the memory. Text is read block by block.
-- **A file is data.** No code in it is run, no other file that it points to is opened, and a pipe or a device is not read.
-
-"""
-
-CLOSING = """
-## Where files are read and written
-
-A project may name its recordings by any path, absolute or with `..`: recordings often lie elsewhere, and from them
-only numbers are taken. Code of its own is run only when trusted, see [`SECURITY.md`](../SECURITY.md). fracid writes
-into the folder given by `--out` and nowhere else.
-
-A file that changes while it is read is refused: `log.csv changed while it was read. Is it still being written?`
-
-## Many samples, many recordings
-
-{large}
-## Fuzzing
-
-`make fuzz` makes hostile files of good ones — bits flipped, lengths made 4 GiB, ends cut off, parts of other
-files spliced in, also inside of what is packed — and reads them. Each must end as a recording or as one line that can
-be printed, within 5 s of processor time and 1 GiB of memory. `search` writes whole projects with numbers at the edge of what can
-be computed with, and goes on to the checks and the first steps of the search; one in forty is fitted to the end. A reader that dies takes only its own process with it, and is
-counted. Inputs are made from their numbers, so that each is found again:
-
-```
-make fuzz-ci                                  # two minutes, the same inputs each time
-make fuzz                                     # goes on until a million inputs of each reader were run
-python tests/safety/fuzz.py --table                  # what was run so far
-python tests/safety/fuzz.py --again mat 1234         # one input once more
-```
-
-{fuzzed}"""
+PAGE = HERE.parents[1] / "docs" / "bad-input.md"
 
 
 def page() -> str:
     """Return the page, with what was measured kept from the page that is there."""
-    parts = [INTRODUCTION]
+    parts = []
     for group in dict.fromkeys(row.group for row in [*RECORDINGS, *PROJECTS]):
         rows = [row for row in [*RECORDINGS, *PROJECTS] if row.group == group]
         command = "`fracid fit rig.toml` says" if group == "Project files" else "`fracid check` says"
@@ -773,7 +617,8 @@ def page() -> str:
         parts += [f"| {r.wrong} | `{_short(r.file)}` | {_cell(r.says)} | {r.code} |\n" for r in rows]
         parts.append("\n")
     measured = {name: _kept(name) for name in ("large", "fuzzed")}
-    return "".join(parts).rstrip("\n") + "\n" + CLOSING.format(**measured)
+    template = (HERE / "bad_input.md.in").read_text(encoding="utf-8").removesuffix("\n")
+    return template.format(tables="".join(parts).rstrip("\n"), **measured)
 
 
 def _short(name: str) -> str:
