@@ -20,6 +20,7 @@ from fracid.experiments.information import Information
 from fracid.optimise import least_squares, minimise
 from fracid.selection.integer_rival import freed_friction, integer_values
 from fracid.twins.encoder import encoder, simulated
+from fracid.workflows.planning import _as_recorded
 
 RIG = fracid.rotary_pendulum("qube-servo2", coulomb_theta=1e-3, coulomb_alpha=1e-4)
 FREE = ("lambda", "mu", "b_alpha", "coulomb_alpha")
@@ -247,6 +248,47 @@ def test_a_voltage_is_written_as_it_is_applied(tmp_path):
     assert 'voltage = { column = "voltage", unit = "V", between = "hold" }' in (tmp_path / "next.toml").read_text(
         "utf-8"
     )
+
+
+def driven_by(values, name="goal"):
+    """Ten seconds of a joint, one of whose inputs moves, at 20 Hz."""
+    model = fracid.model("joint", gain=0.5)
+    inputs = np.zeros((201, len(model.inputs)))
+    inputs[:, model.inputs.index("torque_enable")] = 1.0
+    inputs[:, model.inputs.index(name)] = values
+    e = fracid.Experiment("log", 0.05, np.zeros((201, 1)), inputs, units={"angle": "rad"})
+    return fracid.Problem(model, (e,), {"mu": 1.0}, {"J": fracid.Free(5e-3, 1e-3, 1e-2)}, outputs=("angle",))
+
+
+def test_what_drove_the_recordings_is_what_is_played_with_the_others_as_without_a_column():
+    problem = driven_by(np.sin(np.arange(201)))
+    space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), around=0.7, noise=1e-3)
+    (c, *_) = space.candidates
+    e = subject_of(problem, space).experiment(c, space)
+    u = dict(zip(problem.model.inputs, e.inputs.T, strict=True))
+    np.testing.assert_allclose(u["goal"], 0.7 + c.voltage.signal(e.time))
+    assert [float(np.max(np.abs(u[n] - v))) for n, v in (("torque", 0), ("voltage", 0), ("torque_enable", 1))] == [
+        0
+    ] * 3
+
+
+def test_a_stretch_is_played_in_lines_with_the_rate_that_they_have():
+    model = fracid.model("relaxation")
+    e = fracid.Experiment("log", 0.1, np.zeros((3, 1)), np.zeros((1, 2)), units={"force": "N"})
+    problem = fracid.Problem(model, (e,), {"nu": fracid.Free(0.3, 0.1, 0.9)}, outputs=("force",))
+    space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), noise=1e-3)
+    played = subject_of(problem, space).experiment(space.candidates[0], space)
+    stretch, rate = played.inputs.T
+    np.testing.assert_allclose(stretch[0] + np.cumsum(rate[:-1]) / 50, stretch[1:], atol=1e-12)
+    assert (played.between["stretch"], played.between["rate"]) == ("line", "hold")
+
+
+def test_a_driven_model_is_planned_as_it_was_recorded_where_nothing_is_said():
+    space = _as_recorded(fracid.DesignSpace(rate=200), driven_by(2.0 + np.sin(np.arange(201))), ("seconds", "voltage"))
+    assert (space.seconds, space.rate, space.around) == (10.0, 200, 2.0)
+    assert (space.voltage.low, space.voltage.high, space.voltage.peak) == (0.2, 2.0, 1.0)
+    still = _as_recorded(fracid.DesignSpace(), driven_by(0.0), ("seconds", "rate", "voltage"))
+    assert (still.seconds, still.rate, still.voltage) == (10.0, 20.0, None)
 
 
 # --- what is refused ---------------------------------------------------------------------------------------

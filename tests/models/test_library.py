@@ -336,3 +336,23 @@ def test_the_current_and_the_duty_of_a_servo_have_their_limits():
         u = [{"goal": 1.0, "torque_enable": 1.0}.get(n, 0.0) for n in model.inputs]
         model.rhs(0.0, np.zeros(2), np.array(u), model.parameter_vector(), out)
         assert out[1] == pytest.approx(torque / model.parameter("J").value)
+
+
+def recorded(name, seconds=1.0):
+    """A problem whose recording is the beginning of the model's twin."""
+    twin = fracid.Twin.of_library(name)
+    twin = twin.changed(end=twin.step * round(max(seconds, 20 * twin.step) / twin.step))
+    recording = twin.record(twin.simulate())
+    e = fracid.Experiment.of(recording, twin.model, [*twin.model.outputs], {s: 0.0 for s in twin.model.states})
+    return twin, fracid.Problem(
+        twin.model, (e,), dict(twin.orders), twin.parameters, outputs=(*twin.model.outputs,), initial_state="held"
+    )
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("name", LIBRARY)
+def test_a_problem_of_it_is_a_twin_again_with_every_order(name):
+    twin, problem = recorded(name)
+    again = fracid.Twin.of_problem(problem, problem.start, problem.experiments[0])
+    assert dict(again.orders) == pytest.approx(dict(twin.orders))
+    assert again.changed(orders=twin.orders).orders == twin.orders

@@ -68,11 +68,20 @@ def design(
     release: Annotated[
         str | None, option("DEG,DEG", "Release angles; two are a range, 0 is none \\[default: 5,150 for a pendulum].")
     ] = None,
-    seconds: Annotated[str, option("S,S", "Durations to choose from, in s.")] = "20",
-    rate: Annotated[str, option("HZ,HZ", "Sample rates to choose from.")] = "500",
+    seconds: Annotated[
+        str | None, option("S,S", "Durations to choose from, in s \\[default: 20; driven, that of the recording].")
+    ] = None,
+    rate: Annotated[
+        str | None, option("HZ,HZ", "Sample rates to choose from \\[default: 500; driven, that of the recording].")
+    ] = None,
     arm: Annotated[str, option("NAME,NAME", "The arm: free, clamped, or both.")] = "free",
     voltage: Annotated[
-        list[str] | None, several("KIND,A,B,PEAK", "multisine or chirp from A to B Hz, pulses of A to B s.")
+        list[str] | None,
+        several(
+            "KIND,A,B,PEAK",
+            "multisine or chirp from A to B Hz, pulses of A to B s \\[default: nothing; of what is "
+            "driven and not released, a multisine as strong as its recording's input].",
+        ),
     ] = None,
     voltage_step: Annotated[
         float, option("V", "Step of the amplifier: voltages are its multiples; 0 for any.", min=0)
@@ -110,7 +119,8 @@ def design(
     """
     orders, limits = assigned("--order", order, "mu=0.95"), assigned("--limit", limit, "theta=2.5")
     angles = (0.0,) if release is None else numbers("--release", release)
-    durations, rates = numbers("--seconds", seconds), numbers("--rate", rate)
+    durations, rates = numbers("--seconds", seconds or "20"), numbers("--rate", rate or "500")
+    said = {"seconds": seconds, "rate": rate, "voltage": voltage or release}
     from fracid.experiments.space import DesignSpace
     from fracid.workflows.planning import run_design
 
@@ -121,7 +131,8 @@ def design(
     with shown(events=json_) as observer:
         finished = run_design(
             source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
-            orders=orders or None, swing=SWING if release is None else (), friction=friction, robust=robust,
+            orders=orders or None, swing=SWING if release is None else (),
+            unsaid=[name for name, value in said.items() if not value], friction=friction, robust=robust,
             trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
         )  # fmt: skip
     project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)

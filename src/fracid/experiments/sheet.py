@@ -28,7 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, writing
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate, DesignSpace
-from fracid.experiments.subject import Subject
+from fracid.experiments.subject import Subject, driven
 from fracid.figures import draw
 from fracid.problem import Free
 from fracid.problem.toml_text import toml_value
@@ -111,7 +111,8 @@ def expected_curves(plan: Sheet) -> tuple[Expected, ...]:
         part = covariance[np.ix_(rows, rows)]
         variance = np.einsum("toi,ij,toj->to", J[0], part, J[0])
         half = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
-        u = None if c.voltage is None else problem.experiments[0].inputs[:, 0]
+        played = subject.problem.model.inputs.index(driven(subject.problem)) if c.voltage is not None else 0
+        u = None if c.voltage is None else problem.experiments[0].inputs[:, played]
         names = problem.outputs
         curves.append(Expected(c, problem.experiments[0].time, dict(zip(names, outputs.T, strict=True)),
                                dict(zip(names, half.T, strict=True)), u))  # fmt: skip
@@ -146,7 +147,7 @@ def write_sheet(plan: Sheet, folder: Path) -> tuple[Path, ...]:
     for curve in curves:
         number = plan.experiments.index(curve.candidate) + 1
         if curve.voltage is not None:
-            name = plan.subject.problem.model.inputs[0]
+            name = driven(plan.subject.problem)
             signal = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: units.get(name, "1")})
             files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
         bands = {n: y for o, y in curve.outputs.items() for n, y in
@@ -209,9 +210,10 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
         time = {} if "time" in signals else {"time": {"column": 0}}
         yield from (f"{n} = {toml_value(v)}" for n, v in {**time, **signals, **missing}.items())
         if c.voltage is not None:
-            name = p.model.inputs[0]
+            name = driven(p)
             column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
-            yield f"{name} = {toml_value({**column, 'between': 'hold'})}"
+            between = "line" if name in p.model.input_rates.values() else "hold"
+            yield f"{name} = {toml_value({**column, 'between': between})}"
             if "amplifier" in known:
                 yield f"amplifier = {toml_value(known['amplifier'])}"
         else:

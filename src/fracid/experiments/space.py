@@ -97,6 +97,8 @@ class DesignSpace(CardDisplay):
     """What may be applied to the motor beside nothing; None where nothing can."""
     voltage_step: float = 0.0
     """Step of the amplifier, in the unit of the input: voltages are multiples of it [V]; 0 for any voltage."""
+    around: float = 0.0
+    """Value of the input about which its signal swings, such as a pump's [unit of the input]."""
     sensors: Sequence[str] = ()
     """Outputs that are recorded; empty for those of the run, or all of the model."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -187,9 +189,9 @@ class DesignSpace(CardDisplay):
         """
         u = voltage.signal(time)
         if not self.voltage_step:
-            return u
+            return u + self.around
         most = math.floor(voltage.peak / self.voltage_step + 1e-9)
-        return (self.voltage_step * np.clip(np.round(u / self.voltage_step), -most, most)).round(12) + 0.0
+        return (self.voltage_step * np.clip(np.round(u / self.voltage_step), -most, most)).round(12) + self.around
 
     def within_limits(self, outputs: Mapping[str, FloatArray], rate: float) -> bool:
         """Whether simulated outputs stay within the limits."""

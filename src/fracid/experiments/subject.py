@@ -36,6 +36,7 @@ from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.signals.resolution import resolution
+from fracid.solver.inputs import Between
 from fracid.units import GREEK
 
 SAYS = Words("experiments/subject.toml")
@@ -127,10 +128,7 @@ class Subject:
         model, pattern = self.problem.model, self.problem.experiments[0]
         first = np.array([self._first_value(n, c) for n in self.problem.outputs])
         time = np.arange(c.samples) / c.rate
-        inputs = np.zeros((1, max(1, len(model.inputs))))
-        if c.voltage is not None:
-            inputs = np.zeros((c.samples, len(model.inputs)))
-            inputs[:, 0] = space.applied(c.voltage, time)
+        inputs, between = self._inputs(c, space, time)
         initial = {} if space.initial_state != "held" else {
             model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
             if (i := model.output_states.get(n)) is not None
@@ -139,9 +137,21 @@ class Subject:
         return Experiment(
             "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, constants=pattern.constants,
             units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
-            between=dict.fromkeys(model.inputs, "hold") if c.voltage is not None else {},
-            release_time=Free(0.0, -moment, moment) if moment else 0.0,
+            between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
         )  # fmt: skip
+
+    def _inputs(self, c: Candidate, space: DesignSpace, time: FloatArray) -> tuple[FloatArray, dict[str, Between]]:
+        """What is played is held between samples, or a line where its rate is an input too."""
+        model, played = self.problem.model, driven(self.problem)
+        if c.voltage is None:
+            return np.zeros((1, max(1, len(model.inputs)))), {}
+        signals = {played: space.applied(c.voltage, time)}
+        slopes = np.diff(signals[played]) * c.rate
+        rates = [rate for rate, of in model.input_rates.items() if of == played]
+        signals |= dict.fromkeys(rates, np.append(slopes, slopes[-1:]))
+        columns = [signals.get(n, np.full(len(time), model.input_defaults.get(n, 0.0))) for n in model.inputs]
+        between: dict[str, Between] = dict.fromkeys(model.inputs, "hold")
+        return np.column_stack(columns), between | ({played: "line"} if rates else {})
 
     def problem_of(self, c: Candidate, space: DesignSpace) -> Problem:
         """The problem of one candidate alone, every free value at its own."""
@@ -192,6 +202,24 @@ class Subject:
             raise InputError(f"arm = 'clamped' is of a rotary pendulum; the model {model.name} has no arm.")
         if any(space.angles) and not self.released:
             raise InputError(f"release: the model {model.name} has no output that is a state; leave it out.")
+
+
+def driven(problem: Problem) -> str:
+    """The input that drives the recordings, or the model's first; empty where it has none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swing = fracid.Experiment("swing", 0.1, np.zeros((3, 1)), np.array([[0, 0, 1], [0, 1, 1], [0, 2, 1.0]]))
+    >>> model = fracid.Model("rig", print, ("x",), (1.0,), {"x": 0}, ("torque", "goal", "enable"), (), "", "")
+    >>> driven(fracid.Problem(model, (swing,), {}))
+    'goal'
+    """
+    for e in problem.experiments:
+        for name, column in zip(problem.model.inputs, e.inputs.T, strict=False):
+            if np.ptp(column) and name not in problem.model.input_rates:
+                return name
+    return next(iter(problem.model.inputs), "")
 
 
 def subject_of_problem(

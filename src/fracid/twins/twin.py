@@ -190,14 +190,15 @@ class Twin(CardDisplay):
         if experiment.sensors or experiment.actuators:
             raise InputError(SAYS("sensor", experiment=experiment))
         orders, values, initial = problem.unpack(x, experiment)
+        by_name = _by_name(model.orders, orders) | {nu: 1.0 - orders[i] for i, nu in model.springpot_orders.items()}
         inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
         if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
             past = 0 if experiment.past is None else len(experiment.past)
             times: FloatArray = np.arange(-past, len(u) - past, dtype=np.float64) * experiment.step
             inputs = {n: (times, u[:, j]) for j, n in enumerate(model.inputs)}
         return cls(
-            experiment.name, model, _by_name(model.orders, orders), _by_name(model.parameter_names, values),
-            _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
+            experiment.name, model, by_name, _by_name(model.parameter_names, values), _by_name(model.states, initial),
+            experiment.step, float(experiment.time[-1]), experiment.start,
             problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
             experiment.between, problem.history(x, experiment),
         )  # fmt: skip

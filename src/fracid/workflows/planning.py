@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fracid.cards import Card, CardDisplay
 from fracid.experiments.choice import design
+from fracid.experiments.excitation import Multisine
 from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
+from fracid.experiments.subject import driven
 from fracid.models import RIGS, Model, rotary_pendulum
+from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.report.index import write_study_page
 from fracid.runs.saved import SavedRun
@@ -19,6 +24,9 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.study import folder_of, run_or_project
+
+MOST_SAMPLES = 20_000
+"""Of a planned experiment whose rate nobody gave."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +57,7 @@ def run_design(
     against: str | None = None,
     orders: Mapping[str, float] | None = None,
     swing: Sequence[float] = (),
+    unsaid: Collection[str] = (),
     friction: bool = False,
     robust: int = 0,
     trust: bool = False,
@@ -69,6 +78,9 @@ def run_design(
         Of a rig alone: the values of its orders.
     swing : sequence of float
         Angles from which a pendulum is released, in place of those of `space` [°]; other models are not.
+    unsaid : collection of str
+        Of ``seconds``, ``rate`` and ``voltage`` those that are as in the longest recording, unless a pendulum swings: a
+        multisine with that input's amplitude, about its mean where it has one sign.
     friction : bool
         Of a rig alone: with the friction that was found on real recordings of it.
     trust, observer
@@ -92,8 +104,10 @@ def run_design(
     with one_blas_thread():
         known = _loaded(source, friction, trust)
         model = known if isinstance(known, Model) else known.problem.model
-        if swing and model.pendulum:
-            space = replace(space, release=swing)
+        if model.pendulum:
+            space = replace(space, release=swing or space.release)
+        elif not isinstance(known, Model):
+            space = _as_recorded(space, known.problem, unsaid)
         plan = design(
             known, space, experiments=experiments, criterion=criterion, of=of, against=against, orders=orders,
             robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
@@ -101,6 +115,20 @@ def run_design(
     folder = folder_of(out, Path(source), "design")
     files = plan.write(folder)
     return FinishedDesign(plan, folder, (*files, write_study_page(folder, "plan.json")))
+
+
+def _as_recorded(space: DesignSpace, problem: Problem, unsaid: Collection[str]) -> DesignSpace:
+    """What is `unsaid` of the space as in the longest recording."""
+    e, name = max(problem.experiments, key=lambda e: float(e.time[-1])), driven(problem)
+    seconds = float(e.time[-1])
+    rate = min(1 / e.step, MOST_SAMPLES / seconds)
+    known: dict[str, Any] = {"seconds": seconds, "rate": rate}
+    u = e.inputs[:, problem.model.inputs.index(name)] if name else np.zeros(1)
+    around = float(np.mean(u)) if np.min(u) * np.max(u) >= 0 else 0.0
+    if "voltage" in unsaid and (peak := float(np.max(np.abs(u - around)))):
+        space = replace(space, around=float(f"{around:.2g}"))
+        known["voltage"] = Multisine(2 / seconds, rate / 10, float(f"{peak:.2g}"))
+    return replace(space, **{n: v for n, v in known.items() if n in unsaid})
 
 
 def _loaded(source: str | Path, friction: bool, trust: bool) -> SavedRun | Project | Model:
