@@ -8,8 +8,9 @@ there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.U
 
 should be 1.  Where it is off by more than a seventh, the end is moved to where it is: by the secant of h, a line
 where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, each run corrects them
-on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs.  If a point lies lower
-than the minimum, that was none, and the search goes on from there.
+on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs; where they do not lead to the
+ground of a valley, they are asked anew.  If a point lies lower than the minimum, that was none, and the search goes on
+from there.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
 from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.minimum import onward
-from fracid.estimation.tangent import Tangent
+from fracid.estimation.tangent import Tangent, tangent
 from fracid.optimise import Evaluation
 from fracid.tasks.job import in_threads
 
@@ -35,6 +37,9 @@ OFF = 0.15
 
 CLOSE = 0.1
 """A height that is off by less ends the walk."""
+
+ROUNDS = 3
+"""Of derivatives, at most, on the way to a refit: those of the minimum, then fresh ones."""
 
 POINTS, RUNS = 6, 20
 """Of one walk, at most: points, and runs after which no other point is begun."""
@@ -150,4 +155,12 @@ def _refitted(last: Linearised, i: int, value: float, enough: float) -> Linearis
     moved = np.zeros(len(last.x))
     moved[i] = value - last.x[i]
     there = last.at(last.x + last.step([i], moved))
-    return None if there is None else onward(there, enough, held=[i])
+    for _ in range(ROUNDS):
+        if there is None:
+            return None
+        there = onward(there, enough, held=[i])
+        if -there.foreseen(there.step([i])) <= enough:
+            break
+        fresh = tangent(there.near.problem, there.x)  # a bent valley: these derivatives do not lead to its ground
+        there = None if isinstance(fresh, Failure) else linearised(fresh)
+    return there
