@@ -210,9 +210,9 @@ def driven(problem: Problem) -> str:
     Examples
     --------
     >>> import fracid
-    >>> swing = fracid.Experiment("swing", 0.1, np.zeros((3, 1)), np.array([[0, 0, 1], [0, 1, 1], [0, 2, 1.0]]))
-    >>> model = fracid.Model("rig", print, ("x",), (1.0,), {"x": 0}, ("torque", "goal", "enable"), (), "", "")
-    >>> driven(fracid.Problem(model, (swing,), {}))
+    >>> moves = np.outer(np.arange(3.0), [0, 0, 1, 0])
+    >>> log = fracid.Experiment("log", 0.1, np.zeros((3, 1)), moves)
+    >>> driven(fracid.Problem(fracid.model("joint"), (log,), {"mu": 1.0}))
     'goal'
     """
     for e in problem.experiments:
