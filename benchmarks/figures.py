@@ -1,4 +1,4 @@
-"""Draw every figure of fracid into docs/images, for docs/figures.md:  python benchmarks/figures.py [NAME ...]
+"""Draw every figure of docs/figures.md and docs/models.md into docs/images:  python benchmarks/figures.py [NAME ...]
 
 Two minutes; of simulated recordings, so that everyone can draw them again: the reference twin that fracid ships, a
 pendulum that swings alone with dry friction, and a release whose first second is missing.  The pictures are for a page,
@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,8 @@ from PIL import Image
 import fracid
 from fracid import plots
 from fracid.export.state_space import integer_model
+from fracid.models.library import MODEL
+from fracid.units import shown_unit
 
 ROOT = Path(__file__).parent.parent
 IMAGES = ROOT / "docs" / "images"
@@ -90,7 +92,24 @@ def drawn() -> fracid.Posterior:
     return fracid.posterior(problem, draws=8000, jobs=2)
 
 
-FIGURES: Mapping[str, Callable[[], Figure]] = {
+def of_library(name: str) -> tuple[Figure, ...]:
+    """A model's scene, where it has one, and its twin's recording."""
+    twin = fracid.Twin.of_library(name)
+    recording = twin.record(twin.simulate())
+    shown = [n for n in (*twin.model.inputs, *twin.model.outputs) if n in recording.signals]
+    curves = Figure(figsize=(7.0, 4.4) if twin.model.scene else (10.0, 3.6), layout="constrained")
+    for axes, n in zip(curves.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown, strict=True):
+        unit, factor = shown_unit(recording.units[n])
+        axes.plot(
+            recording.time, factor * recording.signals[n], color="#777777" if n in twin.model.inputs else "#0072b2"
+        )
+        axes.set_ylabel(f"{n} [{unit}]")
+        axes.grid(alpha=0.3)
+    axes.set_xlabel("time [s]")
+    return (twin.model.plot(), curves) if twin.model.scene else (curves,)
+
+
+FIGURES: Mapping[str, Callable[[], Figure | tuple[Figure, ...]]] = {
     "rig-hanging": lambda: fracid.rotary_pendulum("srv02-rotpen").plot(),
     "rig-upright": lambda: fracid.rotary_pendulum("qube-servo2", zero="upright").plot(),
     "recording": lambda: fracid.load_project(TWIN).recordings[0].plot(zero="hanging"),
@@ -108,15 +127,27 @@ FIGURES: Mapping[str, Callable[[], Figure]] = {
     "posterior": lambda: drawn().plot(),
     "posterior-predictive": lambda: drawn().plot_predictive(),
     "linear": lambda: plots.linear_response(integer_model(twin().problem), "hanging"),
+    **{f"model-{name}": partial(of_library, name) for name in MODEL},
 }
 """By the name of the picture, ``figure-NAME.png``."""
 
 
-def write(figure: Figure, path: Path) -> None:
-    """In few colours and no wider than a page: some tens of kilobytes."""
+def pixels(figure: Figure) -> Image.Image:
+    """Twice as large as on a page."""
     with io.BytesIO() as drawn:
         figure.savefig(drawn, format="png", dpi=2 * WIDTH / figure.get_figwidth())
-        picture = Image.open(drawn).convert("RGB")
+        return Image.open(drawn).convert("RGB")
+
+
+def write(figures: Figure | tuple[Figure, ...], path: Path) -> None:
+    """Side by side, in few colours and no wider than a page: some tens of kilobytes."""
+    parts = [pixels(f) for f in (figures if isinstance(figures, tuple) else (figures,))]
+    height = min(p.height for p in parts)
+    parts = [p.resize((round(p.width * height / p.height), height)) for p in parts]
+    picture, left = Image.new("RGB", (sum(p.width for p in parts), height), "white"), 0
+    for p in parts:
+        picture.paste(p, (left, 0))
+        left += p.width
     size = (WIDTH, round(WIDTH * picture.height / picture.width))
     picture.resize(size, Image.Resampling.LANCZOS).quantize(128, Image.Quantize.FASTOCTREE).save(path, optimize=True)
 
