@@ -3,71 +3,126 @@
 import ast
 import os
 import socket
+import sys
 from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 from fracid.safety import door
-from sources import nodes
+from program import run
+from sources import PACKAGE, nodes
 
 OPENING = {
-    "open", "fdopen", "read_text", "read_bytes", "write_text", "write_bytes", "FileIO", "mmap", "memmap",
-    "link", "symlink", "link_to", "hardlink_to", "symlink_to", "mkfifo", "mknod", "copyfile", "copyfileobj", "copytree",
-    "exec", "eval", "compile", "exec_module", "load_module", "run_path", "np.load", "shutil.copy", "shutil.move",
-    "fromfile", "tofile", "genfromtxt", "loadmat", "savemat", "savez", "savez_compressed", "savefig",
-    "File", "ParquetFile", "ZipFile", "read_csv", "NamedTemporaryFile", "TemporaryFile", "mkstemp",
+    "open", "fdopen", "open_memmap", "open_code", "read_text", "read_bytes", "write_text", "write_bytes", "touch",
+    "FileIO", "FileHandler", "DataSource", "os.link", "symlink", "link_to", "hardlink_to", "symlink_to", "mkfifo",
+    "mknod", "copyfile", "copyfileobj", "copytree", "copy2", "shutil.copy", "shutil.move", "make_archive",
+    "unpack_archive", "exec_module", "load_module", "run_path", "run_module", "np.load", "np.save", "savetxt",
+    "loadtxt", "genfromtxt", "fromfile", "tofile", "fromregex", "loadmat", "savemat", "savez", "savez_compressed",
+    "savefig", "read_csv", "read_excel", "read_pickle", "h5py.File", "ParquetFile", "ZipFile", "TarFile", "memory_map",
+    "NamedTemporaryFile", "TemporaryFile", "SpooledTemporaryFile", "mkstemp", "getlines", "sqlite3.connect",
+    "builtins", "mmap", "memmap", "gzip", "bz2", "lzma", "tarfile", "fileinput", "linecache", "shelve", "dbm",
 }  # fmt: skip
-"""Names of functions and methods that open a file, make one, lead to another, or run what they are given."""
+"""Functions, methods and modules that open a file, make one, lead to another, or run what they are given."""
+
+BUILTIN = {"open", "exec", "eval", "compile", "__import__", "__builtins__"}
+"""The same of what is there without an import; any other name has an import, which is looked at."""
 
 ALLOWED = {
     "cli/app.py": {"webbrowser.open": "an address, for the browser"},
     "export/fmu.py": {"zipfile.ZipFile": "into memory"},
     "export/whole.py": {"(files('fracid.export') / template).read_text": "a file of this package"},
     "models/library/__init__.py": {"_FOLDER.joinpath(f'{name}.toml').read_text": "a file of this package"},
+    "models/written/reading.py": {"reach.builtins": "the names that a function refers to"},
     "models/written/languages.py": {"exec": "the text of a tree that a whitelist read: its own names and mathematics"},
-    "export/matlab.py": {"savemat": "into memory"},
+    "export/matlab.py": {"scipy.io.savemat": "into memory"},
     "plots/notebook.py": {"self.savefig": "into memory"},
     "plots/writing.py": {"figure.savefig": "into memory"},
     "recording/readers/hdf5.py": {"h5py.File": "libhdf5 opens it itself; read_table has looked that it is plain"},
     "recording/readers/numpy_files.py": {
         "zipfile.ZipFile": "what the door has opened", "archive.open": "a member of what the door has opened",
     },
-    "recording/readers/packages.py": {"TdmsFile.open": "what the door has opened"},
+    "recording/readers/packages.py": {
+        "TdmsFile.open": "what the door has opened", "sqlite3.connect": "to read, in a process of its own",
+        "mdf_v3.NamedTemporaryFile": "set to memory", "mdf_v4.NamedTemporaryFile": "set to memory",
+    },
     "recording/readers/parquet.py": {"parquet.ParquetFile": "Arrow opens it itself; read_table has looked"},
-    "recording/writing.py": {"savemat": "into memory", "np.savez_compressed": "into memory"},
-    "solver/compilation.py": {"dispatcher.compile": "Numba's, of a function and not of a text"},
+    "recording/readers/text.py": {"np.loadtxt": "a list of lines"},
+    "recording/writing.py": {"scipy.io.savemat": "into memory", "np.savez_compressed": "into memory"},
+    "tasks/ending.py": {"io.FileIO": "standard output, by its number"},
     "workflows/posterior_draws.py": {"np.savez_compressed": "into memory"},
 }  # fmt: skip
-"""File → call → why it may stay."""
+"""File → what it names → why it may stay."""
 
 
-def opens(call, own):
-    """The name of what is called, where it opens something; functions of fracid's own go through the door."""
-    name = ast.unparse(call.func)
-    last = name.rsplit(".", 1)[-1]
-    return name if {name, last} & OPENING and name not in own and name != "re.compile" else None
+def opens(node):
+    """What a node names that opens a file, whether it calls it, hands it on or gives it another name."""
+    match node:
+        case ast.Name(id=name) if name in BUILTIN:
+            return {name}
+        case ast.Attribute(attr=last) if {last, ast.unparse(node)} & OPENING or last in BUILTIN:
+            return {ast.unparse(node)} - {"re.compile", "dispatcher.compile"}  # of a pattern; Numba's, of a function
+        case ast.Import(names=names) | ast.ImportFrom(names=names) if "fracid" not in ast.unparse(node):
+            whole = {f"{getattr(node, 'module', '')}.{alias.name}".lstrip(".") for alias in names}
+            return {name for name in whole if {name, name.split(".")[-1], name.replace("numpy.", "np.")} & OPENING}
+        case ast.Call(func=ast.Name(id="getattr"), args=[_, ast.Constant(value=name), *_]) if name in OPENING | BUILTIN:
+            return {name}
+    return set()
 
 
 def test_no_module_opens_a_file_but_by_the_door():
     found = defaultdict(set)
     for file, of_file in nodes().items():
-        imports = [node for node in of_file if isinstance(node, ast.ImportFrom) and "fracid" in str(node.module)]
-        own = {alias.name for node in imports for alias in node.names}
-        for node in of_file:
-            if isinstance(node, ast.Call) and not file.startswith("safety/") and (name := opens(node, own)):
-                found[file].add(name)
+        for name in set().union(*map(opens, of_file)) if not file.startswith("safety/") else ():
+            found[file].add(name)
     assert {file: set(reasons) for file, reasons in ALLOWED.items()} == found
 
 
 @pytest.mark.parametrize(
-    "line", ["open('x')", "p.read_text()", "os.link(a, b)", "os.fdopen(3)", "exec(text)", "compile(t, '', 'exec')",
-             "shutil.copy(a, b)", "io.open('x')", "np.load('x')"],
+    "line", ["open('x')", "p.open('rb')", "p.read_text()", "p.read_bytes()", "io.open('x')", "os.open('x', 0)",
+             "os.fdopen(3)", "os.link(a, b)", "from os import link as same", "p.hardlink_to(a)", "exec(text)",
+             "compile(t, '', 'exec')", "shutil.copy(a, b)", "from shutil import copy", "from numpy import load as take",
+             "np.load('x')", "np.loadtxt('x')", "np.savetxt('x', a)", "map(open, names)", "o = open", "import gzip",
+             "import builtins as b", "getattr(p, 'open')()", "getattr(__builtins__, name)", "__import__('os')",
+             "sqlite3.connect('x')", "logging.FileHandler('x')", "import os, mmap", "from builtins import open as o"],
 )  # fmt: skip
-def test_an_open_file_is_found_wherever_it_is_written(line):
-    assert opens(ast.parse(line).body[0].value, {"write_text"})
-    assert not opens(ast.parse("write_text(p, t)").body[0].value, {"write_text"})
-    assert not opens(ast.parse("re.compile('a')").body[0].value, set())
+def test_what_opens_a_file_is_found_however_it_is_written(line):
+    assert set().union(*map(opens, ast.walk(ast.parse(line))))
+
+
+@pytest.mark.parametrize(
+    "line", ["write_text(p, t)", "re.compile('a')", "from fracid.safety.door import write_text", "import os",
+             "json.load(file)", "copy(a)", "link = 3", "getattr(a, name)"],
+)  # fmt: skip
+def test_what_opens_none_is_left_alone(line):
+    assert not set().union(*map(opens, ast.walk(ast.parse(line))))
+
+
+COMMANDS = {"check": ("swing.csv",), "fit": ("rig.toml",), "export": ("run",), "design": ("run",)}
+HEARD = []
+"""Package of fracid and what it opened where one stands, while a test listens: a hook stays until the process ends."""
+
+
+def hear(event, words):
+    if HEARD and event in {"open", "os.link", "os.symlink", "os.truncate", "shutil.copyfile", "sqlite3.connect"}:
+        frame = sys._getframe()
+        while frame and not frame.f_code.co_filename.startswith(str(PACKAGE)):
+            frame = frame.f_back
+        if frame and isinstance(words[0], str | Path) and Path(words[0]).absolute().is_relative_to(Path.cwd()):
+            HEARD.append((Path(frame.f_code.co_filename).relative_to(PACKAGE).parts[0], words[0]))
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize("command", COMMANDS)
+def test_all_that_a_command_opens_is_opened_by_the_door(command, sent, capsys):
+    sys.addaudithook(hear)
+    HEARD.append(("safety", "nothing yet"))
+    try:
+        assert run(capsys, command, *COMMANDS[command])[0] == 0
+        assert len(HEARD) > 1
+        assert [(who, path) for who, path in HEARD if who != "safety"] == []
+    finally:
+        HEARD.clear()
 
 
 # --- what goes through it ------------------------------------------------------------------------------
