@@ -364,7 +364,7 @@ class Parametrisation:
             x0[i] = value[0]
             if i in self.model.rates:
                 x0[self.model.rates[i]] = slope[0]
-        if e.past is not None:
+        if e.past is not None and e.begun is None:  # a window's slopes are fitted already
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
             x0[self.model.states.index(name)] = start_of(value)

@@ -55,6 +55,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from functools import lru_cache
 from numbers import Integral, Real
 from typing import Any, Literal
 
@@ -285,6 +286,7 @@ def _integral(spline: Any, m: int, s: float, n: int) -> FloatArray:
     return result
 
 
+@lru_cache(maxsize=16)  # windows of a record have the same length
 def _cell_moments(s: float, powers: int, count: int) -> FloatArray:
     r"""K_l(k) = 1/Γ(s) ∫₀¹ (k-x)^(s-1) x^l dx for l < powers and k = 1 … count, shape (powers, count).
 
