@@ -127,6 +127,26 @@ def test_several_recordings_of_a_rotary_pendulum_are_no_draft(tmp_path):
         drafted(tmp_path, tmp_path / "swing.npz", tmp_path / "swing.npz")
 
 
+def test_a_design_says_which_mass_to_hang_on_next(tmp_path):
+    free = {n: Free(v, v / 10, 10 * v) for n, v in TRUE.items()}
+    problem = Problem(fracid.model("joint"), (moved(1.0, 1),), {"mu": 1.0}, FIXED | free, initial_state="held",
+                      method="bdf2")  # fmt: skip
+    can = {"seconds": 2.0, "rate": 100, "voltage": fracid.Pulses(0.3, 0.3, peak=1.2), "initial_state": "held"}
+    names = ("torque_constant",)
+    plans = {
+        masses: fracid.design(problem, fracid.DesignSpace(**can, constants={"mass": masses}), experiments=1, of=names)
+        for masses in (0.02, 1.0, (0.02, 1.0))
+    }
+    error = {m: plan.expected["torque_constant"].standard_error for m, plan in plans.items()}
+    best = min(0.02, 1.0, key=error.__getitem__)
+    assert error[0.02] / error[1.0] != pytest.approx(1.0, abs=0.02)
+    assert dict(plans[0.02, 1.0].experiments[0].constants) == {"mass": best}
+    plans[0.02, 1.0].write(tmp_path)
+    assert f"parameters = {{ gain = 1.0, mass = {best} }}" in (tmp_path / "next.toml").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="resistance is free"):
+        fracid.design(problem, fracid.DesignSpace(**can, constants={"resistance": 1.0}))
+
+
 @pytest.mark.broad
 def test_an_unedited_draft_of_three_logs_separates_the_motor_from_its_friction(tmp_path):
     names = ("kp100_lift_and_drop", "kp200_sin_sin", "kp400_sin_time_square")

@@ -48,6 +48,8 @@ SWING = (5.0, 150.0)
     "[/dim]",
     "fracid design runs/rig --against integer  [dim]# tell the orders from friction[/dim]",
     "fracid design runs/rig --release 5,150 --voltage multisine,0.2,8,6 --limit theta=2.5 --out next",
+    "fracid design runs/servo --voltage pulses,0.3,1,1.2 --set mass=0.2,0.5,1 --seconds 6  [dim]# which mass to hang on"
+    "[/dim]",
     "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim]# before any recording[/dim]",
     "fracid design runs/rig --for mu --json | jq '.expected.mu.interval95'",
 )
@@ -86,6 +88,10 @@ def design(
     voltage_step: Annotated[
         float, option("V", "Step of the amplifier: voltages are its multiples; 0 for any.", min=0)
     ] = 0.0,
+    set_: Annotated[
+        list[str] | None,
+        several("NAME=A,B", "Values of a constant to choose from: mass=0.2,0.5,1, which is hung on.", "--set"),
+    ] = None,
     limit: Annotated[
         list[str] | None, several("NAME=VALUE", "Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s.")
     ] = None,
@@ -118,6 +124,7 @@ def design(
     done.
     """
     orders, limits = assigned("--order", order, "mu=0.95"), assigned("--limit", limit, "theta=2.5")
+    constants = {n: v for text in set_ or () for n, v in (_setting(text),)}
     angles = (0.0,) if release is None else numbers("--release", release)
     durations, rates = numbers("--seconds", seconds or "20"), numbers("--rate", rate or "500")
     said = {"seconds": seconds, "rate": rate, "voltage": voltage or release}
@@ -127,6 +134,7 @@ def design(
     space = DesignSpace(
         release=angles, arm=_names(arm), seconds=durations, rate=rates, counts=counts, sensors=_names(sensors),
         voltage=tuple(_voltage(text) for text in voltage or ()) or None, voltage_step=voltage_step, limits=limits,
+        constants=constants,
     )  # fmt: skip
     with shown(events=json_) as observer:
         finished = run_design(
@@ -145,6 +153,12 @@ def design(
 
 def _names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip()) if text else ()
+
+
+def _setting(text: str) -> tuple[str, tuple[float, ...]]:
+    """``mass=0.2,0.5,1``."""
+    name, _, values = text.partition("=")
+    return name.strip(), numbers("--set", values, "mass=0.2,0.5,1")
 
 
 def _voltage(text: str) -> Any:

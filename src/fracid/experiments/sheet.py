@@ -205,6 +205,8 @@ def _project(plan: Sheet, experiments: list[tuple[int, Candidate]], *, clamped: 
         yield f'name = "{k}: {f"{c.release:g}°" if c.release else c.voltage}"\nfile = "recording-{k}.csv"'
         if hidden := {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs}:
             yield f"initial = {toml_value(hidden)}"
+        if own_constants := {**p.experiments[0].constants, **dict(c.constants)}:
+            yield f"parameters = {toml_value(own_constants)}"
         signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
         missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
         time = {} if "time" in signals else {"time": {"column": 0}}

@@ -45,6 +45,8 @@ class Candidate:
     """``free`` or ``clamped``."""
     voltage: Excitation | None = None
     """None for nothing applied."""
+    constants: tuple[tuple[str, float], ...] = ()
+    """Names and values of the constants that are set for it."""
 
     @property
     def samples(self) -> int:
@@ -56,13 +58,15 @@ class Candidate:
         parts = [f"release from {self.release:.4g}°" if self.release else "from rest"]
         parts += ["arm clamped"] if self.arm == "clamped" else []
         parts += [str(self.voltage)] if self.voltage is not None else []
+        parts += [f"{n} {v:.4g}" for n, v in self.constants]
         return ", ".join([*parts, f"{self.seconds:.4g} s at {self.rate:.4g} Hz"])
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
         return {"release": self.release, "seconds": self.seconds, "rate": self.rate, "arm": self.arm,
                 "voltage": None if self.voltage is None else
-                {"kind": type(self.voltage).__name__.lower(), **vars(self.voltage)}}  # fmt: skip
+                {"kind": type(self.voltage).__name__.lower(), **vars(self.voltage)},
+                "constants": dict(self.constants)}  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -99,6 +103,8 @@ class DesignSpace(CardDisplay):
     """Step of the amplifier, in the unit of the input: voltages are multiples of it [V]; 0 for any voltage."""
     around: float = 0.0
     """Value of the input about which its signal swings, such as a pump's [unit of the input]."""
+    constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    """Constant that can be set, such as a mass that is hung on → its value, or values to choose from."""
     sensors: Sequence[str] = ()
     """Outputs that are recorded; empty for those of the run, or all of the model."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -173,10 +179,14 @@ class DesignSpace(CardDisplay):
         return tuple(self._candidates())
 
     def _candidates(self) -> Iterator[Candidate]:
-        decisions = product(_several(self.arm), self.voltages, self.angles, _several(self.rate), _several(self.seconds))
-        for arm, voltage, release, rate, seconds in decisions:
+        settings = [tuple(zip(self.constants, map(float, s), strict=True))
+                    for s in product(*map(_several, self.constants.values()))]  # fmt: skip
+        decisions = product(
+            _several(self.arm), self.voltages, self.angles, settings, _several(self.rate), _several(self.seconds)
+        )
+        for arm, voltage, release, constants, rate, seconds in decisions:
             if (arm == "free" or (voltage is None and release != 0.0)) and (release != 0.0 or voltage is not None):
-                yield Candidate(release, float(seconds), float(rate), arm, voltage)
+                yield Candidate(release, float(seconds), float(rate), arm, voltage, constants)
 
     def applied(self, voltage: Excitation, time: FloatArray) -> FloatArray:
         """A voltage at some times, as the amplifier gives it: the nearest of its steps within the peak.

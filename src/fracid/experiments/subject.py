@@ -33,7 +33,7 @@ from fracid.experiments.information import Information, Noise, nothing, of_sampl
 from fracid.experiments.space import Candidate, DesignSpace
 from fracid.findings import Words
 from fracid.models import Model
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.unknowns import Value
 from fracid.signals.resolution import resolution
 from fracid.solver.inputs import Between
@@ -135,8 +135,9 @@ class Subject:
         }  # fmt: skip
         moment = space.moment if c.release else 0.0
         return Experiment(
-            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial, constants=pattern.constants,
-            units=pattern.units, sensors=pattern.sensors, actuators=pattern.actuators,
+            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial,
+            constants={**pattern.constants, **dict(c.constants)}, units=pattern.units, sensors=pattern.sensors,
+            actuators=pattern.actuators,
             between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
         )  # fmt: skip
 
@@ -192,6 +193,10 @@ class Subject:
         for name in space.limits:
             if name.removesuffix("_speed") not in (tuple(space.sensors) or self.problem.outputs):
                 raise unknown_name("output in limits", name, tuple(space.sensors) or self.problem.outputs)
+        for name in space.constants:
+            model.parameter(name)
+            if isinstance(self.problem.parameters.get(name), Free | Tied):
+                raise InputError(SAYS("not-set", name=name))
         if any(u is not None for u in space.voltages) and not model.inputs:
             raise InputError(f"voltage: nothing drives the model {model.name}; leave it out.")
         if any(u is not None for u in space.voltages) and model.drive:
