@@ -12,11 +12,19 @@ from fracid.export.c import c_model
 from fracid.export.javascript import javascript_model
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
+from fracid.models.library import MODEL as LIBRARY
+from fracid.models.library import inputs_of, table_of
 from languages import GCC, NODE, OCTAVE
 from own_models import own_models
 
-NAMES = ("duffing", "flexible link", "supercapacitor", "cart-pole", "model maxwell1")
-ORDERS = {"r": 0.8, "q": 0.93, "lambda": 0.95, "mu": 0.9}  # whose first steps are not solved together with later ones
+NAMES = ("duffing", "flexible link", "supercapacitor", "model maxwell1", *LIBRARY)
+ORDERS = {
+    "r": 0.8,
+    "q": 0.93,
+    "lambda": 0.95,
+    "mu": 0.9,
+    "nu": 0.3,
+}  # whose first steps are not solved together with later ones
 STEPS = 300
 
 MAIN = """
@@ -36,13 +44,22 @@ int main(void)
 
 
 def problem_of(name):
-    """Driven by a smooth input from rest."""
-    model = own_models()[name]
+    """Driven by a smooth input from rest; of the library with every element there, as its twin is driven."""
+    model, step = own_models()[name], 1e-2
     t = np.linspace(0, 3, STEPS + 1)[:, None]
     u = 0.5 * np.sin(3.0 * t) * np.ones(len(model.inputs))
     if "length" in model.inputs:
         u = np.hstack([1.0 + 0.1 * np.sin(t) ** 2, 0.2 * np.sin(t) * np.cos(t)])
-    e = fracid.Experiment("twin", 1e-2, np.zeros((STEPS + 1, len(model.outputs))), u)
+    if name in LIBRARY:
+        off = [p.name for p in fracid.model(name).parameters if not p.value]
+        model = fracid.model(name, **{n: 1e-3 * (1 + k) for k, n in enumerate(off)})
+        model = model.with_parameters(**{n: 0.2 for n in model.parameter_names if n.startswith("springpot_order")})
+        step = table_of(name)["twin"]["step"] / 4
+        columns = inputs_of(name, time := step * np.arange(STEPS + 1.0))
+        columns |= {rate: np.gradient(columns[of], step) for rate, of in model.input_rates.items()}
+        u = np.column_stack([columns.get(n, model.input_defaults.get(n, 0.0) + 0 * time) for n in model.inputs])
+        u[:20] = u[20]  # while the first steps are solved together, C has the input of the moment alone
+    e = fracid.Experiment("twin", step, np.zeros((STEPS + 1, len(model.outputs))), u)
     orders = {n: ORDERS[n] for n in model.order_names}
     return fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held")
 

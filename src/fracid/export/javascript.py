@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
 from string import Template
 from typing import TYPE_CHECKING, Any
 
@@ -115,7 +114,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     if reason := no_javascript(problem):
         raise InputError(reason)
     model, case = problem.model, Case.of(problem, x, e)
-    orders = named_orders(problem, x, e)
+    orders = model.named_orders(problem.unpack(x, e)[0])
     recording = {
         "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
@@ -129,12 +128,6 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
         orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
         recording=json.dumps(recording), order_values=json.dumps(orders),
     )  # fmt: skip
-
-
-def named_orders(problem: Problem, x: FloatArray, e: Experiment) -> Mapping[str, float]:
-    """Each order of the model that has a name, at x."""
-    values = problem.unpack(x, e)[0].tolist()
-    return {q: v for q, v in zip(problem.model.orders, values, strict=True) if isinstance(q, str)}
 
 
 def _comment(text: str) -> str:

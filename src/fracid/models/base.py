@@ -520,6 +520,18 @@ class Model(CardDisplay):
         springpots = ((i, q.parameter) for i, q in enumerate(self.orders) if isinstance(q, Complement))
         return {i: nu for i, nu in springpots if nu not in self.parameter_names}
 
+    def named_orders(self, orders: FloatArray) -> dict[str, float]:
+        """Give the values by name that :meth:`state_orders` made these orders of the states of.
+
+        Examples
+        --------
+        >>> from fracid.models import model
+        >>> model("relaxation").named_orders(np.array([0.75]))
+        {'nu': 0.25}
+        """
+        named = {q: v for q, v in zip(self.orders, orders.tolist(), strict=True) if isinstance(q, str)}
+        return named | {nu: 1.0 - float(orders[i]) for i, nu in self.springpot_orders.items()}
+
     def state_orders(self, orders: Mapping[str, float], parameters: FloatArray | None = None) -> FloatArray:
         """Return the order of each state.
 

@@ -190,15 +190,14 @@ class Twin(CardDisplay):
         if experiment.sensors or experiment.actuators:
             raise InputError(SAYS("sensor", experiment=experiment))
         orders, values, initial = problem.unpack(x, experiment)
-        by_name = _by_name(model.orders, orders) | {nu: 1.0 - orders[i] for i, nu in model.springpot_orders.items()}
         inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
         if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
             past = 0 if experiment.past is None else len(experiment.past)
             times: FloatArray = np.arange(-past, len(u) - past, dtype=np.float64) * experiment.step
             inputs = {n: (times, u[:, j]) for j, n in enumerate(model.inputs)}
         return cls(
-            experiment.name, model, by_name, _by_name(model.parameter_names, values), _by_name(model.states, initial),
-            experiment.step, float(experiment.time[-1]), experiment.start,
+            experiment.name, model, model.named_orders(orders), _by_name(model.parameter_names, values),
+            _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
             problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
             experiment.between, problem.history(x, experiment),
         )  # fmt: skip
@@ -362,6 +361,5 @@ class Twin(CardDisplay):
         return Recording.of(self.name, self.start + run.time, signals, units)
 
 
-def _by_name(names: Iterable[Any], values: FloatArray) -> dict[str, float]:
-    """Values by name; an order that is a number in the place of a name stays that."""
-    return {name: float(value) for name, value in zip(names, values, strict=True) if isinstance(name, str)}
+def _by_name(names: Iterable[str], values: FloatArray) -> dict[str, float]:
+    return dict(zip(names, values.tolist(), strict=True))
