@@ -123,6 +123,12 @@ def moved(page, name, value):
     return page.run(MOVE.format(name=json.dumps(name), value=value))
 
 
+def test_a_step_that_the_fit_halved_is_the_pages_too(material):
+    run = load_run(material.folder)
+    halved = replace(run, problem=replace(run.problem, substeps=2 * run.problem.substeps))
+    assert {r["every"] for r in explore(Material.of_run(halved))["recordings"]} == {2 * run.problem.substeps}
+
+
 @pytest.mark.parametrize("recording", RECORDINGS)
 def test_the_page_simulates_the_fit_and_any_other_point_as_the_library_does(page, material, recording):
     page.run(f"explore.open({RECORDINGS.index(recording)})")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from fracid.validation.residual_analyses import Analyses, Residuals, analysed
 if TYPE_CHECKING:
     from fracid.estimation.cost_plane import CostPlane
     from fracid.estimation.records import RecordingFit
+    from fracid.problem import Problem
     from fracid.problem.project import Project
     from fracid.runs.saved import SavedRun
 
@@ -46,6 +47,7 @@ class Material:
     result: Mapping[str, Any]
     """The content of result.json."""
     project: Project
+    """With the step that the fit took."""
     x: FloatArray
     """The unknowns where the search ended, shape (n_unknowns,)."""
     recordings: Mapping[str, RecordingFit]
@@ -60,7 +62,8 @@ class Material:
     @classmethod
     def of_run(cls, run: SavedRun, plane: CostPlane | None = None) -> Material:
         """From a folder that was read back."""
-        return cls(run.folder, run.result, run.project, run.x, run.recordings, plane, run.notes)
+        project = _as_solved(run.project, run.problem)
+        return cls(run.folder, run.result, project, run.x, run.recordings, plane, run.notes)
 
     @classmethod
     def of_fit(
@@ -71,7 +74,7 @@ class Material:
             result = read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
-        return cls(folder, result, project, fit.x, fit.recordings, plane, tested=tested)
+        return cls(folder, result, _as_solved(project, fit.problem), fit.x, fit.recordings, plane, tested=tested)
 
     def used(self, use: str) -> dict[str, Any]:
         """The block of result.json of each recording with that use."""
@@ -135,6 +138,10 @@ class Material:
             except InputError as error:
                 damaged.append(f"{error} It is left out here.")
         return contents, damaged
+
+
+def _as_solved(project: Project, solved: Problem) -> Project:
+    return replace(project, problem=replace(project.problem, substeps=solved.substeps))
 
 
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
