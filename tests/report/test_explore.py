@@ -149,6 +149,39 @@ def test_the_page_simulates_the_fit_and_any_other_point_as_the_library_does(page
     assert page.run("explore.rmse") == pytest.approx(np.sqrt(np.mean(errors**2, axis=0)), rel=1e-5)
 
 
+CELL = """
+[model]
+name = "capacitor"
+[model.parameters]
+R = { start = 0.04, lower = 0.0, upper = 1.0 }
+[model.orders]
+q = { start = 0.9, lower = 0.7, upper = 1.1 }
+[[recording]]
+file = "cell.csv"
+voltage = { column = "voltage" }
+current = { column = "current", between = "hold" }
+"""
+
+
+def test_an_output_that_is_a_function_of_states_and_inputs_is_explored_too(browser, tmp_path):
+    twin = fracid.Twin.of_library("capacitor").changed(end=40.0)
+    recording = twin.record(twin.simulate())
+    fracid.save_recording(recording, tmp_path / "cell.csv")
+    (tmp_path / "cell.toml").write_text(CELL, encoding="utf-8")
+    made = fracid.run(tmp_path / "cell.toml", out=tmp_path / "run", figures=False)
+    material = Material.of_run(load_run(made.folder))
+    (tmp_path / "report.html").write_text(report_page(material), encoding="utf-8")
+    browser.open(tmp_path / "report.html", **CALM)
+    browser.run("document.getElementById('explore').scrollIntoView({behavior: 'instant'})")
+    browser.until("explore !== null && explore.charts.length > 0")
+    assert browser.run("explore.agreement") < 1e-6
+    problem, x = material.project.problem, material.x.copy()
+    browser.run("explore.sliders[0].now = 0.95")
+    x[problem.names.index("q")] = 0.95
+    found = browser.run("Array.from(explore.simulate().outputs[0])")
+    np.testing.assert_allclose(found, problem.fitted(x, problem.experiments[0])[:, 0], rtol=0, atol=1e-9)
+
+
 def test_arrow_keys_move_a_slider_and_the_curve_and_the_score_follow(page):
     before = page.run("[explore.sliders[1].now, document.getElementById('explore-scores').textContent]")
     page.run("explore.rows[1].input.focus()")

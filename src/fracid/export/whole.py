@@ -66,7 +66,9 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
 
 
 def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> str:
-    """The outputs of a model as the function ``fracid_output`` in ``c`` or ``c-single``, for a text with its equations.
+    """The outputs of a model as a function, for a text with its equations.
+
+    It is ``fracid_output`` in ``c`` or ``c-single``, ``modelOutputs`` in ``javascript``.
 
     Raises
     ------
@@ -88,6 +90,8 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
         if not np.array_equal(out, solved, equal_nan=True):
             raise InputError(SAYS("other-outputs", model=model))
     writer, taken = LANGUAGES[language], (*taken, "fracid_output")
+    if language == "javascript":
+        return writer(tree).text().replace("const model", "const modelOutputs", 1)
     return writer(tree, taken, "", "void fracid_output").text(writer(model.program, taken))
 
 

@@ -144,6 +144,7 @@ class Explore {
     const { initial, deflections, ...values } = this.values(), steps = portion < 1 ? Math.min(samples * r.every, r.steps) : r.steps;
     const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps, every: r.release === null ? r.every : 1, memory: r.steps }, values, model);
     if (r.release !== null) this.read(run, values.orders);
+    this.measure(run, values.parameters);
     run.took = performance.now() - begin;
     return run;
   }
@@ -179,13 +180,25 @@ class Explore {
     Object.assign(run, { states: read, samples });
   }
 
+  // The outputs at the samples, in shown units: states, or functions of them, of the inputs (after a jump) and of the constants.
+  measure(run, parameters) {
+    const r = this.recording, { states, width } = this.program, u = r.jumps || r.inputs, driven = u.length > width;
+    const functions = this.outputs.some(o => o.state === null) && modelOutputs(parameters), f = new Float64Array(Math.max(...this.outputs.map(o => o.place)) + 1);
+    run.outputs = this.outputs.map(() => new Float64Array(run.samples));
+    for (let n = 0; n < run.samples; n++) {
+      const x = run.states.subarray(n * states.length, (n + 1) * states.length), at = driven ? n * r.every * width : 0;
+      if (functions) functions(x, u.subarray(at, at + width), f);
+      this.outputs.forEach((o, k) => { run.outputs[k][n] = o.factor * (o.state === null ? f[o.place] : x[o.state]); });
+    }
+  }
+
   // The curve and the residual of an output, in shown units; shorter than the recording where the run is.
   fill(run, k) {
-    const { state, factor } = this.outputs[k], r = this.recording, m = r.measured[k], fitted = r.fitted[k], width = this.program.states.length;
+    const r = this.recording, m = r.measured[k], fitted = r.fitted[k];
     const curve = new Float64Array(run.samples), residual = new Float64Array(run.samples);
     let off = run.samples < r.samples ? Infinity : 0, sum = 0, count = 0;
     for (let n = 0; n < run.samples; n++) {
-      const y = factor * run.states[n * width + state], e = m[n] - y, d = Math.abs(y - fitted[n]);
+      const y = run.outputs[k][n], e = m[n] - y, d = Math.abs(y - fitted[n]);
       curve[n] = y;
       residual[n] = e;
       if (d > off) off = d;
@@ -466,13 +479,13 @@ class Explore {
 
   // Measured less simulated, all outputs in a row, as the fit weighs them; null where the run ends early.
   errors() {
-    const run = this.simulate(), { measured, samples } = this.recording, width = this.program.states.length;
+    const run = this.simulate(), { measured, samples } = this.recording;
     if (!run.completed) return null;
     const errors = new Float64Array(samples * this.outputs.length);
-    this.outputs.forEach(({ state, factor }, k) => {
+    this.outputs.forEach(({ factor }, k) => {
       const level = this.levels ? this.bestLevels[k] : factor;
       for (let n = 0; n < samples; n++) {
-        const e = measured[k][n] - factor * run.states[n * width + state];
+        const e = measured[k][n] - run.outputs[k][n];
         errors[k * samples + n] = e === e ? e / level : 0;
       }
     });

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.errors import InputError
 from fracid.export.javascript import no_javascript, program, solver
-from fracid.export.whole import written
+from fracid.export.whole import written, written_outputs
 from fracid.problem import Free
 from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
@@ -46,13 +47,27 @@ def not_explored(material: Material) -> str:
         return "The recordings were fitted in windows, each with a start of its own; the page simulates from one."
     if reason := no_javascript(problem):
         return reason
-    if functions := [n for n in problem.outputs if n not in problem.model.output_states]:
-        return f"{functions[0]} is a function of the states, which is not written in JavaScript."
+    try:
+        _functions(problem)
+    except InputError as error:
+        return str(error)
     if not isfinite(material.result["cost"]["value"] or inf):
         return "No run of the model reached the end of a recording."
     if not any(True for _ in _explorable(material)):
         return next(iter({reason for e in problem.experiments if (reason := _beyond(e))}))
     return ""
+
+
+def _functions(problem: Problem) -> list[str]:
+    """The outputs that are no states, in JavaScript; nothing where all are."""
+    functions = [n for n in problem.outputs if n not in problem.model.output_states]
+    if derived := [n for n in functions if n in problem.model.derived]:
+        raise InputError(f"{derived[0]} is a derivative of an output, which the page's solver lacks.")
+    if functions and any(e.release_time != 0.0 for e in problem.experiments):
+        raise InputError(
+            f"{functions[0]} is a function of the states, which the page reads at steps, not between them."
+        )
+    return [written_outputs(problem.model, "javascript")] if functions else []
 
 
 def _beyond(e: Experiment) -> str:
@@ -84,8 +99,8 @@ def explore_scripts(material: Material) -> list[str]:
     """The solver, the model and the section's script; nothing where there is nothing to explore."""
     if not_explored(material):
         return []
-    own = own_text("report/explore.js")
-    return [solver(), written(material.project.problem.model, "javascript"), own]
+    problem, own = material.project.problem, own_text("report/explore.js")
+    return [solver(), written(problem.model, "javascript"), *_functions(problem), own]
 
 
 def explore(material: Material) -> dict[str, Any] | None:
@@ -179,8 +194,9 @@ def _slider(problem: Problem, name: str, e: Mapping[str, Any], reach: tuple[floa
 
 def _output(material: Material, name: str) -> dict[str, Any]:
     shown, factor = material.unit(name)
-    state = material.project.problem.model.output_states[name]
-    return {"name": name, "letter": letter(name), "unit": shown, "factor": factor, "state": state}
+    model = material.project.problem.model
+    return {"name": name, "letter": letter(name), "unit": shown, "factor": factor,
+            "state": model.output_states.get(name), "place": [*model.shown].index(name)}  # fmt: skip
 
 
 def _recording(material: Material, problem: Problem, x: FloatArray, e: Experiment) -> dict[str, Any]:
