@@ -61,6 +61,19 @@ def test_the_environment_asks_for_the_traceback(broken, capsys, monkeypatch):
         run(capsys, "check", "swing.csv")
 
 
+@pytest.mark.parametrize(
+    ("error", "lack"),
+    [
+        (RuntimeError("can't start new thread"), "are not enough threads"),
+        (OSError(errno.EMFILE, "Too many open files"), "are too many open files"),
+    ],
+)
+def test_too_few_threads_or_files_are_no_fault_of_fracid(error, lack, broken, capsys):
+    broken(error)
+    code, _, err = run(capsys, "check", "swing.csv")
+    assert (code, err.startswith(f"error: there {lack}. ")) == (1, True)
+
+
 def test_too_little_memory_is_no_fault_of_fracid(broken, capsys):
     broken(MemoryError("Unable to allocate 256 TiB"))
     code, _, err = run(capsys, "check", "swing.csv")

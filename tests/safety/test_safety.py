@@ -323,7 +323,9 @@ def test_a_message_does_not_command_the_terminal_whatever_the_file_is_called(cap
 
 
 @pytest.mark.few(1)
-@pytest.mark.parametrize("words", [("simulate",), ("design", "--out"), ("posterior",)], ids=lambda words: words[0])
+@pytest.mark.parametrize(
+    "words", [("simulate",), ("design", "--out"), ("posterior",), ("export",)], ids=lambda words: words[0]
+)
 def test_a_run_whose_name_is_bytes_and_no_text_is_as_good_as_any(capsys, plain, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
     run_folder = shutil.copytree(plain / "run", os.fsdecode(b"\xff"))
@@ -394,3 +396,16 @@ def test_a_link_in_a_run_folder_leads_nowhere(capsys, hostile, tmp_path, monkeyp
     assert (mine / "inner" / "thesis.png").read_text() == "do not touch"
     assert [*(mine / "inner").iterdir()] == [mine / "inner" / "thesis.png"]
     assert f"run/{link} is a link, and what is written to a run folder stays in it" in err
+
+
+@pytest.mark.parametrize(
+    ("command", "link"),
+    [("fit", "runs"), ("fit", "runs/rig"), ("compare", "runs/rig-compare"), ("simulate", "runs/rig-simulated")],
+)
+def test_what_is_written_without_a_name_goes_through_no_link(capsys, sent, tmp_path, command, link):
+    (tmp_path / "mine").mkdir()
+    Path(link).parent.mkdir(exist_ok=True)
+    Path(link).symlink_to(tmp_path / "mine")
+    code, out, err = run(capsys, command, "rig.toml")
+    assert (code, out, [*(tmp_path / "mine").iterdir()]) == (2, "", [])
+    assert f"{link} is a link and leads elsewhere; name the folder to write to: --out runs/rig" in err

@@ -376,6 +376,23 @@ def test_a_worker_that_hangs_is_left_and_a_study_whose_workers_all_hang_ends_and
         run_tasks(slowly_drawn, tasks, executor=address, progress=hang(2))
 
 
+def no_process(*_, **__):
+    raise BlockingIOError(11, "Resource temporarily unavailable")
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["resource_tracker.ensure_running", "util.spawnv_passfds", "context.BaseContext.Lock"],
+)
+def test_where_no_process_can_be_started_threads_do_the_study_and_it_is_said(place, monkeypatch, caplog):
+    with monkeypatch.context() as patch:
+        patch.setattr(f"multiprocessing.{place}", no_process)
+        results = run_tasks(drawn, STUDY, executor="processes", jobs=2)
+    assert results == run_tasks(drawn, STUDY)
+    (said,) = caplog.messages
+    assert said.startswith("No process can be started here ([Errno 11] Resource temporarily unavailable): threads")
+
+
 def test_a_worker_whose_parent_died_while_it_started_ends_at_once(monkeypatch):
     class Gone:
         def is_alive(self):

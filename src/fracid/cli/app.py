@@ -17,6 +17,7 @@ Heavy modules are imported inside the command that needs them: ``fracid --help``
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import json
 import os
@@ -174,19 +175,26 @@ def main(arguments: list[str] | None = None) -> None:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
         sys.stderr.write(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}\n")
         raise SystemExit(error.exit_code) from None
-    except MemoryError as error:
-        if os.environ.get(TRACEBACK):
-            raise
-        sys.stderr.write(f"error: there is not enough memory. {printable(str(error))}\n")
-        raise SystemExit(Unfinished.exit_code) from None
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
+        if lack := _lack(error):
+            sys.stderr.write(f"error: there {lack}. {printable(str(error))}\n")
+            raise SystemExit(Unfinished.exit_code) from None
         if isinstance(error, OSError) and error.filename is not None:  # a disk's, or of a name that it cannot have
             sys.stderr.write(f"error: {printable(f'{error.filename}: {error.strerror}. Give another path.')}\n")
             raise SystemExit(InputError.exit_code) from None
         sys.stderr.write(f"error: {_last_resort(error)}\n")
         raise SystemExit(FAULT) from None
+
+
+def _lack(error: Exception) -> str:
+    """What the machine has not enough of, where that ended the command."""
+    if isinstance(error, MemoryError):
+        return "is not enough memory"
+    if isinstance(error, RuntimeError) and "new thread" in str(error):  # Python has no type for it
+        return "are not enough threads"
+    return "are too many open files" if getattr(error, "errno", 0) in (errno.EMFILE, errno.ENFILE) else ""
 
 
 def _last_resort(error: Exception) -> str:

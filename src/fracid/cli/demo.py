@@ -25,6 +25,7 @@ from fracid.cli.app import (
     typed,
 )
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
+from fracid.safety.paths import default_folder
 from fracid.tasks.display import shown
 from fracid.workflows.drawer import drawer, importing
 
@@ -66,7 +67,7 @@ def demo(
     """
     from fracid.report import write_index
 
-    folder = out or Path("runs") / "demo"
+    folder = out or default_folder("demo")
     console = new_console(file=sys.stderr if json_ else sys.stdout)
     results = {}
     console.print("The recordings of this demo are [bold]simulated[/bold] (λ = 0.8623, μ = 0.9146).")

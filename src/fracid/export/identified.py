@@ -12,6 +12,7 @@ import numpy as np
 
 from fracid.export.c import used_constants
 from fracid.export.recursion import Case, Recursion
+from fracid.safety.text import printable
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
@@ -83,7 +84,7 @@ class Identified:
     @classmethod
     def of_run(cls, run: SavedRun, steps: int | None = None) -> Identified:
         """As a fit left it."""
-        return cls(run.folder.name, run.problem, run.x, {**run.parameters, **run.orders}, steps)
+        return cls(printable(run.folder.name), run.problem, run.x, {**run.parameters, **run.orders}, steps)
 
     @cached_property
     def case(self) -> Case:

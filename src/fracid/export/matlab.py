@@ -22,6 +22,7 @@ from fracid.export.whole import not_written, words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
+from fracid.safety.text import printable
 from fracid.solver.schemes import OPEN, SLACK
 
 if TYPE_CHECKING:
@@ -274,7 +275,7 @@ def _plain(value: Any) -> Any:
     if value is None:
         return np.zeros((0, 0))
     if isinstance(value, str):
-        return value or np.zeros((0, 0))
+        return printable(value) or np.zeros((0, 0))
     if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
         return _cell(list(value))
     return math.nan if value is math.nan else value

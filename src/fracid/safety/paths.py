@@ -159,6 +159,26 @@ def beside_each_other(folder: Path) -> list[Path]:
         return []
 
 
+def default_folder(name: str) -> Path:
+    """Where a command writes that is given no ``--out``: no link, for it was not named and may lead anywhere.
+
+    Raises
+    ------
+    InputError
+        If ``runs``, or what lies in it under that name, is a link.
+
+    Examples
+    --------
+    >>> str(default_folder("rig"))
+    'runs/rig'
+    """
+    folder = Path("runs") / name
+    for link in (folder.parent, folder):
+        if link.is_symlink():
+            raise InputError(f"{link} is a link and leads elsewhere; name the folder to write to: --out {folder}.")
+    return folder
+
+
 def _typed(path: Path) -> str:
     """A path as one types it."""
     return shlex.quote(str(path))

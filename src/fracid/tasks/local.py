@@ -4,10 +4,14 @@ At most 2 × `jobs` tasks are submitted at once, so that a study of millions wai
 Processes are spawned, not forked: a fork of a process with threads may hang.  A worker that dies takes its pool along;
 the tasks under way then run one by one, alone, and the one that kills its worker again is named.  Ctrl-C reaches the
 parent only, and workers end when their parent is gone.
+
+Where no process can be started (a limit of the system, no shared memory) threads do the work: the result is the same,
+and a sentence says so.
 """
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -45,6 +49,12 @@ from fracid.tasks.job import (
     perform_elsewhere,
     unpacked,
 )
+
+LOG = logging.getLogger("fracid.tasks")
+"""Where nobody listens, Python prints its warnings on standard error."""
+
+UNSTARTED = (OSError, ImportError, RuntimeError)
+"""What starting a process raises where the system has none, or no semaphore, to give."""
 
 SILENT = "ignore:resource_tracker:UserWarning"
 """To Python's tracker of semaphores, which warns of each that it removes, as it should after a kill."""
@@ -96,7 +106,33 @@ def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[T
         yield from _in_flight(lambda task: pool.submit(perform, work, task.arguments), iter(tasks), 2 * jobs)
 
 
+class _NoProcess(Exception):
+    """None can be started."""
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    try:
+        yield
+    except BrokenExecutor:
+        raise
+    except UNSTARTED as error:
+        raise _NoProcess(str(error)) from None
+
+
 def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
+    """Do the tasks on processes, in any order; on threads, those that are left where none can be started."""
+    done = set()
+    try:
+        for task, outcome in _on_processes(work, tasks, jobs):
+            done.add(task.key)
+            yield task, outcome
+    except _NoProcess as error:
+        LOG.warning(f"No process can be started here ({error}): threads do the work, with the same result.")
+        yield from on_threads(work, [task for task in tasks if task.key not in done], jobs)
+
+
+def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
     """A worker that dies takes its pool along; what was under way is then done one by one, to find who kills."""
     job, backlog = Job.of(work, tasks), iter(tasks)
     packed = job.packed()
@@ -109,10 +145,12 @@ def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple
 
 
 def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
-    with _closing(fresh_processes(jobs, _prepare_worker, packed)) as pool:
+    with _starting():
+        processes = fresh_processes(jobs, _prepare_worker, packed)
+    with _closing(processes) as pool:
 
         def start(task: Task) -> Future[Ended]:
-            with deaf_to_ctrl_c():  # the first ones start the processes
+            with _starting(), deaf_to_ctrl_c():  # the first ones start the processes
                 return pool.submit(_do_here, job.own(task))
 
         return (yield from _in_flight(start, tasks, window))

@@ -73,7 +73,7 @@ class Drawer:
             while self.pool is not None and self._waiting and not self._given:
                 try:
                     future = self.pool.submit(self._waiting[0].work, *self._waiting[0].what)
-                except (BrokenExecutor, OSError):
+                except (OSError, RuntimeError):
                     return
                 self._waiting.popleft().future = future
                 self._given.append(future)
@@ -123,11 +123,16 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     if jobs < 2:
         yield Drawer(None)
         return
-    from fracid.tasks.local import deaf_to_ctrl_c, fresh_processes, without_main  # not above: help would wait
+    from fracid.tasks.local import (
+        UNSTARTED,
+        deaf_to_ctrl_c,
+        fresh_processes,
+        without_main,
+    )  # not above: help would wait
 
     pool = None
     try:
-        with suppress(BrokenExecutor, OSError):  # where none can be started, this one draws
+        with suppress(*UNSTARTED):  # where none can be started, this one draws
             pool = fresh_processes(1, _prepare)
             with deaf_to_ctrl_c(), without_main():
                 pool.submit(int)  # starts it

@@ -36,6 +36,7 @@ from fracid.runs.folder import (
     refuse_anothers,
     write_result,
 )
+from fracid.safety.paths import default_folder
 from fracid.schemas.run_record import fault_of_end
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import free_memory, one_blas_thread
@@ -179,7 +180,7 @@ def run(
     if isinstance(project, Project):
         preset = preset or project.preset
     project = loaded(project, preset, trust)
-    folder = Path("runs") / project.path.stem if out is None else Path(out)
+    folder = default_folder(project.path.stem) if out is None else Path(out)
     name = _optimiser(optimiser, project.optimiser, starts)
     request = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
                "starts": starts, "cut": cut, "executor": executor}  # fmt: skip

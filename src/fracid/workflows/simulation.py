@@ -22,7 +22,7 @@ from fracid.problem.project import load_project
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import load_run
-from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.safety.paths import default_folder, kind_of, refuse_mistaken
 from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
@@ -203,7 +203,7 @@ def simulate_twin(
     DataError
         If the simulation does not reach its end.
     """
-    folder = None if to is not None and out is None else out or Path("runs") / f"{_stem(source)}-simulated"
+    folder = None if to is not None and out is None else out or default_folder(f"{_stem(source)}-simulated")
     file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
     assert file is not None
     _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))

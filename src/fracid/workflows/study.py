@@ -20,7 +20,7 @@ from fracid.report.index import write_study_page
 from fracid.runs.folder import JOURNAL, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import bytes_of
-from fracid.safety.paths import refuse_mistaken
+from fracid.safety.paths import default_folder, refuse_mistaken
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
@@ -98,7 +98,7 @@ def folder_of(out: str | Path | None, source: Path, study: str) -> Path:
     """
     if out is not None:
         return Path(out)
-    return source / study if source.is_dir() else Path("runs") / f"{source.stem}-{study}"
+    return source / study if source.is_dir() else default_folder(f"{source.stem}-{study}")
 
 
 def header_of(journal: Path) -> dict[str, Any]:
