@@ -24,6 +24,7 @@ from fracid.problem import Problem
 from fracid.signals.noise import noise_floor, white_noise
 from fracid.solver.kalman import HIGHEST, LOWEST, Filter, run_filter, weights
 from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import time_scale
 
 SPACING = 1.0
 """Δ, between the logarithms of the rates: the memory is right within 10⁻⁴."""
@@ -217,6 +218,11 @@ def observer(
     for n in slow:
         if n not in (*model.parameter_names, *model.order_names):
             raise unknown_name("slow constant or order", n, (*model.parameter_names, *model.order_names))
+    if derived := [n for n in names if n in model.derived]:
+        raise InputError(f"{derived[0]} is the derivative of a state, which an observer does not take as a sensor: "
+                         "name others, sensors=(...).")  # fmt: skip
+    if time_scale(model, problem.unpack(x, e)[1]) != 1.0:
+        raise InputError("An observer takes frequencies in rad/s: fit with time_scale = 1.")
     if model.relaxing:
         raise InputError(f"{', '.join(model.relaxing)} forgets within a step, which an observer does not follow: take "
                          "a structure without presliding or Maxwell elements.")  # fmt: skip
@@ -232,6 +238,32 @@ def observer(
     made = _Made(problem, x, names, noise, slow, dict(initial or {}), run.states)
     made.look_for_what_is_unseen()
     return made.observer(made.most_likely_drive() if drive is None else drive)
+
+
+def first_samples(problem: Problem, sensors: Sequence[str], most: int) -> tuple[FloatArray, FloatArray]:
+    """Of the first recording as an observer takes them: sensors, NaN for one that was not recorded, and inputs.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> e = fracid.Experiment("twin", 0.01, np.zeros((9, 1)), np.arange(9.0)[:, None], between={"torque": "hold"})
+    >>> problem = fracid.Problem(fracid.model("pendulum"), (e,), {"mu": 1.0}, initial_state="held")
+    >>> first_samples(problem, ("angle",), 3)[1].ravel().tolist()  # each until its sample
+    [0.0, 0.0, 1.0]
+    """
+    e = problem.experiments[0]
+    y = np.full((min(most, len(e.measured)), len(sensors)), np.nan)
+    for m, n in enumerate(sensors):
+        if n in problem.outputs:
+            y[:, m] = e.measured[: len(y), problem.outputs.index(n)]
+    if len(e.inputs) == 1:
+        return y, e.inputs
+    return y, np.vstack([e.inputs[:1], e.inputs])[: len(y)] if _held(problem) else e.inputs[: len(y)]
+
+
+def _held(problem: Problem) -> bool:
+    kinds = problem.experiments[0].between
+    return bool(kinds) and all(kinds.get(n) == "hold" for n in problem.model.inputs)
 
 
 def _noise(signal: FloatArray) -> float:
@@ -254,10 +286,8 @@ class _Made:
 
     def observer(self, drive: float) -> StateObserver:
         """With so much unknown drive."""
-        kinds = self.problem.experiments[0].between
-        held = bool(kinds) and all(kinds.get(n) == "hold" for n in self.problem.model.inputs)
         return StateObserver(self.problem.model, self.sensors, self.noise, tuple(self.slow), self._filter(drive),
-                        self.problem.substeps, held)  # fmt: skip
+                        self.problem.substeps, _held(self.problem))  # fmt: skip
 
     def _filter(self, drive: float) -> Filter:
         problem, model, e = self.problem, self.problem.model, self.problem.experiments[0]
@@ -323,17 +353,9 @@ class _Made:
         size[list(model.rates)] = 0.0
         return np.asarray(size)
 
-    def _data(self, most: int) -> tuple[FloatArray, FloatArray]:
-        e = self.problem.experiments[0]
-        y = np.full((min(most, len(e.measured)), len(self.sensors)), np.nan)
-        for m, n in enumerate(self.sensors):
-            if n in self.problem.outputs:
-                y[:, m] = e.measured[: len(y), self.problem.outputs.index(n)]
-        return y, e.all_inputs[: len(y)] if len(e.all_inputs) > 1 else e.all_inputs
-
     def most_likely_drive(self) -> float:
         """Of the first recording."""
-        y, u = self._data(TUNED_ON)
+        y, u = first_samples(self.problem, self.sensors, TUNED_ON)
 
         def surprise(log_drive: float) -> float:
             value = self.observer(math.exp(log_drive)).run(y, u).minus_log_likelihood
@@ -345,7 +367,7 @@ class _Made:
 
     def look_for_what_is_unseen(self) -> None:
         """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""
-        y, u = self._data(TUNED_ON)
+        y, u = first_samples(self.problem, self.sensors, TUNED_ON)
         sizes = np.ptp(self.simulated, axis=0)
         wide = dict(zip(self.problem.model.states, (0.05 * sizes).tolist(), strict=True))
         doubts = {n: v for n, v in self.initial.items() if n in self.slow}

@@ -90,6 +90,16 @@ def test_the_drive_that_makes_a_recording_most_likely_is_that_which_drove_it():
     assert 0.5 < made.start.drive[1] / INTENSITY < 2.0
 
 
+def test_held_inputs_that_are_known_leave_no_drive():
+    u = 0.05 * np.random.default_rng(2).standard_normal((N, 1))
+    e = fracid.Experiment("twin", STEP, np.zeros((N, 1)), u, initial={"angle": 1.0}, between={"torque": "hold"})
+    problem = fracid.Problem(MODEL, (e,), {"mu": 0.93}, initial_state="held")
+    noisy = problem.simulate(problem.start, e).states[:, :1] + NOISE * np.random.default_rng(1).standard_normal((N, 1))
+    problem = replace(problem, experiments=(replace(e, measured=noisy),))
+    made = observer(SimpleNamespace(problem=problem, x=problem.start), noise={"angle": NOISE})
+    assert made.start.drive[1] < 1e-3 * (0.05 / MODEL.parameter("J").value) ** 2 * STEP
+
+
 def test_where_a_sensor_drops_out_it_says_that_it_knows_less_and_finds_back(watch):
     states, measured = twin(3)
     measured[300:400] = np.nan
@@ -160,11 +170,16 @@ def test_an_arm_that_nothing_holds_is_not_observed_from_the_pendulum():
         observer(SimpleNamespace(problem=problem, x=problem.start), ("alpha",))
 
 
-def test_presliding_and_channels_are_refused():
+def test_presliding_channels_and_other_units_of_time_are_refused():
     joint = fracid.model("joint").with_parameters(coulomb_angle=0.1, presliding_angle=0.01)
     e = fracid.Experiment("twin", STEP, np.zeros((50, 1)), np.zeros((1, len(fracid.model("joint").inputs))))
     problem = fracid.Problem(joint, (e,), {"mu": 1.0}, initial_state="held")
     with pytest.raises(InputError, match="z forgets within a step"):
+        observer(SimpleNamespace(problem=problem, x=problem.start))
+    slow = fracid.rotary_pendulum(time_scale=0.1)
+    e = fracid.Experiment("twin", STEP, np.zeros((50, 2)), np.zeros((1, 1)))
+    problem = fracid.Problem(slow, (e,), {"lambda": 0.9, "mu": 0.9}, initial_state="held")
+    with pytest.raises(InputError, match="time_scale = 1"):
         observer(SimpleNamespace(problem=problem, x=problem.start))
     delayed = fit_of(twin(1)[1], sensors={"angle": fracid.Sensor(delay=1e-3)})
     with pytest.raises(InputError, match="delay, gain, bias and lowpass of angle"):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, answer, command, option, say, say_next
+from fracid.cli.app import Json, Out, Trust, answer, assigned, command, option, say, say_next, several
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
 
@@ -34,7 +34,7 @@ def export(
         option("N", "Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C].", min=1),
     ] = None,
     precision: Annotated[
-        Literal["double", "single"], typer.Option(help="Numbers of the C function: doubles, or floats.")
+        Literal["double", "single"], typer.Option(help="Numbers of C: doubles, or floats.")
     ] = "double",
     fmi: Annotated[Literal["2", "3"], typer.Option(help="Version of the FMU: nearly every tool imports 2.")] = "2",
     platforms: Annotated[
@@ -46,6 +46,10 @@ def export(
         ),
     ] = None,
     actuator: Annotated[str, option("NAME", "What BAM calls the servo.")] = "",
+    slow: Annotated[
+        list[str] | None,
+        several("NAME=RATE", "A constant or order that the observer estimates, and how far it drifts in 1 s."),
+    ] = None,
     trust: Trust = False,
     out: Out = None,
     json_: Json = False,
@@ -63,6 +67,8 @@ def export(
     lack is printed with the code of the reason.
 
     bam: joint.json, a servo's motor and friction as BAM, mjlab and Isaac Lab load them, with orders 1.
+
+    observer: observer.c, an extended Kalman filter that estimates the states from the sensors, step by step.
 
     javascript: fracid_model.mjs, a module for browsers and Node that simulates the model with any orders and constants.
 
@@ -82,6 +88,7 @@ def export(
         bundle = export_run(
             load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision,
             fmi=fmi, platforms=platforms or (), actuator=actuator,
+            slow=assigned("--slow", slow, "b_alpha=1e-6"),
         )  # fmt: skip
     record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
     answer(json_, record, partial(_show, bundle))

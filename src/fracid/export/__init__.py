@@ -9,6 +9,7 @@ format           files                                          module
 ``mjcf``         ``MODEL.xml``: rigid bodies for MuJoCo          :mod:`fracid.export.simulators`
 ``urdf``         ``MODEL.urdf``: the same, a robot description  :mod:`fracid.export.simulators`
 ``bam``          ``MODEL.json``: a servo's friction for BAM      :mod:`fracid.export.simulators`
+``observer``     ``observer.c``: the states from the sensors    :mod:`fracid.export.observer`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
@@ -23,8 +24,8 @@ Nothing is written outside of the folder that is given.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -43,7 +44,7 @@ PROGRAMS = ("matlab", "c", "fmu", "javascript")
 """Formats that simulate the model."""
 
 
-ON_REQUEST = ("mjcf", "urdf", "bam")
+ON_REQUEST = ("mjcf", "urdf", "bam", "observer")
 """Formats that few models have: they are written where they are asked for."""
 
 
@@ -61,6 +62,8 @@ class Options:
     """For which it holds libraries; this one if empty."""
     actuator: str = ""
     """What BAM calls the servo."""
+    slow: Mapping[str, float] = field(default_factory=dict)
+    """Constants and orders that the observer estimates."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,7 @@ def export_run(
     fmi: Literal["2", "3"] = "2",
     platforms: Sequence[str] = (),
     actuator: str = "",
+    slow: Mapping[str, float] | None = None,
 ) -> Export:
     """Write a run for other programs.
 
@@ -97,14 +101,15 @@ def export_run(
         Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
         :data:`HOURS` for the C function.
     precision : str
-        Of the C function: ``double``, or ``single`` for processors without a double unit.
-
+        Of the C functions: ``double``, or ``single`` for processors without a double unit.
     fmi : str
         Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``.
     platforms : sequence of str
         For which the FMU holds a library, of :data:`fracid.export.compilers.PLATFORMS`; this one if empty.
     actuator : str
         What BAM calls the servo, such as ``xl330``.
+    slow : mapping, optional
+        Constants and orders that the observer estimates too, as of :func:`fracid.observer`.
 
     Returns
     -------
@@ -118,7 +123,7 @@ def export_run(
     Examples
     --------
     >>> list(FORMATS)
-    ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'javascript', 'toml', 'csv', 'json', 'state-space']
+    ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'observer', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     for name in formats:
         if name not in FORMATS:
@@ -126,7 +131,7 @@ def export_run(
     for what, value, known in (("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))):
         if value not in known:
             raise unknown_name(what, value, known)
-    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms), actuator)
+    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms), actuator, dict(slow or {}))
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run, wanted)]
@@ -266,6 +271,22 @@ def _bam(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
         yield f"{path.name} has the constants of the recording {run.problem.experiments[0].name!r}."
 
 
+def _observer(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+    from fracid.export.observer import c_observer, error_of_observer
+    from fracid.filtering import first_samples, observer
+
+    try:
+        watch, single = observer(run, slow=options.slow), options.precision == "single"
+        samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
+        text = c_observer(watch, *samples, run.folder.name, single=single)
+    except InputError as error:
+        yield f"{error} There is no observer.c."
+        return
+    write_text(folder / "observer.c", text)
+    yield folder / "observer.c"
+    yield error_of_observer(text, watch, *samples, single=single)
+
+
 def _javascript(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
     from fracid.export.javascript import javascript_model, no_javascript
 
@@ -332,7 +353,7 @@ def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Pat
 
 FORMATS: dict[str, Callable[[SavedRun, Path, Options], Iterator[Path | str]]] = {
     "matlab": _matlab, "c": _c, "fmu": _fmu, "mjcf": partial(_rigid, "MuJoCo"), "urdf": partial(_rigid, "URDF"),
-    "bam": _bam, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
+    "bam": _bam, "observer": _observer, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
     "state-space": _state_space,
 }  # fmt: skip
 """(run, folder, options) → the files that it wrote, and sentences."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import ctypes
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from string import Template
 
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid._version import __version__
+from fracid.arrays import FloatArray
 from fracid.export.compilers import here, library_of
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written, written_outputs
@@ -49,7 +50,7 @@ UPDATES = {
 DIGITS = {"1e-14": "3e-7", "1e-12": "1e-6", "1e-11": "1e-5", "1e-9": "1e-6", "1e-6": "5e-3", "1e-7": "3e-4"}
 """Where iterations end, and steps of differences, in double precision → in single."""
 
-TOKEN = re.compile(r"(?P<comment>/\*.*?\*/)|\b(?P<word>double|fabs|fmax|pow)\b"
+TOKEN = re.compile(r"(?P<comment>/\*.*?\*/)|\b(?P<word>double|fabs|fmax|fmin|pow|sin|sqrt|expm1)\b"
                    r"|(?<![\w.])(?P<number>\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])", re.DOTALL)  # fmt: skip
 
 HERE = "@right-hand side@"
@@ -132,29 +133,47 @@ def error_of_single(tables: Recursion, case: Case) -> str:
     'error_of_single'
     """
     runs = []
-    for single, kind in ((False, np.dtype("f8")), (True, np.dtype("f4"))):
-        texts = c_model(tables, case, "", single=single)
-        main = own_text("export/run.c.in")
-        library = library_of({**texts, "run.c": main.replace("double", "float") if single else main}, "run.c", here())
-        if isinstance(library, str):
+    width = max(1, case.inputs.shape[1])
+    u = np.broadcast_to(case.inputs, (max(len(case.inputs), case.steps + 1), width))[-case.steps - 1 :]
+    for single in (False, True):
+        run = along_recording(c_model(tables, case, "", single=single), "export/run.c.in", single=single)
+        if run is None:
             return UNMEASURED
-        width = max(1, case.inputs.shape[1])
-        u = np.broadcast_to(case.inputs, (max(len(case.inputs), case.steps + 1), width))[-case.steps - 1 :].astype(kind)
-        out = np.full((case.steps + 1, len(tables.model.states)), np.nan, kind)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "library")
-            write_whole(path, library)
-            run = ctypes.CDLL(str(path)).run
-            run.restype, array = ctypes.c_long, np.ctypeslib.ndpointer(kind, flags="C_CONTIGUOUS")
-            run.argtypes = [array, array, ctypes.c_long, array]
-            run(case.past[-1].astype(kind), np.ascontiguousarray(u), case.steps, out)
-        runs.append(out)
+        out = np.full((case.steps + 1, len(tables.model.states)), np.nan)
+        runs.append(run(case.past[-1], u, case.steps, out))
     exact, found = runs
     if not np.all(np.isfinite(found[np.isfinite(exact).all(axis=1)])):
         return f"It leaves its limits along the recording {case.name!r}, where the double-precision function does not."
     off = np.nanmax(np.abs(exact - found), axis=0)
     parts = ", ".join(f"{n} {v:.1g}" for n, v in zip(tables.model.states, off, strict=True))
     return f"Over the {case.steps:,} steps of {case.name!r} it is off the double-precision function by at most {parts}."
+
+
+def along_recording(texts: Mapping[str, str], main: str, *, single: bool) -> Callable[..., FloatArray] | None:
+    """The compiled ``run`` of a program, whose last array is returned as it fills it; None without a compiler.
+
+    Examples
+    --------
+    >>> along_recording.__name__
+    'along_recording'
+    """
+    text, kind = own_text(main), np.dtype("f4" if single else "f8")
+    library = library_of({**texts, "run.c": text.replace("double", "float") if single else text}, "run.c", here())
+    if isinstance(library, str):
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "library")
+        write_whole(path, library)
+        run = ctypes.CDLL(str(path)).run
+    run.restype = None
+
+    def call(*arguments: FloatArray | int) -> FloatArray:
+        """With arrays in the numbers of the program."""
+        given = [ctypes.c_long(a) if isinstance(a, int) else np.ascontiguousarray(a, kind) for a in arguments]
+        run(*(a if isinstance(a, ctypes.c_long) else a.ctypes.data_as(ctypes.c_void_p) for a in given))
+        return np.asarray(given[-1], np.float64)
+
+    return call
 
 
 def _work(tables: Recursion) -> str:
@@ -174,8 +193,8 @@ def _work(tables: Recursion) -> str:
             f"13 factorisations of {S} x {S}{start}.")  # fmt: skip
 
 
-def used_constants(model: Model, case: Case) -> list[tuple[Parameter, float]]:
-    """The parameters that the function has, in their order, with a recording's values.
+def used_constants(model: Model, values: FloatArray) -> list[tuple[Parameter, float]]:
+    """The parameters that the function has, in their order, with their values.
 
     Examples
     --------
@@ -183,7 +202,23 @@ def used_constants(model: Model, case: Case) -> list[tuple[Parameter, float]]:
     'used_constants'
     """
     known = model.program.constants | model.outputs_program.constants
-    return [(p, v) for p, v in zip(model.parameters, case.parameters.tolist(), strict=True) if p.name in known]
+    return [(p, v) for p, v in zip(model.parameters, values.tolist(), strict=True) if p.name in known]
+
+
+def constants_of(model: Model, values: FloatArray, kind: str = "static const") -> str:
+    """The struct ``p`` with the constants of the model; empty where it has none.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> model = fracid.model("pendulum")
+    >>> constants_of(model, model.parameter_vector()).splitlines()[0]
+    'static const struct { double gravity, J, b_angle, coulomb_angle, slip_speed, drag_angle; } p = {'
+    """
+    name, used = C(model.program).name, used_constants(model, values)
+    lines = [f"    .{name(p.name)} = {value!r},  /* {_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
+    names = ", ".join(name(p.name) for p, _ in used)
+    return "\n".join([f"{kind} struct {{ double {names}; }} p = {{", *lines, "};"] if used else [])
 
 
 def _double(template: str, words: Mapping[str, object]) -> str:
@@ -204,10 +239,7 @@ def _single(template: str, words: Mapping[str, object]) -> str:
 
 def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     """The constants of the model, then those of memory and start."""
-    name, used = C(tables.model.program).name, used_constants(tables.model, case)
-    lines = [f"    .{name(p.name)} = {value!r},  /* {_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
-    if used:
-        lines = [f"static const struct {{ double {', '.join(name(p.name) for p, _ in used)}; }} p = {{", *lines, "};"]
+    lines = [constants_of(tables.model, case.parameters)]
     kernels, row = tables.kernels, np.array(tables.row)
     gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
     R, L, M = len(kernels), tables.lags, tables.modes

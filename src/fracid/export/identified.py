@@ -119,7 +119,7 @@ class Identified:
     @cached_property
     def parameters(self) -> tuple[Quantity, ...]:
         """Those that the equations have."""
-        return tuple(self.constants[p.name] for p, _ in used_constants(self.problem.model, self.case))
+        return tuple(self.constants[p.name] for p, _ in used_constants(self.problem.model, self.case.parameters))
 
     @cached_property
     def orders(self) -> tuple[Quantity, ...]:

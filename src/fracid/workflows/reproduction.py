@@ -24,7 +24,7 @@ from fracid.workflows.records import command_of, json_document, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of
 
-STUDIES = ("compare.json", "noise.json", "posterior.json")
+STUDIES = ("compare.json", "noise.json", "posterior.json", "control.json")
 """What a study leaves, of which its command is done again."""
 
 Typed = Callable[[list[str], Path], None]
@@ -69,8 +69,8 @@ def reproduce_run(
     if not run.is_dir():
         refuse_mistaken(run, "run")
     if kind_of(run) is None:
-        raise InputError(f"{run} cannot be done again: expected what fracid fit, compare, noise or posterior wrote. "
-                         "Any other command does it again where you type it again.")  # fmt: skip
+        raise InputError(f"{run} cannot be done again: expected what fracid fit, compare, noise, posterior or control "
+                         "wrote. Any other command does it again where you type it again.")  # fmt: skip
     refuse_links(run)
     if out is not None:
         refuse_used(out)  # before the time is spent
