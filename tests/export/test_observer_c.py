@@ -12,7 +12,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.export.c import along_recording
-from fracid.export.observer import c_observer, error_of_observer
+from fracid.export.c_observer import c_observer, error_of_observer
 from fracid.filtering import first_samples, observer
 from languages import STRICT
 

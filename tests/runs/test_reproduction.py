@@ -196,6 +196,21 @@ def test_a_study_of_other_data_is_not_the_same(capsys, studied, tmp_path, monkey
     assert "cannot be done again: project has changed since" in err
 
 
+@pytest.mark.broad
+@pytest.mark.parametrize("spoiled", [False, True])
+def test_a_controller_is_designed_again(capsys, plain, tmp_path, monkeypatch, spoiled):
+    shutil.copytree(plain, tmp_path / "plain")
+    monkeypatch.chdir(tmp_path)
+    words = ["control", "plain/run", "--limit", "10", "--draws", "2", "--seconds", "2", "--out", "loop"]
+    monkeypatch.setattr(sys, "argv", ["fracid", *words])
+    assert run(capsys, *words)[0] == 0
+    if spoiled:
+        edited(tmp_path / "loop" / "control.json", lambda said: said["worst"].update(mu=0.5))
+    code, out, err = run(capsys, "reproduce", "loop", "--json")
+    assert (code, err) == (int(spoiled), "")
+    assert [d["where"] for d in json.loads(out)["differences"]] == (["worst.mu"] if spoiled else [])
+
+
 # --- value by value ----------------------------------------------------------------------------------
 
 RESULT = {
@@ -251,4 +266,4 @@ def test_a_run_that_is_none_is_told(capsys, tmp_path):
     (tmp_path / "regression.json").write_text("{}")
     code, out, err = run(capsys, "reproduce", tmp_path)
     assert (code, out) == (2, "")
-    assert "cannot be done again: expected what fracid fit, compare, noise or posterior wrote" in err
+    assert "cannot be done again: expected what fracid fit, compare, noise, posterior or control wrote" in err

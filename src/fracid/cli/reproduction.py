@@ -35,7 +35,9 @@ SHOWN = 12
     "fracid reproduce runs/rig --json | jq .differences",
 )
 def reproduce(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="What fracid fit, compare, noise or posterior wrote.")],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="What fracid fit, compare, noise, posterior or control wrote.")
+    ],
     trust: Trust = False,
     out: Out = None,
     jobs: Jobs = CORES,

@@ -9,7 +9,7 @@ format           files                                          module
 ``mjcf``         ``MODEL.xml``: rigid bodies for MuJoCo          :mod:`fracid.export.simulators`
 ``urdf``         ``MODEL.urdf``: the same, a robot description  :mod:`fracid.export.simulators`
 ``bam``          ``MODEL.json``: a servo's friction for BAM      :mod:`fracid.export.simulators`
-``observer``     ``observer.c``: the states from the sensors    :mod:`fracid.export.observer`
+``observer``     ``observer.c``: the states from the sensors    :mod:`fracid.export.c_observer`
 ``javascript``   ``fracid_model.mjs``                           :mod:`fracid.export.javascript`
 ``toml``         ``model.toml``: the model as equations         :mod:`fracid.export.equations`
 ``csv``          one a recording: measured, fitted, residual    :mod:`fracid.export.table`
@@ -272,7 +272,7 @@ def _bam(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
 
 
 def _observer(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
-    from fracid.export.observer import c_observer, error_of_observer
+    from fracid.export.c_observer import c_observer, error_of_observer
     from fracid.filtering import first_samples, observer
 
     try:

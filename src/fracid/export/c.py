@@ -213,7 +213,7 @@ def constants_of(model: Model, values: FloatArray, kind: str = "static const") -
     >>> import fracid
     >>> model = fracid.model("pendulum")
     >>> constants_of(model, model.parameter_vector()).splitlines()[0]
-    'static const struct { double gravity, J, b_angle, coulomb_angle, slip_speed, drag_angle; } p = {'
+    'static const struct { double gravity, J, b_angle, coulomb_angle, slip_speed, drag_angle, angle_rest; } p = {'
     """
     name, used = C(model.program).name, used_constants(model, values)
     lines = [f"    .{name(p.name)} = {value!r},  /* {_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
