@@ -100,12 +100,14 @@ def test_in_javascript_they_simulate_as_fracid_does(problems, tmp_path):
     for k, (p, _) in enumerate(problems.values()):
         (tmp_path / f"m{k}.mjs").write_text(javascript_model(p, p.start, p.experiments[0], "run"), encoding="utf-8")
     lines = [f'import {{ simulate as s{k} }} from "./m{k}.mjs";' for k in range(len(problems))]
-    runs = ", ".join(f"s{k}().states.map((x) => Array.from(x))" for k in range(len(problems)))
+    lines.append("const rows = (r) => [r.states, r.outputs].map((a) => a.map((v) => Array.from(v)));")
+    runs = ", ".join(f"rows(s{k}())" for k in range(len(problems)))
     (tmp_path / "run.mjs").write_text("\n".join([*lines, f"process.stdout.write(JSON.stringify([{runs}]));"]))
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for (name, (_, ours)), found in zip(problems.items(), json.loads(done.stdout), strict=True):
-        same(np.array(found), ours, name)
+    for (name, (p, ours)), (states, outputs) in zip(problems.items(), json.loads(done.stdout), strict=True):
+        same(np.array(states), ours, name)
+        same(np.array(outputs), p.fitted(p.start, p.experiments[0]), name)
 
 
 @pytest.mark.broad

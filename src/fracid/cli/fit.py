@@ -193,8 +193,9 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     print_claim(console, fit.claim, fit.claim_reasons, doubts(run.result))
     say(
         console,
-        f"[bold]{escape(p.model.name)}[/bold], {p.model.zero or 'no zero'}; {p.method}, memory {p.memory.name}, "
-        f"step {1e3 * p.experiments[0].step / p.substeps:g} ms; {fit.optimiser}, {fit.evaluations} evaluations: "
+        f"[bold]{escape(p.model.name)}[/bold]{f', {p.model.zero}' if p.model.zero else ''}; "
+        f"{p.method}, memory {p.memory.name}, step {1e3 * p.experiments[0].step / p.substeps:g} ms; "
+        f"{fit.optimiser}, {fit.evaluations} evaluations: "
         f"{escape(fit.outcome)}; result after {run.seconds:.1f} s, figures and page follow",
     )
     _print_estimates(console, fit)

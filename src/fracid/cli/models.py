@@ -46,9 +46,10 @@ def models(
 
 def _show(console: Console, found: dict[str, Model], name: str | None) -> None:
     if name is None:
-        rows = new_table("model", "what it is", "inputs", "outputs", fold=("what it is",))
+        rows = new_table("model", about := "what it is: inputs → outputs", fold=(about,))
         for n, m in found.items():
-            rows.add_row(n, m.about, *(", ".join(GREEK.get(s, s) for s in names) for names in (m.inputs, m.outputs)))
+            sides = (", ".join(GREEK.get(s, s) for s in names) for names in (m.inputs, m.outputs))
+            rows.add_row(n, f"{m.about}\n{' → '.join(sides)}")
     else:
         console.print(str(found[name]), markup=False, soft_wrap=True)
         rows = new_table("parameter", "value", "unit", "what it is", fold=("what it is",))

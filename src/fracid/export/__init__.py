@@ -154,9 +154,13 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
     model, tables = run.problem.model, {"matlab", "javascript"}.intersection(formats)
     if not set(PROGRAMS).intersection(formats):
         return
-    if tables and (functions := [n for n in model.outputs if n not in model.output_states]):
+    from fracid.export.javascript import outputs_of
+
+    lacking = [name for name, key in (("MATLAB", "matlab"), ("JavaScript", "javascript"))
+               if key in tables and (key == "matlab" or not outputs_of(model)[1])]  # fmt: skip
+    if lacking and (functions := [n for n in model.outputs if n not in model.output_states]):
         names = ", ".join(functions)
-        yield f"In MATLAB and JavaScript the model gives its states; {names} is a function of them, which it lacks."
+        yield f"In {' and '.join(lacking)} the model gives its states; {names} is a function of them, which it lacks."
     channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
     if channels:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."

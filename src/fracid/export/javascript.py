@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.recursion import TIGHT, Case
-from fracid.export.whole import not_written, written
+from fracid.export.whole import not_written, written, written_outputs
+from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
@@ -114,7 +115,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     if reason := no_javascript(problem):
         raise InputError(reason)
     model, case = problem.model, Case.of(problem, x, e)
-    orders = model.named_orders(problem.unpack(x, e)[0])
+    orders, (seen, names) = model.named_orders(problem.unpack(x, e)[0]), outputs_of(model)
     recording = {
         "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
@@ -122,12 +123,28 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     }  # fmt: skip
     return Template(own_text("export/fracid_model.mjs.in")).substitute(
         version=__version__, run=_comment(run_name), case=_comment(repr(case.name)), solver=solver(),
-        rhs=written(model, "javascript"), initial=", ".join(f"{v:g}" for v in recording["initial"]),
+        rhs=written(model, "javascript"), seen=seen,
+        output_names=json.dumps(names), initial=", ".join(f"{v:g}" for v in recording["initial"]),
         step=f"{case.step:g}", steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"),
         states=", ".join(model.states),
         orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
         recording=json.dumps(recording), order_values=json.dumps(orders),
     )  # fmt: skip
+
+
+def outputs_of(model: Model) -> tuple[str, list[str]]:
+    """The outputs as JavaScript, and their names; none of a model with one that cannot be written.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> outputs_of(fracid.model("capacitor"))[1]
+    ['voltage']
+    """
+    try:
+        return written_outputs(model, "javascript"), [*model.shown]
+    except InputError:
+        return "const modelOutputs = () => () => {};", []
 
 
 def _comment(text: str) -> str:
