@@ -256,7 +256,7 @@ def _address(run: RunOfIndex) -> str:
 
 
 def _address_of(page: Path, folder: Path) -> str:
-    return quote(os.fsencode(page.relative_to(folder))) if page.exists() else ""
+    return quote(os.fsencode(page.relative_to(folder).as_posix())) if page.exists() else ""
 
 
 # --- the page ------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ def code() -> str:
     """
     package, digest = Path(__file__).parents[1], sha256()
     for path in sorted(package.rglob("*.py")):
-        digest.update(sha256(str(path.relative_to(package)).encode() + bytes_of(path)).digest())
+        digest.update(sha256(path.relative_to(package).as_posix().encode() + bytes_of(path)).digest())
     return digest.hexdigest()
 
 
