@@ -39,12 +39,12 @@ HOLDS = 0.9
 
 
 def rates(x: np.ndarray, torque: float, zero: float, dry: float = 1.0) -> np.ndarray:
-    """Return the derivative of θ, θ̇, α, α̇; α = 0 hangs where `zero` is 1 and stands where it is −1."""
+    """Return the derivative of θ, θ̇, α, α̇; α = 0 hangs where `zero` is 1 and stands, turned the other way, where −1."""
     c, s = np.cos(x[2]), np.sin(x[2])
     t = TRUTH
-    mass = np.array([[t["J_theta"] + t["C6"] * s**2, zero * t["C3"] * c], [zero * t["C3"] * c, t["C1"]]])
+    mass = np.array([[t["J_theta"] + t["C6"] * s**2, t["C3"] * c], [t["C3"] * c, t["C1"]]])
     twice = t["C6"] * np.sin(2 * x[2])
-    arm = torque - (t["b_theta"] + twice * x[3]) * x[1] + zero * t["C3"] * s * x[3] ** 2
+    arm = torque - (t["b_theta"] + twice * x[3]) * x[1] + t["C3"] * s * x[3] ** 2
     rod = 0.5 * twice * x[1] ** 2 - t["b_alpha"] * x[3] - zero * t["C4"] * s
     arm -= dry * t["coulomb_theta"] * np.tanh(x[1] / t["slip_speed"])
     rod -= dry * t["coulomb_alpha"] * np.tanh(x[3] / t["slip_speed"])
