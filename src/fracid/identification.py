@@ -47,6 +47,7 @@ from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
+from fracid.estimation.drift import drift_of
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
@@ -82,7 +83,7 @@ from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
-from fracid.units import GREEK
+from fracid.units import GREEK, with_half_width
 from fracid.validation.after_search import after, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
@@ -699,6 +700,8 @@ def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator
         seconds, count = prediction_of(problem, x).seconds, len(problem.experiments)
         how_long = f"for longer than {seconds:.2g} s" if math.isfinite(seconds) else "to its end without a new start"
         yield SAYS("windows", recordings=listed(problem.recordings), how_long=how_long, count=count, window=window)
+        if (drift := drift_of(problem, x)) is not None:
+            yield SAYS("drift", name=drift.name, rate=with_half_width(100 * drift.rate, 100 * drift.half))
 
 
 # --- search ----------------------------------------------------------------------------------------

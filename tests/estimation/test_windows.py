@@ -8,6 +8,8 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
+from fracid.estimation.drift import drift_of
+from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import (
     PARTS,
     beginning,
@@ -25,7 +27,7 @@ TRUTH = {"gravity": 0.147, "J": 3e-3, "b_angle": 2e-3, "coulomb_angle": 2e-3}
 COUNT = 2 * math.pi / 4096
 
 
-def balanced(seed, end=SPAN):
+def balanced(seed, end=SPAN, drift=0.0):
     """Angle and held torque of a rod that a controller with noise of its own keeps upright, shape (n_samples,)."""
     rng, t = np.random.default_rng(seed), np.arange(0, end + STEP / 2, STEP)
     angle, rate, seen, torque = 0.02, 0.0, np.zeros(len(t)), np.zeros(len(t))
@@ -33,11 +35,12 @@ def balanced(seed, end=SPAN):
         seen[k] = COUNT * round((angle + 1e-3 * rng.standard_normal()) / COUNT)
         aim = 0.1 * np.sign(np.sin(2 * np.pi * t[k] / 3.7))
         torque[k] = -0.4 * (angle - aim) - 0.03 * rate + 0.01 * rng.standard_normal()
+        dry = TRUTH["coulomb_angle"] * (1 + drift * (t[k] - end / 2) / 60)
         for _ in range(10):  # Heun's method
             h, slopes = STEP / 10, []
             for a, v in ((angle, rate), (0.0, 0.0)):
                 a, v = (a, v) if not slopes else (angle + h * slopes[0][0], rate + h * slopes[0][1])
-                friction = TRUTH["b_angle"] * v + TRUTH["coulomb_angle"] * np.tanh(v / 0.02)
+                friction = TRUTH["b_angle"] * v + dry * np.tanh(v / 0.02)
                 slopes.append((v, (torque[k] + TRUTH["gravity"] * np.sin(a) - friction) / TRUTH["J"]))
             angle, rate = (x + h * (s + e) / 2 for x, s, e in zip((angle, rate), *slopes, strict=True))
     return seen, torque
@@ -142,6 +145,19 @@ def test_a_swing_that_dies_is_no_matter_for_windows(stand):
     free = fracid.Experiment("free", STEP, (np.exp(-t / 3) * np.cos(7 * t))[:, None], np.zeros((1, 1)))
     assert dies(free)
     assert not dies(stand.experiments[0])
+
+
+@pytest.mark.parametrize("drift", [0.0, 1.5])
+def test_friction_that_changes_while_a_rod_stands_is_said_with_its_rate(drift):
+    problem = windowed(upright(*balanced(1, 3 * SPAN, drift)), 0.5)
+    x = [TRUTH.get(u.target, v) for u, v in zip(problem.unknowns, problem.start.tolist(), strict=True)]
+    found = drift_of(problem, refined(problem, np.array(x), 1, Watch()).best.point)
+    if not drift:
+        assert found is None
+    else:
+        assert found.name == "coulomb_angle"
+        assert found.rate == pytest.approx(drift, abs=1.5 * found.half)
+        assert found.half < drift / 3
 
 
 @pytest.mark.broad

@@ -1,0 +1,75 @@
+"""Does friction change while a recording lasts?  Its windows say so, and cost no fit.
+
+Each window says by how much the shared unknowns should be others in it, its own start found again.  Of each friction a
+line in time is put through that, the others as one for all windows: one step of Gauss and Newton, with the variance of
+windows that differ from each other.  Frictions that drift together are not told apart: the surest is said.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fracid.arrays import FloatArray
+from fracid.errors import Failure
+from fracid.estimation.block_covariance import block_bread, summed, window_sums
+from fracid.estimation.derivatives import by_blocks, rows_and_scores_by_recording
+from fracid.estimation.tangent import UNSEEN
+from fracid.problem import Problem
+from fracid.quantiles import NORMAL_95
+from fracid.signals.correlation import bartlett_long_run
+
+SURE = 2.0
+"""A drift is said where it is so many times its 95 % half-width: of ten frictions none by chance."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Of one friction, in parts of its value a minute."""
+
+    name: str
+    rate: float
+    half: float
+    """Of its 95 % interval."""
+
+
+def drift_of(problem: Problem, x: FloatArray, jobs: int = 1) -> Drift | None:
+    """The friction that changes most surely while the recordings of a problem in windows last, if one does."""
+    inside = (x > problem.space.lower) & (x < problem.space.upper) & ~problem.absent(x)
+    free = np.flatnonzero(inside)
+    if problem.blocks is None or not problem.in_windows:
+        return None
+    errors, J = problem.errors(x), by_blocks(problem, x, free, jobs=jobs)
+    if isinstance(errors, Failure) or isinstance(J, Failure):
+        return None
+    blocks = J.blocks
+    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
+    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]))
+    norm[norm == 0] = 1.0
+    for k, (r, s) in enumerate(zip(rows, scores, strict=True)):
+        r /= norm[blocks.columns(k)]
+        s /= norm[blocks.columns(k)]
+    bread = block_bread(blocks, rows, np.zeros(len(free)), UNSEEN)
+    seen = [r @ bread.follow[blocks.columns(k)] for k, r in enumerate(rows)]
+    sums = window_sums(blocks, scores, bread)
+    minutes = np.array([e.start + e.time[-1] / 2 for e in problem.experiments]) / 60
+    for _, part in problem.recordings.values():
+        minutes[part] -= np.mean(minutes[part])
+    H = np.array([p.T @ p for p in seen])
+    A, B, C = (np.tensordot(minutes**power, H, 1) for power in (0, 1, 2))
+    along = np.linalg.pinv(A, hermitian=True) @ B
+    curvature = np.diag(C - B @ along)
+    found = []
+    for i, at in enumerate(free[blocks.shared].tolist()):
+        if problem.unknowns[at].target in problem.model.friction and x[at] > 0 and curvature[i] > 0:
+            pull = minutes * sums[:, i] - sums @ along[:, i]
+            rate = -float(np.sum(pull)) / curvature[i]
+            left = sums + rate * (minutes[:, None] * H[:, :, i] - H @ along[:, i])  # without the drift
+            scatter = (minutes * left[:, i] - left @ along[:, i])[:, None]
+            spread = math.sqrt(bartlett_long_run(scatter, len(scatter) ** (1 / 3))[0, 0]) / curvature[i]
+            scale = float(norm[blocks.shared[i]] * x[at])
+            found.append(Drift(problem.names[at], float(rate) / scale, NORMAL_95 * float(spread) / scale))
+    surest = max(found, key=lambda d: abs(d.rate) / d.half, default=None)
+    return surest if surest is not None and abs(surest.rate) > SURE * surest.half else None
