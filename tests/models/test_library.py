@@ -42,22 +42,26 @@ def cart_pole(x, u, p):
 
 
 def joint(x, u, p):
-    """With presliding as :func:`fracid.models.joints.presliding` has it, and the springpot's state y."""
-    angle, rate, z, y = x
+    """With presliding as :func:`fracid.models.joints.presliding` has it, the springpot's state y, and a link that is
+    ahead of the joint by an angle of its own."""
+    angle, rate, z, y, bend, bend_rate = x
     duty = np.clip(p["gain"] * (u["goal"] - angle), -p["duty_limit"], p["duty_limit"])
     k, most = p["torque_constant"], p["current_limit"]
     current = np.clip((p["supply"] * duty - k * rate) / p["resistance"], -most, most) * (u["torque_enable"] > 0.5)
     drive = u["torque"] + p["torque_per_volt"] * u["voltage"] + k * current
-    pull = (p["gravity"] + p["mass"] * 9.80665 * p["length"]) * math.sin(angle - p["angle_rest"] - p["level"])
+    pull = (p["gravity"] + p["mass"] * 9.80665 * p["length"]) * math.sin(angle + bend - p["angle_rest"] - p["level"])
     load = abs((p["load_angle"] + p["load_directional_angle"]) * drive + p["load_angle"] * pull)
     out, f, s = np.zeros(1), p["coulomb_angle"] + load, p["stiction_angle"]
     dry = presliding(np.array([z]), out, 0, rate, f, s, p["stribeck_speed_angle"], p["presliding_angle"],
                      p["presliding_damping_angle"])  # fmt: skip
     turn = angle - p["angle_rest"]
+    shaft = p["elastic_angle"] * bend + p["elastic_damping_angle"] * bend_rate
+    link = max(p["mass"] * p["length"] ** 2, p["J"] / 4)
     torque = (
-        drive - pull - p["spring_angle"] * turn - (p["b_angle"] + p["back_emf"] + p["drag_angle"] * abs(rate)) * rate
+        drive + shaft - p["spring_angle"] * turn - (p["b_angle"] + p["back_emf"] + p["drag_angle"] * abs(rate)) * rate
     )
-    return rate, (torque - dry - p["springpot_angle"] * y) / (p["J"] + p["mass"] * p["length"] ** 2), out[0], rate
+    turns = (torque - dry - p["springpot_angle"] * y) / p["J"]
+    return rate, turns, out[0], rate, bend_rate, (-shaft - pull) / link - turns
 
 
 def two_mass(x, u, p):
@@ -138,6 +142,16 @@ def test_a_state_forgets_with_the_slope_of_its_own_equation(name):
     for i in model.relaxing_states:
         step = np.eye(n)[i]  # the equation is linear in its own state
         assert rates(x)[n + i] == pytest.approx(rates(x - step / 2)[i] - rates(x + step / 2)[i], rel=1e-9)
+
+
+def test_a_joint_with_a_stiff_spring_moves_as_one_that_is_rigid():
+    model = fracid.model("joint", mass=0.5, b_angle=0.01, load_angle=0.1, gravity=0.0)
+    stiff = model.with_parameters(elastic_angle=1e4, elastic_damping_angle=0.02)
+    one, other = (
+        fracid.simulate(m, orders={"mu": 1.0}, initial={"angle": 0.5}, step=5e-3, end=1.0, method="bdf2")
+        for m in (model, stiff)
+    )
+    np.testing.assert_allclose(other.states[:, 0], one.states[:, 0], atol=1e-3 * np.ptp(one.states[:, 0]))
 
 
 def test_what_is_off_has_no_state_and_what_is_on_has():

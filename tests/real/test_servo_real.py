@@ -37,8 +37,8 @@ def test_a_servo_is_compared_by_the_frictions_of_servos_and_on_the_gain_that_is_
     project = fracid.load_project(PROJECT)
     assert {e.name[:6] for e in project.validation} == {"kp 400"}
     climbed = ladder(project.problem, others=project.validation).frictions
-    assert climbed[-1] == "viscous + Coulomb + load + Stribeck + presliding"
-    assert len(climbed) == 5
+    assert climbed[-1] == "viscous + Coulomb + load + Stribeck + presliding + elastic arm"
+    assert len(climbed) == 6
 
 
 @pytest.mark.slow

@@ -96,6 +96,7 @@ BY_NAME = {
     "b_": VISCOUS, "coulomb_": COULOMB, "load_directional_": replace(LOAD, begins=0.0, signed=True),
     "load_": LOAD, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
     "stribeck_speed_": STRIBECK_SPEED, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING, "play_": PLAY,
+    "elastic_damping_": ELASTIC, "elastic_": replace(ELASTIC, most=1e4, entries=(20.0, 200.0), jumps=True),
     "springpot_order_": SPRINGPOT_ORDER, "springpot_": SPRINGPOT,
 }  # fmt: skip
 """How a parameter's name begins → what it is, where the model does not say."""

@@ -17,7 +17,7 @@ viscous + Coulomb               :math:`f \tanh(v/v_s)` too            ``coulomb_
                                                                       ``presliding_damping_…``
 … + play                        the gap of a gear                     ``play_…``
 … + springpot                   :math:`c\,D^ν θ` too                  ``springpot_…``, ``springpot_order_…``
-… + elastic arm                 a spring between hub and arm          ``arm_stiffness`` and its like
+… + elastic arm                 a spring between hub and arm          ``arm_stiffness``, ``elastic_…`` of a joint
 ==============================  ====================================  ==================================================
 
 A model whose parameters are friction of another kind (:mod:`fracid.models.friction`) has rungs of its own above these.
@@ -74,7 +74,7 @@ BUILT_IN = ("viscous", "Coulomb", "drag", "cable", "presliding", "LuGre")
 """The rungs that are climbed where nobody says, and load and Stribeck where the model has them: each fit takes longer
 than the one below."""
 
-SERVO = ("viscous", "Coulomb", "load", "Stribeck", "presliding")
+SERVO = ("viscous", "Coulomb", "load", "Stribeck", "presliding", "elastic arm")
 """Those of a project that frees friction over load: a weight is the spring, and its zero the rest."""
 
 ORDER = Free(1.0, 0.5, 1.2)
