@@ -36,25 +36,26 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
         return here
     J = [np.zeros((*e.shape, len(free))) for e in here]
 
-    def differentiate(column: int) -> Failure | None:
-        i = free[column]
-        if absent[i]:
-            return None
-        step = steps * (np.arange(len(x)) == i)
-        ends = [np.clip(x + side * step, space.lower, space.upper) for side in (1, -1)]
-        sides = [problem.errors(end) for end in ends]
-        good = [(here, x) if isinstance(side, Failure) else (side, end) for side, end in zip(sides, ends, strict=True)]
-        (high, above), (low, below) = good
-        if above[i] == below[i]:
-            if not any(isinstance(side, Failure) for side in sides):
-                return None  # its bounds leave it no room
-            why = next(side for side in sides if isinstance(side, Failure))
-            return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {why}")
-        for j, p, m in zip(J, high, low, strict=True):
-            j[..., column] = (p - m) / (above[i] - below[i])
+    def differentiate(columns: list[int]) -> Failure | None:
+        changes = [steps * (np.arange(len(x)) == free[c]) for c in columns]
+        ends = [[np.clip(x + side * change, space.lower, space.upper) for side in (1, -1)] for change in changes]
+        found = iter(problem.simulator.all_errors([end for pair in ends for end in pair]))
+        for column, pair in zip(columns, ends, strict=True):
+            i, sides = free[column], [next(found), next(found)]
+            good = [(here, x) if isinstance(s, Failure) else (s, end) for s, end in zip(sides, pair, strict=True)]
+            (high, above), (low, below) = good
+            if above[i] != below[i]:
+                for j, p, m in zip(J, high, low, strict=True):
+                    j[..., column] = (p - m) / (above[i] - below[i])
+            elif any(isinstance(side, Failure) for side in sides):  # else its bounds leave it no room
+                why = next(side for side in sides if isinstance(side, Failure))
+                return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {why}")
         return None
 
-    reasons = [why for why in in_threads(jobs, differentiate, range(len(free))) if why]
+    moving = [c for c in range(len(free)) if not absent[free[c]]]
+    at_once = max(1, problem.simulator.abreast // 2)
+    groups = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
+    reasons = [why for why in in_threads(jobs, differentiate, groups) if why]
     return reasons[0] if reasons else J
 
 

@@ -102,7 +102,7 @@ def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options:
 
 def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, part: str = "") -> Result:
     """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
-    before = watch.count
+    before, abreast = watch.count, problem.simulator.abreast
 
     def callback(best: Evaluation, evaluations: int) -> None:
         if watch.callback is not None:
@@ -111,6 +111,7 @@ def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, p
     result = minimise(
         problem.evaluate, optimiser, jobs=jobs,
         log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
+        together=(abreast, problem.evaluate_all) if abreast > 1 else None,
     )  # fmt: skip
     watch.count += result.evaluations
     return result

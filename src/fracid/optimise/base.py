@@ -22,7 +22,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -263,6 +263,7 @@ def minimise(
     log: Callable[[list[Evaluation]], None] | None = None,
     callback: Callable[[Evaluation, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    together: tuple[int, Callable[[Sequence[FloatArray]], list[Evaluation]]] | None = None,
 ) -> Result:
     """Run an optimiser to its end.
 
@@ -278,6 +279,8 @@ def minimise(
         Called after each batch.
     stop : function () -> bool, optional
         Asked after each batch; the search ends where it says True.
+    together : int and function (points) -> evaluations, optional
+        In the place of `evaluate` for up to so many points of a batch at once.
 
     Returns
     -------
@@ -302,14 +305,17 @@ def minimise(
     best: Evaluation | None = None
     outcome: Outcome | None = None
     count, batch = 0, list[Evaluation]()
+    at_once, evaluate_all = together or (1, lambda points: [evaluate(x) for x in points])
     with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
         try:
             points = next(optimiser)
             while outcome is None:
                 batch = []
                 try:
-                    for e in pool.map(evaluate, np.atleast_2d(points)):
-                        batch.append(_sound(e))
+                    asked = np.atleast_2d(points)
+                    parts = [asked[k : k + at_once] for k in range(0, len(asked), at_once)]
+                    for evaluations in pool.map(evaluate_all, parts):
+                        batch += [_sound(e) for e in evaluations]
                 finally:  # what an interrupted batch has done counts too
                     count += len(batch)
                     best = min([*([best] if best else []), *batch], key=lambda e: e.cost, default=None)

@@ -19,7 +19,7 @@ Residuals are measured minus simulated [rad].  A run that diverges has an infini
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -160,8 +160,14 @@ class Problem(CardDisplay):
 
     def evaluate(self, x: FloatArray) -> Evaluation:
         """Cost, residuals and, where the cost is infinite, the reason."""
-        errors = self.simulator.errors(x)
-        return Evaluation(x, math.inf, None, str(errors)) if isinstance(errors, Failure) else self.criterion(x, errors)
+        return self.evaluate_all([x])[0]
+
+    def evaluate_all(self, points: Sequence[FloatArray]) -> list[Evaluation]:
+        """The same at several points, whose runs go together where they can."""
+        return [
+            Evaluation(x, math.inf, None, str(errors)) if isinstance(errors, Failure) else self.criterion(x, errors)
+            for x, errors in zip(points, self.simulator.all_errors(points), strict=True)
+        ]
 
     def cost(self, x: FloatArray) -> float:
         """𝓛(x) of (25), joined over the recordings; infinite where a run diverges."""

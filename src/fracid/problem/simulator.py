@@ -16,9 +16,9 @@ With a `memo` nothing is simulated twice: outputs are kept under a hash of all t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import blake2b
 from typing import Any
 
@@ -36,7 +36,7 @@ from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed
 from fracid.solver.memory import Memory
 from fracid.solver.outputs import output_along
 from fracid.solver.right_hand_side import compile_rhs
-from fracid.solver.solve import integrate, time_scale
+from fracid.solver.solve import MOST, RUNS, go_together, integrate_all, time_scale
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
@@ -45,6 +45,10 @@ GRAVITY = 9.80665
 
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
+
+WORTH = 50_000
+"""Steps of all recordings from which on points go together: what a fit gains by it is then what the loop for several
+runs takes to compile, once on a machine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,31 +73,56 @@ class Simulator:
     memo: Memo | Recent | None
     """Has what was simulated before, and keeps what will be."""
 
+    @cached_property
+    def abreast(self) -> int:
+        """Points to ask for at once: 1 where no runs go together, or they are short, or errors take too much room."""
+        p = self.parametrisation
+        size, steps = sum(e.measured.nbytes for e in p.experiments), sum(self.steps(e) for e in p.experiments)
+        worth = steps >= WORTH and RUNS * size <= MOST
+        return RUNS if worth and go_together(p.model.rhs, self.method) else 1
+
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
 
         In standard deviations where the recording knows these; 0 where a sample is not scored.
         """
-        errors = []
+        return self.all_errors([x])[0]
+
+    def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
+        """The same at several points, whose runs go together where they can."""
+        errors: list[list[FloatArray] | Failure] = [[] for _ in points]
         for e in self.parametrisation.experiments:
-            outputs = self.outputs(x, e)
-            if isinstance(outputs, Failure):
-                return outputs
-            error = e.in_deviations(e.measured - outputs)
-            errors.append(error if e.scored is None else np.where(e.scored[:, None], error, 0.0))
+            left = [k for k, found in enumerate(errors) if not isinstance(found, Failure)]
+            for k, outputs in zip(left, self.all_outputs([points[k] for k in left], e), strict=True):
+                found = errors[k]
+                if isinstance(outputs, Failure):
+                    errors[k] = outputs
+                elif not isinstance(found, Failure):
+                    error = e.in_deviations(e.measured - outputs)
+                    found.append(error if e.scored is None else np.where(e.scored[:, None], error, 0.0))
         return errors
 
     def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
-        if self.memo is None:
-            return self._outputs(x, e)
-        return self.memo.get(self._key(x, e), lambda: self._outputs(x, e))
+        return self.all_outputs([x], e)[0]
 
-    def _outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
+    def all_outputs(self, points: Sequence[FloatArray], e: Experiment) -> list[FloatArray | Failure]:
+        """The same at several points, whose runs go together where they can."""
+        if self.memo is None:
+            return [self._outputs(x, e, run) for x, run in zip(points, self.trajectories(points, e), strict=True)]
+        keys = [self._key(x, e) for x in points]
+        missing = {key: x for key, x in zip(keys, points, strict=True) if key not in self.memo}
+        runs = dict(zip(missing, self.trajectories([*missing.values()], e), strict=True)) if missing else {}
+
+        def compute(key: bytes, x: FloatArray) -> FloatArray | Failure:
+            return self._outputs(x, e, runs[key] if key in runs else self.trajectory(x, e))
+
+        return [self.memo.get(key, partial(compute, key, x)) for key, x in zip(keys, points, strict=True)]
+
+    def _outputs(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray | Failure:
         if e.means > 1:
-            outputs = self._fine._outputs(x, self._steps_of[e.name])
+            outputs = self._fine._outputs(x, self._steps_of[e.name], run)
             return outputs if isinstance(outputs, Failure) else means(outputs, min(self.substeps, e.means))
-        run = self.trajectory(x, e)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         model, names = self.parametrisation.model, self.parametrisation.outputs
@@ -141,27 +170,27 @@ class Simulator:
 
     def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording from its release on, on its grid divided by `substeps`."""
+        return self.trajectories([x], e)[0]
+
+    def trajectories(self, points: Sequence[FloatArray], e: Experiment) -> list[Trajectory]:
+        """The same at several points, whose runs go together where they can."""
         if e.means > 1:
-            return self._fine.trajectory(x, self._steps_of[e.name])
+            return self._fine.trajectories(points, self._steps_of[e.name])
+        posed = [self._posed(x, e) for x in points]
+        options = Options(self.method, self.memory, limit=self._limits[e.name])
+        equations, initials = zip(*posed, strict=True)
+        return integrate_all(equations, initials, e.step / self.substeps, self.steps(e), options)
+
+    def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
         model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
         u = self.inputs(x, e)
-        return integrate(
-            Equation(
-                compile_rhs(model.rhs),
-                orders,
-                u.before,
-                parameters,
-                time_scale(model, parameters),
-                model.relaxing_states,
-                u.jumps,
-            ),
-            InitialCondition(initial, time=release, history=history),
-            e.step / self.substeps,
-            self.steps(e),
-            Options(self.method, self.memory, limit=self._limits[e.name]),
-        )
+        equation = Equation(
+            compile_rhs(model.rhs), orders, u.before, parameters, time_scale(model, parameters), model.relaxing_states,
+            u.jumps,
+        )  # fmt: skip
+        return equation, InitialCondition(initial, time=release, history=history)
 
     # --- coarser recordings ------------------------------------------------------------------------
 

@@ -93,15 +93,20 @@ def evaluate(_: Any, address: Any, t: Any, x: Any, u: Any, p: Any, out: Any) -> 
     """Call the right-hand side that stands at an address."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
-        convention = context.call_conv
-        kind = convention.get_function_type(RHS_SIGNATURE.return_type, RHS_SIGNATURE.args)
-        there = builder.inttoptr(args[0], kind.as_pointer())
-        status, _ = convention.call_function(builder, there, types.void, RHS_SIGNATURE.args, args[1:])
-        with cgutils.if_unlikely(builder, status.is_error):
-            convention.return_status_propagate(builder, status)
-        return context.get_dummy_value()
+        return call_at(context, builder, RHS_SIGNATURE, args[0], args[1:])
 
     return types.void(types.int64, *RHS_SIGNATURE.args), emit
+
+
+def call_at(context: Any, builder: Any, signature: Any, address: Any, args: Any) -> Any:
+    """Call what has a signature and stands at an address, in the code of an intrinsic; what it raises goes on."""
+    convention = context.call_conv
+    kind = convention.get_function_type(signature.return_type, signature.args)
+    there = builder.inttoptr(address, kind.as_pointer())
+    status, _ = convention.call_function(builder, there, types.void, signature.args, args)
+    with cgutils.if_unlikely(builder, status.is_error):
+        convention.return_status_propagate(builder, status)
+    return context.get_dummy_value()
 
 
 @cache

@@ -65,6 +65,7 @@ from typing import Any
 import numpy as np
 from numba import types
 
+from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import evaluate, when_called
 from fracid.solver.history import (
     BLOCK,
@@ -117,12 +118,22 @@ def room_for(run: Run) -> tuple[Any, Any]:
     states, relaxing = len(run.orders), len(run.relaxing)
     f = np.zeros((2, 2 * states if relaxing else states))
     rows = np.zeros((ROWS, states))
+    own = run.kernels.own[run.kernels.of[:states], 0]
+    rows[NEWEST], rows[SHARE] = prepared(run.orders, run.gain, own, run.relaxing)
     work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), np.zeros((relaxing, 4))
     return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
 
 
-ROWS = 10
-"""For x and the like."""
+ROWS, NEWEST, SHARE = 10, 5, 9
+"""For x and the like; which of them hold what ``pi2`` begins with (:func:`prepared`)."""
+
+
+def prepared(q: FloatArray, gain: FloatArray, own: FloatArray, relaxing: IntArray) -> tuple[FloatArray, FloatArray]:
+    """What f weighs in its own step, and the share of a jump of f, beside a third, in the step after it."""
+    newest = gain * own
+    newest[relaxing] = 0.0
+    return newest, q - (2 ** (q + 1) - 2) / 3
+
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 
@@ -136,7 +147,7 @@ WORK = types.Tuple((types.UniTuple(_vector, ROWS), types.UniTuple(_vector, 2), _
 def _finite(f):
     """Tell whether all derivatives are finite."""
     for i in range(len(f)):  # noqa: SIM110 (Numba compiles no generators)
-        if not np.isfinite(f[i]):
+        if not abs(f[i]) < math.inf:
             return False
     return True
 
@@ -298,6 +309,21 @@ def _slow(x, last, f, history, newest, scale):
     return next_move > max(SLOW * last_move, SETTLED)
 
 
+anywhere = bool
+"""Whether a condition holds for the run, or for one of several that step together (:mod:`fracid.solver.lanes`)."""
+
+
+@inline
+def _where(condition, one, other):
+    return one if condition else other
+
+
+@inline
+def _first(i, v, window):
+    """The first sample of state i."""
+    window[i, 0] = v
+
+
 # The arguments of Newton's method are not grouped: a NamedTuple of arrays has its references counted at each call of a
 # function that is not inlined, which costs ``pi2-implicit`` 14 % of a step.
 @inline
@@ -309,19 +335,18 @@ def _relax(relaxing, x, f, start, h, history):
         c1, mean = f[i] + a1 * x[i], 0.5 * (a0 + a1)
         A = mean * h
         R = 1 / (1 + A + 0.5 * A * A)
-        if mean > 0:
-            c1 *= mean / (a1 * (1 - R) + mean * R)  # ρ c1
+        c1 = _where(mean > 0, c1 * (mean / (a1 * (1 - R) + mean * R)), c1)  # ρ c1
         history[i] = R * (z0 + 0.5 * h * (c0 + (1 + A) * c1))
 
 
 @inline
 def _unsettled(relaxing, x, history, start):
     """Tell whether a relaxing state would still move by much of its own size, which its torque goes with."""
+    moves = False
     for k in range(len(relaxing)):
         i = relaxing[k]
-        if abs(history[i] - x[i]) > SLACK * max(abs(history[i]), abs(x[i]), abs(start[k, 0])):
-            return True
-    return False
+        moves = moves | (abs(history[i] - x[i]) > SLACK * max(max(abs(history[i]), abs(x[i])), abs(start[k, 0])))
+    return moves
 
 
 @inline
@@ -473,7 +498,7 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
 @when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, _matrix), allocates=False)
 def step_pi2(rhs, run, started, history, work, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    q, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
+    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
     begin, x0, together, knots, parabolas = started
     m, states = len(past) - 1, len(slope)
     t0, end = start - m * h, m + steps
@@ -487,12 +512,9 @@ def step_pi2(rhs, run, started, history, work, third, out):
         x[i] = past[0, i]
     evaluate(rhs, t0, x, now, p, f)
     for i in range(states):
-        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
-        share[i] = q[i] - (2 ** (q[i] + 1) - 2) / 3  # of a jump of f, in the step after it, beside a third
-        window[i, 0] = before[i] = f[i]
+        before[i] = f[i]
+        _first(i, f[i], window)
     _keep_relaxing(relaxing, x, f, relax_start)
-    for r in range(len(relaxing)):
-        newest[relaxing[r]] = 0.0
     k = np.int64(0)
     row, last, how = np.int64(1), end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
     if not _finite(f):
@@ -535,20 +557,17 @@ def step_pi2(rhs, run, started, history, work, third, out):
             break
         evaluate(rhs, t, x, now, p, f)
         _relax(relaxing, x, f, relax_start, h, history_part)
-        newton = n >= first_free and (
-            corrections == 0
-            or _slow(x, last_x, f, history_part, newest, scale)
-            or _unsettled(relaxing, x, history_part, relax_start)
-        )
+        newton = _slow(x, last_x, f, history_part, newest, scale) | _unsettled(relaxing, x, history_part, relax_start)
+        newton = (newton | (corrections == 0)) & (n >= first_free)
         joins = n == m > together
-        if newton or joins:
+        if anywhere(newton) or joins:
             state = _rare(newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, state, trial, x0,
                           relaxing, relax_start, h)  # fmt: skip
         if jumps:
             _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
         _keep_relaxing(relaxing, x, f, relax_start)
         for i in range(states):
-            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
+            if not abs(x[i]) <= limit or not abs(f[i]) < math.inf:
                 last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
         if state == UNSOLVED and how == COMPLETED:

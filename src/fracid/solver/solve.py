@@ -296,11 +296,88 @@ def integrate(
 
     By the loop of its method, or another that takes the same.
     """
-    past, states, method = initial.known, len(initial.values), METHODS[options.method]
-    out = _room(steps, options.every, states)
+    method = METHODS[options.method]
+    run = _run(equation, initial, step, steps, options)
+    out = _room(steps, options.every, len(initial.values))
     out[0] = initial.values
+    try:
+        last, how = (loop or method.run)(address_of(equation.rhs), run, out)
+    except Exception as error:
+        forget_mode()
+        raise InputError(SAYS("fails", name=name_of(equation.rhs), kind=type(error).__name__, error=error,
+                              states=len(initial.values), inputs=equation.inputs.shape[1],
+                              parameters=len(equation.parameters))) from None  # fmt: skip
+    count = max(0, last) // options.every + 1
+    return _trajectory(out[:count], how, equation, initial, step, options)
+
+
+def integrate_all(
+    equations: Sequence[Equation], initials: Sequence[InitialCondition], step: float, steps: int, options: Options
+) -> list[Trajectory]:
+    """Run a right-hand side with several orders, parameters and initial states: together where that can be.
+
+    That is by ``pi2``, with the same inputs for all, and no history (:mod:`fracid.solver.lanes`).
+    """
+    runs: list[Trajectory] = []
+    while len(equations) - len(runs) >= FEW and go_together(equations[0].rhs, options.method):
+        chosen = slice(len(runs), len(runs) + RUNS)
+        together = _together(equations[chosen], initials[chosen], step, steps, options)
+        if together is None:
+            break
+        runs += together
+    left = zip(equations[len(runs) :], initials[len(runs) :], strict=True)
+    return [*runs, *(integrate(e, i, step, steps, options) for e, i in left)]
+
+
+FEW, RUNS = 4, 8
+"""Fewer runs than so many go one by one; as many are asked for at once."""
+
+MOST = 1 << 28
+"""Bytes of what runs that go together give, at most."""
+
+
+def go_together(rhs: RightHandSide, method: str) -> bool:
+    """Tell whether runs of a right-hand side can go together."""
+    from fracid.solver import lanes
+
+    return method == "pi2" and lanes.for_lanes(getattr(rhs, "py_func", rhs)) is not None
+
+
+def _together(
+    equations: Sequence[Equation], initials: Sequence[InitialCondition], step: float, steps: int, options: Options
+) -> list[Trajectory] | None:
+    one, first = equations[0], initials[0]
+    alike = all(e.rhs is one.rhs and e.inputs is one.inputs and e.after is one.after for e in equations)
+    known = any(len(i.known) > 1 or i.time != first.time for i in initials)
+    if not alike or known or RUNS * 8 * steps // options.every * len(first.values) > MOST:
+        return None
+    from fracid.solver import lanes
+
+    of_lanes = lanes.for_lanes(one.rhs.py_func)
+    more = range(len(equations), -(-len(equations) // lanes.COUNT) * lanes.COUNT)  # the last again in lanes left over
+    equations, initials = [*equations, *(equations[-1] for _ in more)], [*initials, *(initials[-1] for _ in more)]
+    states = []
+    for k in range(0, len(equations), lanes.COUNT):
+        few = slice(k, k + lanes.COUNT)
+        orders = np.stack([e.orders for e in equations[few]], axis=-1).ravel()
+        kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps)
+        runs = [_run(e, i, step, steps, options, kernels) for e, i in zip(equations[few], initials[few], strict=True)]
+        found = lanes.run_together((address_of(of_lanes), address_of(one.rhs)), runs)
+        if found is None:
+            return None
+        states += list(found)
+    posed = zip(states[: len(states) - len(more)], equations, initials, strict=False)
+    return [_trajectory(x, 0, e, i, step, options) for x, e, i in posed]
+
+
+def _run(
+    equation: Equation, initial: InitialCondition, step: float, steps: int, options: Options,
+    kernels: Kernels | None = None,
+) -> Run:  # fmt: skip
+    """A run as the loops take it, with its own kernels where none are given."""
+    past, states, method = initial.known, len(initial.values), METHODS[options.method]
     inputs, after = _at_jumps(equation, method)
-    run = Run(
+    return Run(
         orders=equation.orders,
         gain=equation.gain(step),
         u=inputs,
@@ -313,23 +390,21 @@ def integrate(
         every=int(options.every),
         limit=min(float(options.limit), LARGEST),
         bounds=np.tile((-np.inf, np.inf), (states, 1)) if options.bounds is None else options.bounds,
-        kernels=_kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
+        kernels=kernels or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
         relaxing=np.array(equation.relaxing, dtype=np.int64),
         after=after,
     )
-    try:
-        last, how = (loop or method.run)(address_of(equation.rhs), run, out)
-    except Exception as error:
-        forget_mode()
-        raise InputError(SAYS("fails", name=name_of(equation.rhs), kind=type(error).__name__, error=error,
-                              states=states, inputs=equation.inputs.shape[1],
-                              parameters=len(equation.parameters))) from None  # fmt: skip
-    count = max(0, last) // options.every + 1
+
+
+def _trajectory(
+    states: FloatArray, how: int, equation: Equation, initial: InitialCondition, step: float, options: Options
+) -> Trajectory:
+    """What a loop has stored, from the start on."""
     return Trajectory(
-        initial.time + np.arange(count, dtype=np.float64) * (step * options.every), out[:count], _OUTCOMES[how], step,
-        options.method, options.memory.name, equation.orders, initial.time - step * (len(past) - 1),
+        initial.time + np.arange(len(states), dtype=np.float64) * (step * options.every), states, _OUTCOMES[how], step,
+        options.method, options.memory.name, equation.orders, initial.time - step * (len(initial.known) - 1),
     )  # fmt: skip
 
 

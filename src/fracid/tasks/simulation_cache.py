@@ -122,6 +122,10 @@ class Memo(AbstractContextManager["Memo"]):
         self._keep(key, outputs)
         return outputs
 
+    def __contains__(self, key: bytes) -> bool:
+        """Whether there are outputs of this key."""
+        return key in self._places or key in self._overflow
+
     def _counted(self, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
         outputs = compute()
         self.computed += 1
@@ -215,6 +219,11 @@ class Recent:
             while self._size > self._most:
                 self._size -= _bytes(self._outputs.popitem(last=False)[1])
         return outputs
+
+    def __contains__(self, key: bytes) -> bool:
+        """Whether there are outputs of this key."""
+        with self._lock:
+            return key in self._outputs
 
 
 def _bytes(outputs: FloatArray | Failure) -> int:

@@ -1,0 +1,142 @@
+"""Runs that step together in one loop are the runs one by one."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import njit
+
+import fracid
+from fracid.estimation.derivatives import jacobian
+from fracid.problem import Experiment, Free, Problem, simulator
+from fracid.solver import lanes, solve
+from fracid.solver.history import inline
+from fracid.solver.right_hand_side import compile_rhs
+
+RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
+PRESLIDING = {"coulomb_theta": 0.03, "stiction_theta": 0.05, "presliding_theta": 0.01}
+
+
+def problem(parameters=None, orders=None, until=3.0, **more):
+    still = Experiment("still", 0.002, np.zeros((round(until / 0.002) + 1, 2)), np.zeros((1, 1)),
+                       initial={"theta": 0.1, "alpha": 1.0})  # fmt: skip
+    free = {"b_theta": Free(0.01, 0.0, 1.0), "b_alpha": Free(1e-4, 0.0, 1.0), "C6": Free(4e-3, 1e-3, 2e-2)}
+    orders = orders or {"lambda": Free(0.9, 0.5, 1.0), "mu": Free(0.95, 0.5, 1.0)}
+    return Problem(RIG, (still,), orders, {**free, **(parameters or {})}, **more)
+
+
+def scattered(x, count=8):
+    return [x * (1 + 1e-3 * k * np.cos(np.arange(len(x)))) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    "parameters", [{"coulomb_theta": 0.01, "drag_alpha": 1e-4}, PRESLIDING], ids=["sliding", "presliding"]
+)
+@pytest.mark.parametrize("count", [4, 8, 13])
+def test_runs_together_are_the_runs_one_by_one(parameters, count, monkeypatch):
+    p = problem(parameters)
+    e, points = p.experiments[0], scattered(p.start, count)
+    stepped = []
+    run_together = lanes.run_together
+    monkeypatch.setattr(lanes, "run_together", lambda *a: stepped.append(run_together(*a)) or stepped[-1])
+    together = p.simulator.trajectories(points, e)
+    assert stepped
+    assert all(states is not None for states in stepped)
+    for run, x in zip(together, points, strict=True):
+        alone = p.simulator.trajectory(x, e)
+        assert abs(run.states - alone.states).max() < 1e-11
+        assert run.outcome is alone.outcome
+        assert np.array_equal(run.time, alone.time)
+
+
+def test_a_jacobian_does_not_depend_on_how_its_runs_go_nor_on_threads(monkeypatch):
+    monkeypatch.setattr(simulator, "WORTH", 1000)
+    p, free = problem(), np.arange(5)
+    (J,) = jacobian(p, p.start, free)
+    (threaded,) = jacobian(p, p.start, free, jobs=2)
+    assert np.array_equal(J, threaded)
+    monkeypatch.setattr(simulator, "WORTH", 1e9)
+    (alone,) = jacobian(replace(p), p.start, free)
+    assert abs(J - alone).max() < 1e-6 * abs(alone).max()
+
+
+def test_runs_that_part_or_end_early_go_one_by_one(monkeypatch):
+    p = problem({"stiction_theta": Free(0.0, 0.0, 1.0), "coulomb_theta": 0.01})
+    e = p.experiments[0]
+    points = scattered(p.start)
+    points[3][p.names.index("stiction_theta")] = 0.02  # the others have none, and its curve is not asked for
+    kept = [p.simulator.trajectory(x, e) for x in points]
+    together = p.simulator.trajectories(points, e)
+    assert all(np.array_equal(a.states, b.states) for a, b in zip(kept, together, strict=True))
+    points[3][p.names.index("C6")] = 1e3  # det M
+    ends = [run.outcome for run in p.simulator.trajectories(points, e)]
+    assert ends == [p.simulator.trajectory(x, e).outcome for x in points]
+
+
+def test_what_lanes_have_not_and_what_is_a_users_own_goes_alone():
+    def own(t, x, u, p, out):
+        out[0] = math.atan(x[0])
+
+    assert lanes.for_lanes(own) is None
+    own.__module__ = "fracid.models.pendulum"
+    assert lanes.for_lanes(own) is None
+    assert lanes.for_lanes(RIG.rhs) is not None
+    assert not solve.go_together(compile_rhs(RIG.rhs), "gl")
+
+
+def test_numbers_in_lanes_are_those_of_the_systems_library():
+    rng = np.random.default_rng(1)
+    values = np.concatenate([
+        rng.normal(0, 1, 400), rng.normal(0, 30, 400), rng.normal(0, 1e4, 200), 10.0 ** rng.uniform(-300, 2.7, 200),
+        -(10.0 ** rng.uniform(-12, 2, 200)), [0.0, -0.0, 1e6, -1e9, 0.625, 709.5, -708.5, -1e4, 1e4, math.pi / 2],
+    ])  # fmt: skip
+    for function in (math.sin, math.cos, math.exp, math.tanh):
+
+        @inline
+        def each(x, out, function=function):
+            for i in range(len(x)):
+                out[i] = function(x[i])
+
+        many = np.resize(values, (-(-len(values) // lanes.COUNT), lanes.COUNT))
+        found = np.zeros_like(many)
+        _in_lanes(each)(many, found)
+        with np.errstate(over="ignore"):
+            expected = {math.sin: np.sin, math.cos: np.cos, math.exp: np.exp, math.tanh: np.tanh}[function](many)
+        assert np.allclose(found, expected, rtol=4e-16, atol=2e-16 if function in (math.sin, math.cos) else 1e-307)
+        assert np.array_equal(np.signbit(found[expected != 0]), np.signbit(expected[expected != 0]))
+
+
+def _in_lanes(each):
+    as_lanes = lanes._together
+
+    @njit(_nrt=False)
+    def run(x, out):
+        each(as_lanes(x), as_lanes(out))
+
+    return run
+
+
+def test_a_search_asks_for_points_of_long_recordings_together_and_finds_the_same(monkeypatch):
+    p = problem(until=4.0)
+    x = p.start * 1.01
+    measured = p.fitted(x, p.experiments[0])
+    p = replace(p, experiments=(replace(p.experiments[0], measured=measured),))
+    assert p.simulator.abreast == 1
+    alone = fracid.identify(p, optimiser="least-squares")
+    asked = []
+    run_together = lanes.run_together
+    monkeypatch.setattr(lanes, "run_together", lambda *a: asked.append(len(a[1])) or run_together(*a))
+    monkeypatch.setattr(simulator, "WORTH", 1000)
+    together = fracid.identify(replace(p), optimiser="least-squares")
+    assert asked
+    for name, found in alone.parameters.items():
+        assert together.parameters[name].value == pytest.approx(found.value, rel=1e-5)
+
+
+def test_points_whose_errors_take_too_much_room_go_one_by_one(monkeypatch):
+    monkeypatch.setattr(simulator, "WORTH", 1000)
+    assert problem().simulator.abreast == solve.RUNS
+    monkeypatch.setattr(simulator, "MOST", 1000)
+    assert problem().simulator.abreast == 1
+    assert problem(method="gl").simulator.abreast == 1
