@@ -19,6 +19,7 @@ from fracid.estimation.records import Estimate
 from fracid.export.fmu import description, fmu, sources
 from fracid.export.identified import Identified
 from languages import GCC
+from own_models import of_file
 
 pytestmark = pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 
@@ -30,16 +31,18 @@ CASES = {
     "relaxation": {"k_1": 30.0},
     "oscillator": {"k3": 9000.0},
     "capacitor": {"C1": 3.0, "leak": 2e-3, "C_1": 2.0},
+    "titin": {"c": 0.3},
 }
 STEPS, STEP = 400, 1e-2
 
 
 def problem_of(name, between="line", **options):
     """Driven by what begins after eight steps, and fractional."""
-    model = fracid.model(name).with_parameters(**CASES[name])
+    model = of_file("real/titin/model.py").model if name == "titin" else fracid.model(name)
+    model = model.with_parameters(**CASES[name])
     t = STEP * np.arange(STEPS + 1)
     wave = np.where(t > 8 * STEP, np.sin(2.0 * t - 16 * STEP) ** 2, 0.0)
-    columns = [0.3 * wave if n not in model.input_rates else 0.0 * t for n in model.inputs]
+    columns = [0.95 + 0.2 * wave if n == "length" else 0.3 * wave if n not in model.input_rates else 0.0 * t for n in model.inputs]
     u = np.column_stack(columns) if columns else np.zeros((1, 1))
     for rate, of in model.input_rates.items():
         u[1:, model.inputs.index(rate)] = np.diff(u[:, model.inputs.index(of)]) / STEP
