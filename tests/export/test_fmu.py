@@ -42,7 +42,9 @@ def problem_of(name, between="line", **options):
     model = model.with_parameters(**CASES[name])
     t = STEP * np.arange(STEPS + 1)
     wave = np.where(t > 8 * STEP, np.sin(2.0 * t - 16 * STEP) ** 2, 0.0)
-    columns = [0.95 + 0.2 * wave if n == "length" else 0.3 * wave if n not in model.input_rates else 0.0 * t for n in model.inputs]
+    columns = [0.3 * wave if n not in model.input_rates else 0.0 * t for n in model.inputs]
+    if name == "titin":
+        columns[0] = 0.95 + 0.2 * wave
     u = np.column_stack(columns) if columns else np.zeros((1, 1))
     for rate, of in model.input_rates.items():
         u[1:, model.inputs.index(rate)] = np.diff(u[:, model.inputs.index(of)]) / STEP
