@@ -132,3 +132,10 @@ def test_what_a_fit_leaves_over_is_read_back_as_it_was():
     assert coloured.noise
     old = {n: v for n, v in as_json(LeftOver, coloured).items() if n != "coloured"}
     assert not record_of(LeftOver, old).coloured
+
+
+def test_a_comparison_asks_for_held_out_recordings_where_the_residual_is_white_noise_already():
+    none = 'No recording was held out (use = "validate").'
+    white, misfit = (claim_of(CLEAR, nearest(), e, [none], compared=True).reasons[-1] for e in (NOISE, MISFIT))
+    assert white.startswith("To decide: recordings that are held out")
+    assert misfit == "To decide: a model whose residual is white noise."

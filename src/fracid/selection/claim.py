@@ -188,6 +188,7 @@ def claim_of(
         return _undecided(_too_little(off), *(open_question or [SAYS("no-recording")]))
     orders_off = " and ".join(map(str, clear))
     if unexplained or (contradictions and compared):
+        decides = decides if unexplained else SAYS("decide-held-out")
         return _undecided(SAYS("stand-in", orders=orders_off), *unexplained, *contradictions, decides)
     if contradictions:
         speaks, without = ("a finding speaks", "it") if len(contradictions) == 1 else ("findings speak", "them")
