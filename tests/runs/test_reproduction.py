@@ -12,6 +12,7 @@ import pytest
 import fracid
 from fracid.cli import main
 from fracid.errors import InputError
+from fracid.runs import environment
 from fracid.runs.reproduction import ELSEWHERE, compared
 from program import RELEASE, run
 
@@ -114,6 +115,15 @@ def test_with_another_source_of_the_same_version_the_code_differs_and_fracid_is_
     assert not found.reproduced
     assert found.verdict.endswith("The code of fracid: not as before.")
     assert "fault of fracid" not in found.verdict
+
+
+@pytest.mark.parametrize("name", ["solver/solve.py", "models/library/joint.toml"])
+def test_the_hash_of_the_code_is_another_where_a_module_or_a_models_file_is(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(environment, "__file__", str(tmp_path / "runs" / "environment.py"))
+    file = tmp_path / name
+    file.parent.mkdir(parents=True)
+    hashes = {environment.code.__wrapped__() for text in ("one", "two") if file.write_text(text)}
+    assert len(hashes) == 2
 
 
 @pytest.mark.usefixtures("done_once")

@@ -40,7 +40,7 @@ def code() -> str:
     64
     """
     package, digest = Path(__file__).parents[1], sha256()
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml")]):  # equations and their constants, too
         digest.update(sha256(path.relative_to(package).as_posix().encode() + bytes_of(path)).digest())
     return digest.hexdigest()
 

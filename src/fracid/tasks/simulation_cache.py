@@ -175,7 +175,8 @@ def _stamp() -> bytes:
     from hashlib import blake2b
 
     package = Path(__file__).parents[1]
-    files = sorted((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in package.rglob("*.py"))
+    paths = *package.rglob("*.py"), *package.rglob("*.toml")  # models are equations in files
+    files = sorted((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in paths)
     booted = Path("/proc/sys/kernel/random/boot_id")
     since = text_of(booted) if booted.exists() else platform.node()
     return blake2b(repr((since, np.__version__, files)).encode(), digest_size=16).digest()
