@@ -180,6 +180,8 @@ def test_a_fit_is_a_table_of_pandas_by_name_and_its_card_has_a_row_for_each_free
     assert table["free"].tolist() == [True, False, True]
     assert "<td" in fit()._repr_html_().split("</table>")[1]
     assert "0.900 ± 0.010" in Tags(fit()._repr_html_()).words
+    raw = pytest.importorskip("pandas").DataFrame.from_dict(fit().parameters, orient="index")
+    assert raw.loc["C1", ["value", "unit"]].tolist() == table.loc["C1", ["value", "unit"]].tolist()
     assert comparison().table()["rmse_deg"].tolist() == pytest.approx([np.degrees(0.01)] * 18)
 
 
