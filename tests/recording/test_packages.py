@@ -1,5 +1,8 @@
 """Formats of other programs, each written by its own package and read back; and what a damaged one may not do."""
 
+import sqlite3
+from contextlib import closing
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from fracid.errors import DataError, InputError
 from fracid.recording import inspect_recording, load_recording, read_table
 from fracid.recording.readers import packages
 from fracid.recording.readers.table import READERS
+from fracid.safety import apart
 from logs import answer_here, db3, mcap, mdf, tdms, xlsx
 
 T = np.arange(200) / 100
@@ -126,3 +130,23 @@ def test_every_format_has_its_row_and_a_damaged_file_is_told_so(tmp_path, here, 
         DataError, match=rf"run{ending} is damaged or is no {packages.FORMATS[ending].title} \(.+\). Save"
     ):
         read_table(written(tmp_path, f"run{ending}", b"PK\3\4 this is none of them" * 40))
+
+
+ENDLESS = "WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) SELECT x AS id, 1 AS name, 2 AS type FROM r"
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize(
+    ("view", "told"),
+    [
+        (f"topics AS {ENDLESS}", "more than 1 s of processor time"),
+        ("topics AS SELECT zeroblob(999999999) AS id, 'a' AS name, 'b' AS type", "more"),
+    ],
+)
+def test_a_bag_whose_tables_are_queries_without_end_is_told_so(tmp_path, monkeypatch, view, told):
+    monkeypatch.setattr(apart, "SECONDS", 1)
+    path = tmp_path / "bag.db3"
+    with closing(sqlite3.connect(path)) as file:
+        file.execute(f"CREATE VIEW {view}")
+    with pytest.raises(DataError, match=rf"bag.db3 is damaged or is no bag of ROS 2 \(reading it takes {told}"):
+        read_table(path)
