@@ -65,7 +65,7 @@ from fracid.estimation.records import Estimate, RecordingFit, fit_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
-from fracid.estimation.windows import beginning, chosen_window, lengthened, prediction_of, windowed
+from fracid.estimation.windows import beginning, chosen_window, closes_a_loop, lengthened, prediction_of, windowed
 from fracid.findings import Finding, Words
 from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
@@ -700,6 +700,8 @@ def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator
         seconds, count = prediction_of(problem, x).seconds, len(problem.experiments)
         how_long = f"for longer than {seconds:.2g} s" if math.isfinite(seconds) else "to its end without a new start"
         yield SAYS("windows", recordings=listed(problem.recordings), how_long=how_long, count=count, window=window)
+        if loops := [n for n, (e, _) in problem.recordings.items() if closes_a_loop(e)]:
+            yield SAYS("closed-loop", recordings=listed(loops))
         if (drift := drift_of(problem, x)) is not None:
             yield SAYS("drift", name=drift.name, rate=with_half_width(100 * drift.rate, 100 * drift.half))
 

@@ -14,6 +14,7 @@ from fracid.estimation.windows import (
     PARTS,
     beginning,
     chosen_window,
+    closes_a_loop,
     dies,
     lengthened,
     prediction,
@@ -145,6 +146,16 @@ def test_a_swing_that_dies_is_no_matter_for_windows(stand):
     free = fracid.Experiment("free", STEP, (np.exp(-t / 3) * np.cos(7 * t))[:, None], np.zeros((1, 1)))
     assert dies(free)
     assert not dies(stand.experiments[0])
+
+
+def test_a_torque_that_a_controller_makes_closes_a_loop_and_one_that_is_played_does_not():
+    torque = np.repeat(np.random.default_rng(1).standard_normal((200, 1)), 10, axis=0)
+    run = fracid.simulate(fracid.model("pendulum", **TRUTH), initial={}, step=STEP, end=19.99, inputs=0.1 * torque,
+                          between="hold")  # fmt: skip
+    angle = run.states[:, :1] + 1e-3 * np.random.default_rng(2).standard_normal((2000, 1))
+    assert not closes_a_loop(fracid.Experiment("played", STEP, angle, torque))
+    made = 1e-2 * np.random.default_rng(3).standard_normal((2000, 1)) - 20 * angle
+    assert closes_a_loop(fracid.Experiment("held", STEP, angle, made))
 
 
 @pytest.mark.parametrize("drift", [0.0, 1.5])

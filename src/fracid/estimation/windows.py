@@ -71,6 +71,12 @@ MOST = 500
 PAST = 2
 """Windows before a window that are its past, where an order is no integer."""
 
+LAGS = 4
+"""Samples of the past from which an input is predicted, to see whether it follows from the outputs."""
+
+FOLLOWS = 0.3
+"""Part of what an input's own past leaves of it that the outputs explain, where a controller makes it."""
+
 LEAST = 0.25
 """Of a window's samples so many count: beside masks, bridged gaps and delays little may be left."""
 
@@ -259,6 +265,34 @@ def dies(e: Experiment) -> bool:
     """Whether nothing drives a recording and its motion dies: a simulation follows that to the end."""
     y, quarter = e.most_moved, max(2, len(e.measured) // 4)
     return np.ptp(e.inputs, axis=0).max(initial=0.0) == 0.0 and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
+
+
+def closes_a_loop(e: Experiment) -> bool:
+    """Whether an input follows from the outputs: they say more of it than its own past does, which made them.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> y, u = rng.standard_normal((2, 400, 1))
+    >>> [closes_a_loop(Experiment("held", 0.1, y, v)) for v in (u, u - 2 * y)]
+    [False, True]
+    """
+    if len(e.inputs) <= 2 * LAGS * (1 + e.measured.shape[1]):
+        return False
+    here = slice(LAGS, len(e.inputs))
+
+    def before(signals: FloatArray, first: int) -> FloatArray:
+        return np.column_stack([signals[LAGS - k : len(signals) - k] for k in range(first, LAGS)])
+
+    outputs = before(e.measured, 0)
+    for u in e.inputs.T:
+        own = np.column_stack([np.ones(len(outputs)), before(u[:, None], 1)])
+        alone, beside = (
+            float(np.var(u[here] - A @ np.linalg.lstsq(A, u[here])[0])) for A in (own, np.column_stack([own, outputs]))
+        )
+        if alone > 1e-6 * np.var(u) and beside < (1 - FOLLOWS) * alone:
+            return True
+    return False
 
 
 def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, remembers: bool) -> list[Experiment]:
