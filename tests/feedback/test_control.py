@@ -154,10 +154,14 @@ def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
     assert "margins of 5 draws" in " ".join(titles)
 
 
+UNDRIVEN = replace(fracid.model("pendulum"), inputs=(), input_units={})
+
+
 @pytest.mark.parametrize(
     ("problem", "how", "words"),
     [
         (twin(fracid.rotary_pendulum(torque_per_volt=0.0), 2, {"lambda": 1.0, "mu": 1.0}), {}, "torque_per_volt is 0"),
+        (twin(UNDRIVEN, inputs=np.zeros((1, 1))), {}, "pendulum has no input: there is nothing to control it with"),
         (twin(), {"limit": None}, "Nothing drove the recordings"),
         (twin(), {"posture": "sideways"}, "unknown posture"),
         (twin(fracid.model("cart-pole"), 2, {"lambda": 1.0, "mu": 1.0}), {"at": {"angle": 1.0}}, "does not rest"),
