@@ -96,7 +96,12 @@ SAYS = {
     "compare.json": ("Undecided whether it is fractional.", "Three relaxations do as well.", "2 relaxations each"),
     "noise.json": ("μ: 38 of 40 intervals contain the true value.", "38 of 40"),
     "posterior.json": ("The draws can be trusted.", "0.912", "nats"),
-    "plan.json": ("1 experiment for", "10 times narrower than today"),
+    "plan.json": (
+        "1 experiment for",
+        "1 × release.",
+        "95 % interval to expect of μ ± 0.0020, 10 times",
+        "10 times narrower than today",
+    ),
     "profiles.json": ("Without a closed 95 % interval: μ.", "from 0.88 to none"),
 }
 

@@ -10,7 +10,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.plots import appearance
 from fracid.quantiles import CHI2_95, NORMAL_95
-from fracid.units import SHOWN_UNITS
+from fracid.units import SHOWN_UNITS, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -139,4 +139,4 @@ def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     order = "order " if name in model.order_names else ""
     of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
     where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
-    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(display_unit)}]", factor
+    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(typeset_unit(display_unit))}]", factor

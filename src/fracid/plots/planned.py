@@ -9,7 +9,7 @@ import numpy as np
 
 from fracid.errors import InputError
 from fracid.plots import appearance
-from fracid.units import shown_unit
+from fracid.units import shown_unit, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +76,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
         axes.set_yscale("log")
         axes.set_xlabel("release [°]" if by_release else "duration [s]")
         symbol = appearance.symbol(name) if name in appearance.SYMBOLS else appearance.plain(name)
-        axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(unit or '–')}]")
+        axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(typeset_unit(unit) or '–')}]")
     appearance.finish(figure, "Expected interval after one more experiment")
     return figure
 

@@ -10,7 +10,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.plots import appearance
-from fracid.units import SHOWN_UNITS
+from fracid.units import SHOWN_UNITS, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,4 +202,6 @@ def _label(posterior: Posterior, name: str) -> tuple[str, float]:
     """What stands at an axis, and the factor to its unit there."""
     unit = posterior.problem.unknowns[posterior.names.index(name)].unit
     shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
-    return f"{appearance.symbol(name)} [{appearance.plain(shown)}]", factor if math.isfinite(factor) else 1.0
+    return f"{appearance.symbol(name)} [{appearance.plain(typeset_unit(shown))}]", factor if math.isfinite(
+        factor
+    ) else 1.0

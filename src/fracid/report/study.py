@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import shlex
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ from fracid.errors import InputError, writing
 from fracid.experiments.plan import PlanBlock
 from fracid.report.frame import environment_of_pages, own_file, policy, styles
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import counted, letter, number
+from fracid.report.sentences import counted, interval, letter, number
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as
@@ -107,8 +108,12 @@ def _planned(record: Mapping[str, Any]) -> Found:
     away = {"Distance of the integer-order alternatives": [
         {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
     ]} if record.get("distances") else {}  # fmt: skip
+    todo = "; ".join(f"{times} × {text}" for text, times in Counter(row["what to do"] for row in plan).items())
+    aims = (f"{letter(n)} {interval(record['expected'][n])}, {number(gains[n], '.2g')} times narrower than today"
+            for n in record["of"] if gains.get(n))  # fmt: skip
     return Found(
-        f"{count} experiment{'s' * (count > 1)} for {record['for']}.",
+        f"{count} experiment{'s' * (count > 1)} for {record['for']}: {todo}.",
+        said=tuple(f"95 % interval to expect of {aim}." for aim in aims),
         facts=(f"{record['candidates']} candidates", f"criterion {record['criterion']}"),
         values={"Values to expect after the plan": rows}, tables={"Experiments": plan} | away,
     )  # fmt: skip
