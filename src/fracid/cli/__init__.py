@@ -5,6 +5,7 @@ from fracid.cli import comparison as compare
 from fracid.cli import draft as init
 from fracid.cli import feedback as control
 from fracid.cli import figures as draw
+from fracid.cli import opening as open
 from fracid.cli import planning as design
 from fracid.cli import posterior_draws as posterior
 from fracid.cli import profiles as profile
@@ -16,11 +17,11 @@ from fracid.cli.app import app, main
 from fracid.cli.completion import WithTables
 
 __all__ = ["app", "check", "compare", "control", "demo", "design", "draw", "export", "fit", "init", "main", "models",
-           "noise", "posterior", "profile", "regress", "report", "reproduce", "resid", "resume",
+           "noise", "open", "posterior", "profile", "regress", "report", "reproduce", "resid", "resume",
            "simulate"]  # fmt: skip
 
 PANELS = {
-    "Look": ["check", "models", "init"],
+    "Look": ["check", "open", "models", "init"],
     "Identify": ["fit", "regress", "resume"],
     "Judge": ["resid", "profile", "posterior", "compare", "noise", "reproduce"],
     "Plan": ["design"],

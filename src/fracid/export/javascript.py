@@ -23,6 +23,7 @@ from fracid.solver.methods import METHODS, Method
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
+    from fracid.models import Model
     from fracid.problem import Experiment, Problem
 
 FAMILIES = ("pi", "gl")
@@ -36,14 +37,18 @@ def solver() -> str:
 
 def program(problem: Problem) -> dict[str, Any]:
     """What ``Fracid.simulate`` must know of a problem beside its right-hand side and its values."""
-    model = problem.model
+    return program_of(problem.model, problem.method, _tolerance(problem))
+
+
+def program_of(model: Model, method: str, tolerance: float | None) -> dict[str, Any]:
+    """The same of a model."""
     return {
         "states": list(model.states),
         "orders": [{"complement": q.parameter} if isinstance(q, Complement) else q for q in model.orders],
         "relaxing": list(model.relaxing_states),
         "width": max(1, len(model.inputs)),
-        **_scheme(METHODS[problem.method]),
-        "tolerance": _tolerance(problem),
+        **_scheme(METHODS[method]),
+        "tolerance": tolerance,
     }
 
 

@@ -35,8 +35,8 @@ class Explore {
     element("explore-integer").hidden = this.sliders.every(s => s.integer === null);
     element("explore-ghost").hidden = !DATA.rig;
     this.rig = drawing(element("explore-rig"));
-    if (this.rig && this.rig.camera) player.turnable.call({ show: () => this.draw() }, this.rig);
-    this.plane = Plane.all.find(p => p.canvas.id === "plane");
+    if (this.rig) this.rig.turnable(() => this.draw());
+    this.plane = DATA.plane && Plane.all.find(p => p.canvas.id === "plane");
     if (this.plane) this.plane.spec.pick = (a, b) => this.pick(a, b);
     this.open(0);
     this.recall();
@@ -101,6 +101,7 @@ class Explore {
     Object.assign(this, { curves: [], residuals: [], rmse: [], note: "" });
     this.restore();
     const run = this.simulate();
+    if (!r.fitted) r.fitted = this.outputs.map((_, k) => Float64Array.from({ length: r.samples }, (_, n) => this.outputOf(run, k)(n)));
     const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
     element("explore").querySelectorAll(".explore, .scores, #explore-text, .controls button").forEach(e => { e.hidden = false; });
     element("explore-intro").replaceChildren(...this.intro);
@@ -142,48 +143,17 @@ class Explore {
   simulate(portion = 1) {
     const r = this.recording, samples = Math.max(2, Math.round(portion * (r.samples - 1))), begin = performance.now();
     const { initial, deflections, ...values } = this.values(), steps = portion < 1 ? Math.min(samples * r.every, r.steps) : r.steps;
-    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps, every: r.release === null ? r.every : 1, memory: r.steps }, values, model);
-    if (r.release !== null) this.read(run, values.orders);
+    const run = Fracid.simulate(this.program, { ...r, initial, deflections, steps, every: r.release === null ? r.every : 1, memory: r.steps }, values, this.model || model);
+    if (r.release !== null) Object.assign(run, released(this.program, this.outputs, r, run, values.orders));
     this.measure(run, values.parameters);
     run.took = performance.now() - begin;
     return run;
   }
 
-  // A run that begins at the release, between two samples: read at the samples as Trajectory.at does, through the four
-  // nearest steps; before the release it has its first value.
-  read(run, orders) {
-    const r = this.recording, width = this.program.states.length, last = run.samples - 1, nodes = Math.min(4, run.samples), states = run.states;
-    const ended = Math.floor((r.release + last * r.step) / (r.step * r.every) * (1 + 1e-12)) + 1; // of a run that diverges at once, before the first
-    const samples = Math.max(1, Math.min(r.samples, ended)), read = new Float64Array(samples * width);
-    for (const { state } of this.outputs) {
-      const named = this.program.orders[state], q = typeof named === "string" ? orders[named] : named;
-      const bent = Math.abs(q - 1) > 0.05 && q > 1e-12, powers = [0, 1, q, 1 + q].slice(0, nodes);
-      const at = k => states[k * width + state];
-      for (let n = 0; n < samples; n++) {
-        const place = n * r.every - r.release / r.step;
-        if (place <= 0) { read[n * width + state] = at(0); continue; }
-        const first = Math.min(Math.max(Math.ceil(place) - 2, 0), run.samples - nodes);
-        let y = 0;
-        if (bent && first < 8) {
-          const end = first + nodes - 1, basis = Array.from({ length: nodes }, (_, k) => powers.map(p => ((first + k) / end) ** p));
-          y = dot(solved(basis, Array.from({ length: nodes }, (_, k) => at(first + k))), powers.map(p => (place / end) ** p));
-        } else {
-          for (let k = 0; k < nodes; k++) {
-            let weight = 1;
-            for (let other = 0; other < nodes; other++) if (other !== k) weight *= (place - first - other) / (k - other);
-            y += weight * at(first + k);
-          }
-        }
-        read[n * width + state] = y;
-      }
-    }
-    Object.assign(run, { states: read, samples });
-  }
-
   // The outputs at the samples, in shown units: states, or functions of them, of the inputs (after a jump) and of the constants.
   measure(run, parameters) {
     const r = this.recording, { states, width } = this.program, u = r.jumps || r.inputs, driven = u.length > width;
-    const functions = this.outputs.some(o => o.state === null) && modelOutputs(parameters), f = new Float64Array(Math.max(...this.outputs.map(o => o.place)) + 1);
+    const functions = this.outputs.some(o => o.state === null) && (this.measures || modelOutputs)(parameters), f = new Float64Array(Math.max(...this.outputs.map(o => o.place)) + 1);
     run.outputs = this.outputs.map(() => new Float64Array(run.samples));
     for (let n = 0; n < run.samples; n++) {
       const x = run.states.subarray(n * states.length, (n + 1) * states.length), at = driven ? n * r.every * width : 0;
@@ -363,7 +333,7 @@ class Explore {
     const away = this.outputs.findIndex((o, k) => this.rmse[k] > 3 * largest(r.measured[k]));
     const how = run.completed && away >= 0 ? `With these values the simulation leaves the recording: ${this.outputs[away].letter} reaches ${round(largest(this.curves[away]), 2)}${this.outputs[away].unit}.`
       : !run.completed ? `The run leaves its limits after ${seconds} s.`
-      : whole ? `${r.steps.toLocaleString("en")} steps of ${round(1000 * r.step, 3)} ms, simulated in ${Math.ceil(run.took)} ms. At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`
+      : whole ? `${r.steps.toLocaleString("en")} steps of ${round(1000 * r.step, 3)} ms, simulated in ${Math.ceil(run.took)} ms.${this.preview ? "" : ` At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`}`
         : `While you drag: the first ${seconds} s; all of it when you let go.`;
     element("explore-said").textContent = (this.note ? `${this.note} ` : "") + how + part;
   }
@@ -382,8 +352,8 @@ class Explore {
     const moved = [...this.sliders, ...this.recording.unknowns].filter(v => v.now !== v.value).map(v => [v.name, Number(v.now.toPrecision(6))]);
     if (!moved.length && !this.linked) return;
     this.linked = true;
-    const recording = this.recording === this.recordings[0] ? [] : [["recording", this.recording.name]];
-    history.replaceState(null, "", `#${moved.length ? new URLSearchParams([...recording, ...moved]) : "explore"}`);
+    const recording = this.recording === this.recordings[0] ? this.link || [] : [["recording", this.recording.name]];
+    history.replaceState(null, "", `#${moved.length || recording.length ? new URLSearchParams([...recording, ...moved]) : "explore"}`);
   }
 
   // What the link that was followed has.
@@ -443,34 +413,19 @@ class Explore {
     this.touch();
     const picture = () => new Promise(done => requestAnimationFrame(done));
     const put = x => unknowns.forEach((u, k) => { u.of.now = Math.min(Math.max(x[k], u.lower), u.upper); });
-    let x = unknowns.map(u => u.of.now), r = this.errors(), damping = 1e-3;
-    for (let iteration = 0; r && iteration < 60; iteration++) {
-      const cost = dot(r, r), J = [];
-      for (let k = 0; k < unknowns.length; k++) {
-        await picture();
-        if (mine !== this.searching) return;
-        const d = 1e-4 * unknowns[k].width, u = unknowns[k].of;
-        u.now = x[k] + d;
-        const moved = this.errors();
-        u.now = x[k];
-        J.push(moved ? moved.map((v, n) => (v - r[n]) / d) : r.map(() => 0));
+    const search = leastSquares(unknowns, unknowns.map(u => u.of.now), x => { put(x); return this.errors(); });
+    let best = unknowns.map(u => u.of.now);
+    for (let step = search.next(); !step.done; step = search.next()) {
+      best = step.value || best;
+      put(best);                                         // a simulation leaves the values that it was made with
+      if (step.value) {
+        this.widen();
+        this.touch();
       }
-      const A = J.map(a => J.map(b => dot(a, b))), g = J.map(a => -dot(a, r));
-      let lower = false, found = cost;
-      for (let trial = 0; trial < 8 && !lower; trial++) {
-        put(solved(A.map((row, i) => row.map((v, j) => (i === j ? v * (1 + damping) || 1 : v))), g).map((v, k) => x[k] + v));
-        const tried = this.errors();
-        found = tried ? dot(tried, tried) : Infinity;
-        lower = found < cost;
-        damping *= lower ? 0.2 : 8;
-        if (lower) r = tried;
-        else put(x);
-      }
-      x = unknowns.map(u => u.of.now);
-      this.widen();
-      this.touch();
-      if (!lower || cost - found < 1e-4 * cost) break;
+      await picture();
+      if (mine !== this.searching) return;
     }
+    put(best);
     const ended = unknowns.filter(u => u.of.letter && u.of.upper !== undefined && (u.of.now === u.lower || u.of.now === u.upper)).map(u => u.of.letter);
     this.note = `Integer order: the free values and the frictions shown, refitted to this recording by least squares${this.cost ? `; the run minimised ${this.cost}` : ""}.`
       + (this.recording.use === "validate" ? " The run held this recording out." : "") + (ended.length ? ` At a bound of the project: ${ended.join(", ")}.` : "");
@@ -536,28 +491,6 @@ class Explore {
     this.rig.draw(this.pose(this.curves, n), this.pose(r.measured, n), []);
     element("explore-clock").textContent = `${this.now.toFixed(2)} s`;
   }
-}
-
-function dot(a, b) {
-  let sum = 0;
-  for (let n = 0; n < a.length; n++) sum += a[n] * b[n];
-  return sum;
-}
-
-// A x = b of a few unknowns, by elimination.
-function solved(A, b) {
-  const n = b.length, M = A.map((row, i) => [...row, b[i]]);
-  for (let k = 0; k < n; k++) {
-    const p = M.slice(k).reduce((best, row, i) => (Math.abs(row[k]) > Math.abs(M[best][k]) ? k + i : best), k);
-    [M[k], M[p]] = [M[p], M[k]];
-    for (let i = k + 1; i < n; i++) {
-      const share = M[i][k] / M[k][k];
-      for (let c = k; c <= n; c++) M[i][c] -= share * M[k][c];
-    }
-  }
-  const x = new Array(n).fill(0);
-  for (let i = n - 1; i >= 0; i--) x[i] = (M[i][n] - x.reduce((sum, v, c) => sum + (c > i ? v * M[i][c] : 0), 0)) / M[i][i];
-  return x;
 }
 
 // It begins when it is nearly seen: a page that is only read simulates nothing.

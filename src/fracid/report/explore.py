@@ -99,8 +99,8 @@ def explore_scripts(material: Material) -> list[str]:
     """The solver, the model and the section's script; nothing where there is nothing to explore."""
     if not_explored(material):
         return []
-    problem, own = material.project.problem, own_text("report/explore.js")
-    return [solver(), written(problem.model, "javascript"), *_functions(problem), own]
+    problem, own = material.project.problem, [own_text(f"report/{name}") for name in ("fitting.js", "explore.js")]
+    return [solver(), written(problem.model, "javascript"), *_functions(problem), *own]
 
 
 def explore(material: Material) -> dict[str, Any] | None:
@@ -220,8 +220,8 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
         "deflections": list(_deflections(problem, x, e)),
         "unknowns": list(_unknowns(problem, x, e)),
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
-        "inputs": _doubles(inputs),
-        "jumps": None if driven.jumps is None else _doubles(driven.jumps[:rows]),
+        "inputs": doubles(inputs),
+        "jumps": None if driven.jumps is None else doubles(driven.jumps[:rows]),
         "own": _lines(material, e, samples),
     }
 
@@ -270,6 +270,12 @@ def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dic
         yield {"state": i, "delta": delta, "share": None if slides else values.initial[i] / size if size else 0.0}
 
 
-def _doubles(values: FloatArray) -> str:
-    """Numbers as base64 of little-endian float64."""
+def doubles(values: FloatArray) -> str:
+    """Numbers as base64 of little-endian float64.
+
+    Examples
+    --------
+    >>> doubles(np.array([1.0]))
+    'AAAAAAAA8D8='
+    """
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

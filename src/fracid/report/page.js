@@ -1,10 +1,6 @@
 "use strict";
 // What is where: the recordings' curves, the player that moves rig and cursors together, surfaces, keys, printing.
 
-const DATA = JSON.parse(document.getElementById("samples").textContent);
-const element = id => document.getElementById(id);
-const CALM = matchMedia("(prefers-reduced-motion: reduce)");
-
 // --- recordings: base64 to numbers, when first needed
 
 class Trace {
@@ -65,19 +61,9 @@ class Player {
     this.charts = [];
     this.busy = false;
     this.rig = drawing(element("rig"));
-    if (this.rig && this.rig.camera) this.turnable(this.rig);
+    if (this.rig) this.rig.turnable(() => this.show());
     this.wire();
     this.open(0);
-  }
-
-  turnable({ canvas, camera }) {
-    canvas.addEventListener("pointerdown", e => canvas.setPointerCapture(e.pointerId));
-    canvas.addEventListener("pointermove", e => {
-      if (!canvas.hasPointerCapture(e.pointerId)) return;
-      camera.azimuth += 0.008 * e.movementX;
-      camera.elevation = Math.min(Math.max(camera.elevation + 0.006 * e.movementY, -0.2), 1.5);
-      this.show();
-    });
   }
 
   open(k) {

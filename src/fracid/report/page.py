@@ -64,7 +64,7 @@ WIDE = 0.5
 STILL_RECORDINGS = 6
 """Of more, each line gets fewer points: a page of two hundred stays light."""
 
-SCRIPTS = ("theme.js", "uPlot.iife.min.js", "charts.js", "planes.js", "scene.js", "page.js")
+SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "planes.js", "scene.js", "page.js")
 """In this order, into one element each."""
 
 

@@ -5,7 +5,7 @@
 
 class Scene {
   constructor(canvas, said) {
-    Object.assign(this, { canvas, bodies: said.bodies, constants: said.constants, dimension: said.dimension });
+    Object.assign(this, { canvas, bodies: said.bodies, constants: said.constants, dimension: said.dimension, made: said.made });
     this.camera = said.dimension === 3 ? { azimuth: -1.1, elevation: 0.42 } : null;
     this.ends = new Float64Array(2 * this.dimension * this.bodies.length);
     this.of(Object.keys(said.constants)[0]);
@@ -13,7 +13,20 @@ class Scene {
   }
 
   // Its constants in one recording.
-  of(recording) { this.pose = scenePose(this.constants[recording]); }
+  of(recording) { this.pose = (this.made || scenePose)(this.constants[recording]); }
+
+  // Turned by the pointer, where it is in space.
+  turnable(show) {
+    const { canvas, camera } = this;
+    if (!camera) return;
+    canvas.addEventListener("pointerdown", e => canvas.setPointerCapture(e.pointerId));
+    canvas.addEventListener("pointermove", e => {
+      if (!canvas.hasPointerCapture(e.pointerId)) return;
+      camera.azimuth += 0.008 * e.movementX;
+      camera.elevation = Math.min(Math.max(camera.elevation + 0.006 * e.movementY, -0.2), 1.5);
+      show();
+    });
+  }
 
   at(values) {
     this.pose(values, [], this.ends);

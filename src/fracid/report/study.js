@@ -1,7 +1,6 @@
 "use strict";
 // The curves of a comparison: one structure beside what was measured, and dashed the best of the other kind of orders.
 
-const DATA = JSON.parse(document.getElementById("samples").textContent);
 const host = document.getElementById("curves"), recording = document.getElementById("recording");
 const choices = [...document.querySelectorAll('input[name="structure"]')];
 

@@ -266,7 +266,7 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
     ladder = ladder_of(record) if file == "compare.json" else None
     data = _curves(folder, record) if ladder else None
     own, dark = styles()
-    names = ("theme.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
+    names = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
     scripts = [Markup(own_file(name)) for name in names]  # fracid's own
     return (
         environment_of_pages()

@@ -104,7 +104,7 @@ def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]
 def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
     """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``, ``theta, deg``."""
     inside = re.search(r"[\[(]([^\])]*)[\])]\s*$|" + AFTER_COMMA, (unit or name)[-200:])
-    return name or f"column {position}", (inside[1] or inside[2] if inside else unit).strip()
+    return name or f"column {position}", (inside[1] or inside[2] or "" if inside else unit).strip()
 
 
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:

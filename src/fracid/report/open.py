@@ -1,0 +1,220 @@
+"""The page that opens a recording: it reads a file, guesses what it is, fits a model and writes the project.
+
+Everything happens in the browser: the solver is :mod:`fracid.export.javascript`'s, each model of the library is written
+to JavaScript, and the page's policy lets no request leave it.  What it finds is a preview, without interval and claim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from markupsafe import Markup
+
+from fracid.errors import InputError, writing
+from fracid.export.javascript import program_of, solver
+from fracid.models import MODELS, RIGS, model
+from fracid.models.library import table_of
+from fracid.models.written.languages import JavaScript
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem.draft import SHARP, SPAN
+from fracid.problem.model_draft import SPAN as WIDE
+from fracid.problem.roles import ROTARY
+from fracid.recording.channel import TABLES
+from fracid.recording.guess import NAMES
+from fracid.recording.readers.table import Table, read_table
+from fracid.report.explore import doubles
+from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.sentences import letter
+from fracid.report.study import in_script
+from fracid.safety.door import write_text
+from fracid.units import shown_unit
+
+if TYPE_CHECKING:
+    from fracid.models import Model
+
+SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "scene.js", "fitting.js", "reading.js",
+           "drafting.js", "explore.js", "open.js")  # fmt: skip
+
+TOLERANCE = 1e-6
+"""Of the memory of a preview."""
+
+MOST = 500_000
+"""Numbers of a table that a page holds: 5 MB of it."""
+
+ROTARY_FREE = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed",
+               "drag_theta", "drag_alpha", "cable_stiffness", "theta_rest", "alpha_rest")  # fmt: skip
+"""What :func:`fracid.draft_project` frees of a release; ``torque_per_volt`` too where a voltage was recorded."""
+
+ARM = {
+    "output": "theta", "parameters": {"C3": 0.0}, "orders": {"lambda": 1.0},
+    "fixed": ["C3", "C6", "J_theta", "b_theta", "coulomb_theta", "drag_theta", "cable_stiffness", "theta_rest"],
+}  # fmt: skip
+"""What holds of a rotary pendulum whose arm nobody measured: it is taken to stand still."""
+
+
+def write_open_page(file: str | Path | None = None, out: str | Path | None = None, variable: str | None = None) -> Path:
+    """Write the page, with a recording in it or without one.
+
+    Parameters
+    ----------
+    file : path, optional
+        A recording of any format that fracid reads.
+    out : path, optional
+        ``runs/open/FILE.html`` if left out.
+    variable : str, optional
+        Which array of a .mat, .npz or HDF5 file.
+
+    Raises
+    ------
+    InputError, DataError
+        If the recording cannot be read, or the page cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "swing.csv").write_text("".join(f"{0.01 * k},{0.3 - 1e-3 * k}\\n" for k in range(99)))
+    >>> write_open_page(folder / "swing.csv", folder / "swing.html").name
+    'swing.html'
+    """
+    table = None if file is None else table_for_page(read_table(file, variable), Path(file).name, variable)
+    path = Path(out) if out is not None else Path("runs", "open", f"{Path(file or 'recording').stem}.html")
+    text = open_page_text(table)
+    with writing(f"The page {path}", "Give another: --out FILE."):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, text)
+    return path
+
+
+def open_page_text(table: Mapping[str, Any] | None = None) -> str:
+    """The page as HTML.
+
+    Examples
+    --------
+    >>> "Preview: no interval, no claim" in open_page_text()
+    True
+    """
+    own, dark = styles()
+    own.append(Markup(own_file("open.css")))
+    found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
+    scripts = [Markup(f"\n{solver().strip()}\n"), *(Markup(own_file(name)) for name in SCRIPTS[:-1]),
+               Markup(f"\n{_written(found)}\n"), Markup(own_file(SCRIPTS[-1]))]  # fmt: skip
+    data = {
+        "models": {name: _spec(name, m) for name, m in found.items()},
+        "units": {"signal": TABLES["signal"], "time": TABLES["time"]},
+        "table": table,
+    }
+    return (
+        environment_of_pages()
+        .get_template("open.html.j2")
+        .render(title="Open a recording", data=in_script(data), explore_reason="", preview=True, styles=own, dark=dark,
+                scripts=scripts, policy=policy([*own, dark], scripts))
+    )  # fmt: skip
+
+
+def table_for_page(table: Table, name: str, variable: str | None = None) -> dict[str, Any]:
+    """The table as the page takes it; of many rows every so many."""
+    every = max(1, -(-table.values.size // MOST))
+    values = table.values[::every]
+    if len(values) < 2:
+        raise InputError(f"{name} has {table.values.shape[1]} columns: too many for a page. Type fracid init {name}.")
+    return {
+        "name": name, "names": list(table.names), "units": list(table.units), "rows": len(values), "variable": variable,
+        "columns": [doubles(column) for column in values.T],
+        "said": f"every {every} rows of {len(table.values)}" if every > 1 else "",
+    }  # fmt: skip
+
+
+def _written(models: Mapping[str, Model]) -> str:
+    """Right-hand sides, outputs that are functions of the state, and scenes: each a function of the constants."""
+    parts = ["const MODELS = {}, OUTPUTS = {}, SCENES = {};"]
+    for name, m in models.items():
+        programs = {"MODELS": m.program}
+        if any(not isinstance(h, int) for h in m.shown.values()):
+            programs["OUTPUTS"] = m.outputs_program
+        if m.scene is not None:
+            programs["SCENES"] = m.scene.program
+        for where, program in programs.items():
+            parts.append(JavaScript(program).text().replace("const model", f'{where}["{name}"]', 1))
+    return "\n".join(parts)
+
+
+def _spec(name: str, m: Model) -> dict[str, Any]:
+    """What the page must know of a model."""
+    library = {} if name == ROTARY else table_of(name)
+    scene = m.scene
+    return {
+        "about": m.about or "an arm that a motor turns, and at its end a pendulum",
+        "zero": m.zero,
+        "program": program_of(m, "pi2", TOLERANCE),
+        "orders": [_order(m, q) for q in m.order_names],
+        "inputs": [{"name": n, "unit": m.input_units.get(n, "V" if n == "voltage" else "1"),
+                    "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
+        "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
+        "initial": [{"state": m.states.index(s), "output": _output_of(m, s)} for s in _sought_states(m)],
+        "parameters": list(_parameters(name, m)),
+        "columns": NAMES if name == ROTARY else library["columns"],
+        "needs": ["alpha"] if name == ROTARY else library["needs"],
+        "swings": m.pendulum or "",
+        "without": ARM if name == ROTARY else None,
+        "rigs": [{"name": n, "title": rig.title, "parameters": rig.parameters} for n, rig in RIGS.items()]
+        if name == ROTARY else None,
+        "scene": scene and {"dimension": scene.dimension, "bodies": [vars(b) for b in scene.bodies],
+                            "outputs": list(scene.outputs), "movedBy": list(scene.moved_by)},
+    }  # fmt: skip
+
+
+def _order(m: Model, name: str) -> dict[str, Any]:
+    springpot = name in m.springpot_orders.values()
+    low, start, high = (0.02, 0.5, 0.98) if springpot else (0.6, 1.0, 1.2)
+    return {"name": name, "letter": letter(name), "low": low, "start": start, "high": high,
+            "integer": m.integer_orders.get(name, 1.0)}  # fmt: skip
+
+
+def _output(m: Model, name: str, place: int) -> dict[str, Any]:
+    shown, factor = shown_unit(m.output_unit(name))
+    return {"name": name, "letter": letter(name), "unit": m.output_unit(name), "shown": shown, "factor": factor,
+            "state": m.output_states.get(name), "place": place}  # fmt: skip
+
+
+def _output_of(m: Model, state: str) -> str | None:
+    return next((n for n, i in m.output_states.items() if m.states[i] == state), None)
+
+
+def _sought_states(m: Model) -> list[str]:
+    """The states whose first values a fit estimates."""
+    still = Experiment("still", 0.01, np.zeros((9, len(m.outputs))), np.zeros((1, max(1, len(m.inputs)))))
+    orders = {q["name"]: Free(q["start"], q["low"], q["high"]) for q in (_order(m, n) for n in m.order_names)}
+    unknowns = Problem(m, (still,), orders, initial_state="estimate").unknowns
+    return [u.target for u in unknowns if u.kind == "initial"]
+
+
+def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
+    """Each with where it is free: always, where the rig is driven, or never."""
+    rows = {} if name == ROTARY else table_of(name)["model"]["parameters"]
+    for p in m.parameters:
+        row, kind = rows.get(p.name, {}), m.friction.get(p.name)
+        if name == ROTARY:
+            free = "always" if p.name in ROTARY_FREE else "driven" if p.name == m.drive else "never"
+        elif row.get("known") or row.get("needs"):
+            free = "never"
+        elif p.value == 0.0:
+            free = "always" if kind is not None and kind.dry and p.name.startswith("coulomb") else "never"
+        else:
+            free = "driven" if row.get("gauge") else "always"
+        finite = {n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)}
+        sharp = {"lowest": SHARP[0], "highest": SHARP[1]} if name == ROTARY and p.name == "slip_speed" else {}
+        yield {
+            "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite, **sharp,
+            "size": _size(p.name, p.value), "span": SPAN if name == ROTARY else WIDE,
+            "friction": kind is not None and not kind.signed, "signed": p.name == m.drive, "rest": p.name in m.rests,
+            "gauge": p.name == "C4" if name == ROTARY else row.get("gauge", False),
+        }  # fmt: skip
+
+
+def _size(name: str, value: float) -> float:
+    """About how large a constant is that the library has as 0."""
+    return abs(value) or (0.05 if name.endswith("_rest") else 1e-3)
