@@ -1,4 +1,4 @@
-"""The page of a fit, for the front of the site: of a release made and fitted while the site is built, so never stale.
+"""Two pages for the front of the site: that of a fit, made while the site is built, so never stale; that opens a file.
 
 The commands are those of the README's first example; what they write is thrown away but for ``report.html``.
 """
@@ -8,7 +8,7 @@ import io
 import tempfile
 from pathlib import Path
 
-NAME = "example-report.html"
+NAME, OPEN = "example-report.html", "open.html"
 
 RELEASE = (
     "simulate srv02-rotpen --friction --set b_alpha=5e-4 --order lambda=0.93 --order mu=0.96 --initial alpha=60deg "
@@ -31,10 +31,13 @@ def example_report():
 
 def _finished(app, exception):
     if exception is None and app.builder.format == "html":
+        from fracid.report.open import open_page_text
+
         (Path(app.outdir) / NAME).write_text(example_report(), encoding="utf-8")
+        (Path(app.outdir) / OPEN).write_text(open_page_text(), encoding="utf-8")
 
 
 def setup(app):
-    """Write the page beside the finished ones."""
+    """Write the pages beside the finished ones."""
     app.connect("build-finished", _finished, priority=400)  # before the site is searched for what it would fetch
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -101,7 +101,7 @@ class Explore {
     Object.assign(this, { curves: [], residuals: [], rmse: [], note: "" });
     this.restore();
     const run = this.simulate();
-    if (!r.fitted) r.fitted = this.outputs.map((_, k) => Float64Array.from({ length: r.samples }, (_, n) => this.outputOf(run, k)(n)));
+    if (!r.fitted) r.fitted = run.outputs.map(y => y.slice());
     const off = this.outputs.map((o, k) => this.fill(run, k) / (largest(r.fitted[k]) || 1));
     element("explore").querySelectorAll(".explore, .scores, #explore-text, .controls button").forEach(e => { e.hidden = false; });
     element("explore-intro").replaceChildren(...this.intro);

@@ -30,18 +30,20 @@ function solved(A, b) {
   return x;
 }
 
-// The least of the squares of errors(x), a Float64Array or null, from x on.  Of each unknown its bounds and its width, of
-// which a difference is 10⁻³ (dry friction is bent between samples); a step that gains less than the part `enough` is the last.  Yields after each simulation x
+const DIFFERENCES = [1e-4, 1e-3];                        // of an unknown's width: dry friction is bent between samples
+
+// The least of the squares of errors(x), a Float64Array or null, from x on.  Of each unknown its bounds and its width.  Where
+// a step gains less than the part `enough`, longer differences are asked, then it ends.  Yields after each simulation x
 // where it became better, else null; → { x, r, cost }, r null where nothing can be simulated.
 function* leastSquares(unknowns, x, errors, most = 60, enough = 1e-4) {
   const inside = y => y.map((v, k) => Math.min(Math.max(v, unknowns[k].lower), unknowns[k].upper));
   x = inside(x);
-  let r = errors(x), cost = r ? dot(r, r) : Infinity, damping = 1e-3;
+  let r = errors(x), cost = r ? dot(r, r) : Infinity, damping = 1e-3, scale = 0;
   for (let iteration = 0; r && iteration < most; iteration++) {
     const J = [];
     for (let k = 0; k < x.length; k++) {
       if (unknowns[k].held) { J.push(null); continue; }
-      const { width, upper } = unknowns[k], d = (x[k] + 1e-3 * width > upper ? -1e-3 : 1e-3) * width;
+      const { width, upper } = unknowns[k], part = DIFFERENCES[scale] * width, d = x[k] + part > upper ? -part : part;
       const moved = errors(x.map((v, j) => (j === k ? v + d : v)));
       J.push(moved ? moved.map((v, n) => (v - r[n]) / d) : r.map(() => 0));
       yield null;
@@ -60,7 +62,9 @@ function* leastSquares(unknowns, x, errors, most = 60, enough = 1e-4) {
     }
     const gain = cost - found;
     if (lower) cost = found;
-    if (!lower || gain < enough * (cost + gain)) break;
+    if (lower && gain >= enough * (cost + gain)) continue;
+    if (++scale === DIFFERENCES.length) break;
+    damping = 1e-3;
   }
   return { x, r, cost };
 }
