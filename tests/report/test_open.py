@@ -172,7 +172,8 @@ def read_in_node(texts):
         own_text("report/reading.js")
         + f"""
         const said = {json.dumps(texts)}.map(text => Reading.parse(Reading.decode(new TextEncoder().encode(text))));
-        console.log(JSON.stringify(said.map(one => one.error ? one : {{ ...one, columns: one.columns.map(c => [...c]) }})));
+        const plain = one => (one.error ? one : {{ ...one, columns: one.columns.map(c => [...c]) }});
+        console.log(JSON.stringify(said.map(plain)));
     """
     )
     done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
@@ -197,13 +198,15 @@ def test_no_text_makes_the_reader_throw_or_wait(tmp_path):
         + """
         let seed = 7;
         const next = n => (seed = seed * 48271 % 2147483647) % n;
-        const parts = ["0", "1.5", "1,5", "-", ",", ";", "\\t", " ", "\\n", "\\r\\n", '"', "#", "%", "nan", "time", "[deg]",
-                       "e9", "1e999", "\\ufeff", "\\u202e", "<script>", "__proto__", "\\0", "2026-01-01 00:00:00", "\\ud800"];
+        const parts = ["0", "1.5", "1,5", "-", ",", ";", "\\t", " ", "\\n", "\\r\\n", '"', "#", "%", "nan", "time",
+                       "[deg]", "e9", "1e999", "\\ufeff", "\\u202e", "<script>", "__proto__", "\\0",
+                       "2026-01-01 00:00:00", "\\ud800"];
         const began = Date.now();
         for (let k = 0; k < 20000; k++) {
           const text = Array.from({ length: 1 + next(60) }, () => parts[next(parts.length)]).join("");
           const table = Reading.parse(Reading.decode(new TextEncoder().encode(text)));
-          if (!(typeof table.error === "string" || table.columns.every(c => c.length === table.rows))) throw Error(text);
+          const sound = typeof table.error === "string" || table.columns.every(c => c.length === table.rows);
+          if (!sound) throw Error(text);
         }
         console.log(Date.now() - began);
     """
