@@ -8,6 +8,7 @@ import pytest
 SOURCES = Path(__file__).resolve().parents[1] / "src" / "fracid"
 
 WORDS_OF_OTHERS = {
+    "cli/app.py": "the words of Python's own errors",
     "export/fmu.py": "C, and its templates",
     "runs/environment.py": "/proc/cpuinfo",
     "solver/right_hand_side.py": "the words of Python's own errors",
