@@ -27,11 +27,11 @@ const Drafting = (() => {
     return roles;
   }
 
-  // The model that has places for most columns; the first, should several.
+  // The model that has places for most columns; the one with fewest constants, should several.
   function modelOf(specs, names) {
     const found = Object.entries(specs).map(([name, spec]) => ({ name, roles: rolesOf(spec, names) }))
       .filter(({ name, roles }) => specs[name].needs.every(s => s in roles) && specs[name].outputs.some(o => o.name in roles));
-    return found.sort((a, b) => Object.keys(b.roles).length - Object.keys(a.roles).length)[0] || null;
+    return found.sort((a, b) => Object.keys(b.roles).length - Object.keys(a.roles).length || specs[a.name].parameters.length - specs[b.name].parameters.length)[0] || null;
   }
 
   // The column of time, its unit, or the rate where there is none.

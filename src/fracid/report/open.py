@@ -199,7 +199,7 @@ def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
         row, kind = rows.get(p.name, {}), m.friction.get(p.name)
         if name == ROTARY:
             free = "always" if p.name in ROTARY_FREE else "driven" if p.name == m.drive else "never"
-        elif row.get("known") or row.get("needs"):
+        elif row.get("known") or row.get("needs") or p.name.startswith(("springpot_order", "stribeck_speed")):
             free = "never"
         elif p.value == 0.0:
             free = "always" if kind is not None and kind.dry and p.name.startswith("coulomb") else "never"
