@@ -12,8 +12,10 @@ SAME = 0.5
 """By which pixels may differ on average, of 255: fonts and machines round differently."""
 
 
-@pytest.mark.broad
-@pytest.mark.parametrize("name", ["rig-hanging", "rig-upright", "recording"])
+@pytest.mark.parametrize("name", [
+    *(pytest.param(name, marks=pytest.mark.broad) for name in ("rig-hanging", "rig-upright", "recording")),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("posterior", "posterior-predictive")),
+])  # fmt: skip
 def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
     spec = importlib.util.spec_from_file_location("figures_of_the_pages", ROOT / "benchmarks" / "figures.py")
     figures = importlib.util.module_from_spec(spec)
