@@ -3,6 +3,7 @@
 import json
 import re
 import subprocess
+import tomllib
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ import pytest
 import fracid
 from browser import CHROMIUM, Browser
 from fracid.cli.app import main
+from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import read_table
-from fracid.report.open import open_page_text, write_open_page
+from fracid.report.open import _spec, open_page_text, write_open_page
 from fracid.safety.door import own_text
 from languages import NODE
 
@@ -213,3 +215,37 @@ def test_no_text_makes_the_reader_throw_or_wait(tmp_path):
     )
     done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
     assert int(done.stdout) < 60_000
+
+
+@in_node
+def test_whatever_files_and_columns_are_called_the_project_is_toml_of_one_recording():
+    specs = {name: _spec(name, fracid.model(name)) for name in ("rotary-pendulum", "oscillator")}
+    units = {"signal": TABLES["signal"], "time": TABLES["time"]}
+    script = "".join(own_text(f"report/{name}.js") for name in ("fitting", "reading", "drafting")) + f"""
+        const SPECS = {json.dumps(specs)}, UNITS = {json.dumps(units)};
+    """ + r"""
+        let seed = 7;
+        const next = n => (seed = seed * 48271 % 2147483647) % n;
+        const parts = ["a", "alpha", "theta", "time", " ", '"', "'", "\\", "\n", "\r", "\u2028", "\u202e", "]", "#",
+                       "=", "[[recording]]", "\u007f", "\0", "\ud800", "\udc00", "<script>", "__proto__", "{", "}",
+                       ".", "é"];
+        const word = () => Array.from({ length: 1 + next(12) }, () => parts[next(parts.length)]).join("");
+        const column = c => Float64Array.from({ length: 30 }, (_, n) => (c ? Math.cos(n / 3 + c) : 0.01 * n));
+        const texts = Array.from({ length: 1000 }, (_, k) => {
+          const names = ["time", word(), word()], units = ["s", "deg", word()], columns = [0, 1, 2].map(column);
+          const table = { name: word(), rows: 30, names, units, columns, said: "" };
+          const setup = Drafting.guess(table, SPECS, UNITS, ["rotary-pendulum", "oscillator"][k % 2]);
+          const spec = SPECS[setup.model];
+          const orders = Object.fromEntries(spec.orders.map(q => [q.name, q.start]));
+          const parameters = Object.fromEntries(spec.parameters.map(p => [p.name, p.value]));
+          const values = { orders, parameters };
+          const free = new Set(spec.parameters.filter(p => p.free === "always").map(p => p.name));
+          return Drafting.project(table, spec, setup, { values, free, fixedOrders: {}, rmse: word() });
+        });
+        console.log(JSON.stringify(texts));
+    """  # fmt: skip
+    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
+    for text in json.loads(done.stdout):
+        project = tomllib.loads(text)
+        assert set(project) == {"model", "recording", "fit"}
+        assert len(project["recording"]) == 1

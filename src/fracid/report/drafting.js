@@ -142,7 +142,7 @@ const Drafting = (() => {
   function project(table, spec, setup, { values, free, fixedOrders, rmse, units }) {
     const { time, signals } = setup, shown = spec.outputs.filter(o => o.name in signals), stem = table.name.replace(/\.[^.]*$/, "").slice(0, 60) || "recording";
     const parts = [[
-      `# Drafted in a browser, a preview: ${rmse}; no interval, no claim.`, "#", "# Look at every line, then:   fracid fit THIS-FILE",
+      `# Drafted in a browser, a preview: ${comment(rmse)}; no interval, no claim.`, "#", "# Look at every line, then:   fracid fit THIS-FILE",
     ], [
       "[model]", line("name", text(setup.model), spec.about), ...(setup.rig ? [line("rig", text(setup.rig), "initial constants")] : []),
       ...(spec.zero ? [line("zero", text(spec.zero), "where the angle of the pendulum is 0: hanging or upright")] : []),
