@@ -85,11 +85,12 @@ def test_a_recording_in_which_nothing_moves_is_refused():
         columns(alpha=np.zeros(len(TIME)))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("signals", "free", "outputs"),
     [
         ({"theta": ARM, "alpha": SWING}, {"lambda", "mu", "C1", "C3", "C6", "J_theta", "b_theta", "coulomb_alpha"}, 2),
+        ({"theta": 0.2 * ARM, "alpha": SWING}, {"lambda", "mu", "C1", "C3", "C6", "J_theta", "b_theta"}, 2),
         ({"theta": 1e-4 * ARM, "alpha": SWING}, {"mu", "C1", "b_alpha", "coulomb_alpha"}, 1),
         ({"alpha": SWING}, {"mu", "C1", "b_alpha", "coulomb_alpha"}, 1),
         ({"theta": ARM, "alpha": SWING, "voltage": np.sign(ARM)}, {"torque_per_volt", "lambda", "mu"}, 2),

@@ -108,7 +108,7 @@ LIKE = 1.5
 TOP = math.radians(150)
 """Beyond this it is near upright, where a hair decides how it falls."""
 
-STILL = 0.05
+AT_REST = 0.05
 """A pendulum that swings by less than this part of its largest swing is at rest."""
 
 QUICK, COUNTS = 5e-3, 8
@@ -540,7 +540,7 @@ class _Page:
         from scipy.fft import next_fast_len
 
         step, swing = self.recording.report.clock.step, self._swing()
-        moves = np.flatnonzero(np.abs(swing) > STILL * np.abs(swing).max())
+        moves = np.flatnonzero(np.abs(swing) > AT_REST * np.abs(swing).max())
         swing = swing[: moves[-1] + 1 if moves.size else None]  # an hour of rest is louder than the swings before it
         samples = next_fast_len(8 * len(swing), real=True)  # else it may take several times the memory
         spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), samples))
