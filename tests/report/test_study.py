@@ -46,7 +46,7 @@ def curves(name=HOSTILE):
 
 
 def noise():
-    mu = Statistics("", 0.9, 40, 0.001, 0.002, 0.002, 40, 38, "mu")
+    mu = Statistics("", 0.9, 40, 0.001, 0.002, 0.002, 40, 38)
     cell = Cell(0.01, 0.0, 40, {}, 0, 100.0, None, {"mu": mu})
     return {"model": HOSTILE, "truth": {"mu": 0.9}, "cost": "rmse", "optimiser": "multistart", "seeds": 40, "seed": 1,
             "cells": [cell.to_json()], "sentences": ["mu: 38 of 40 intervals contain the true value."]}  # fmt: skip

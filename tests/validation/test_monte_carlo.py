@@ -240,7 +240,7 @@ def test_so_few_repetitions_say_little():
 def test_exceptions_are_named_with_their_chance_and_the_others_together():
     problem = release({n: Free(1e-3, 0.0, 1e-2) for n in ("b_theta", "b_alpha", "coulomb_alpha")})
     held = dict(zip(problem.names, (2, 3, 4, 4, 4), strict=True))
-    unknowns = {n: Statistics("", 1.0, 4, 0.0, 1.0, 1.0, 4, count, n) for n, count in held.items()}
+    unknowns = {n: Statistics("", 1.0, 4, 0.0, 1.0, 1.0, 4, count) for n, count in held.items()}
     cell = Cell(NOISE, COUNT, 4, {}, 0, 9.0, None, unknowns)
     first, others = NoiseStudy(problem, np.ones(5), (cell,), {}, "multistart", 4, 1).sentences()
     assert first.startswith("lambda: 2 of 4 intervals")

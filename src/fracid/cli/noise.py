@@ -126,8 +126,8 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
         console.print(f"[bold]{escape(cell.label)}[/bold]")
         table = new_table(*HEADINGS, fold=("",))
         table.columns[0].min_width = max(len(word) for name in cell.unknowns for word in name.split())
-        for s in cell.unknowns.values():
-            table.add_row(*map(escape, _row(s)))
+        for name, s in cell.unknowns.items():
+            table.add_row(*map(escape, _row(name, s)))
         console.print(table)
     for sentence in study.sentences():
         mark = "" if with_code([sentence], "believed") else "[yellow]![/yellow] "
@@ -137,7 +137,7 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
     say_next(console, after)
 
 
-def _row(s: Statistics) -> tuple[str, ...]:
+def _row(name: str, s: Statistics) -> tuple[str, ...]:
     """An unknown's line: truth, bias, spread, claimed, coverage."""
     factor = degrees(1.0) if s.unit in ("rad", "rad/s") else 1.0
 
@@ -148,4 +148,4 @@ def _row(s: Statistics) -> tuple[str, ...]:
     if s.coverage95 is not None and s.coverage is not None:
         low, high = s.coverage95
         coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
-    return (s.name, cell(s.truth, ".4g"), cell(s.bias, "+.1e"), cell(s.spread, ".1e"), cell(s.claimed, ".1e"), coverage)
+    return (name, cell(s.truth, ".4g"), cell(s.bias, "+.1e"), cell(s.spread, ".1e"), cell(s.claimed, ".1e"), coverage)

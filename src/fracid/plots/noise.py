@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
     from fracid.validation.monte_carlo import NoiseStudy
-    from fracid.validation.study_records import Cell, SavedStudy, Statistics
+    from fracid.validation.study_records import Cell, Statistics, StudyBlock
 
 MOST = 8
 """Unknowns that are drawn."""
@@ -29,7 +29,7 @@ BELIEVED = (90.0, 99.0)
 """Where a coverage keeps its word [%]."""
 
 
-def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen") -> Figure:
+def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen") -> Figure:
     """Draw bias and spread of each unknown against the level of noise, with the coverage of its intervals beside.
 
     Parameters
@@ -79,7 +79,7 @@ def noise_levels(study: NoiseStudy | SavedStudy, *, style: str | Style = "screen
     return figure
 
 
-def _unknown(left: Axes, right: Axes, study: NoiseStudy | SavedStudy, name: str) -> None:
+def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
     display_unit, factor = SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))

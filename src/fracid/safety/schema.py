@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
 from math import inf, nan
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
@@ -37,6 +38,7 @@ from pydantic import (
     PlainSerializer,
     TypeAdapter,
     ValidationError,
+    computed_field,
     model_validator,
 )
 from pydantic_core.core_schema import CoreSchema, ValidationInfo
@@ -120,6 +122,27 @@ class Record:
         True
         """
         return record_of(cls, content)
+
+
+def also_called(key: str, kind: Any) -> Any:
+    """A field under what the pages call it; the other key goes with the version after this one.
+
+    Parameters
+    ----------
+    key : str
+        The field.
+    kind : type
+        Of its values.
+
+    Examples
+    --------
+    >>> class Found(Block):
+    ...     unknowns: dict[str, float]
+    ...     free_parameters = also_called("unknowns", dict[str, float])
+    >>> as_json(Found, {"unknowns": {"mu": 0.9}})
+    {'unknowns': {'mu': 0.9}, 'free_parameters': {'mu': 0.9}}
+    """
+    return computed_field(return_type=kind, description=f"What the pages call {key}.")(property(attrgetter(key)))
 
 
 Kind = TypeVar("Kind", bound=Block | Record)

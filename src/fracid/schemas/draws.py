@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import computed_field
-
-from fracid.safety.schema import Block, Coherent, Interval, Number
+from fracid.safety.schema import Block, Coherent, Interval, Number, also_called
 
 
 class PriorBlock(Block):
@@ -47,13 +45,7 @@ class PosteriorBlock(Coherent):
     sentence: str
     notes: list[str]
     unknowns: dict[str, DrawnBlock]
-    """In the version after this one ``free_parameters`` alone."""
-
-    @computed_field  # type: ignore[prop-decorator]
-    @property
-    def free_parameters(self) -> dict[str, DrawnBlock]:
-        """What the pages call them."""
-        return self.unknowns
+    free_parameters = also_called("unknowns", dict[str, DrawnBlock])
 
     def incoherence(self) -> str:
         """Counts that cannot be."""

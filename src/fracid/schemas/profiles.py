@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, computed_field
+from pydantic import Field
 
 from fracid.safety.json_files import short_text
-from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown
+from fracid.safety.schema import Block, Coherent, Infinite, Interval, Number, Numbers, Pair, Unknown, also_called
 from fracid.schemas.scatter import SpreadBlock
 
 
@@ -72,17 +72,15 @@ class ProfilesBlock(Coherent):
 # --- what fracid profile writes beside them ----------------------------------------------------------
 
 
+ByMethod = dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]
+
+
 class IntervalsBlock(Block):
     """Unknown → method → its interval, and its effective samples."""
 
     methods: dict[str, str]
-    unknowns: dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]
-
-    @computed_field  # type: ignore[prop-decorator]
-    @property
-    def free_parameters(self) -> dict[str, dict[str, Annotated[tuple[Number, ...], Pair] | Number]]:
-        """What the pages call them; the key ``unknowns`` goes with the version after this one."""
-        return self.unknowns
+    unknowns: ByMethod
+    free_parameters = also_called("unknowns", ByMethod)
 
 
 class VerdictBlock(Block):
@@ -109,12 +107,7 @@ class BootstrapBlock(Block):
     block: int
     warning: str
     unknowns: dict[str, DrawsOfOne]
-
-    @computed_field  # type: ignore[prop-decorator]
-    @property
-    def free_parameters(self) -> dict[str, DrawsOfOne]:
-        """What the pages call them; the key ``unknowns`` goes with the version after this one."""
-        return self.unknowns
+    free_parameters = also_called("unknowns", dict[str, DrawsOfOne])
 
 
 class LikelihoodBlock(ProfilesBlock):

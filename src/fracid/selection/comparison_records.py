@@ -31,6 +31,7 @@ from fracid.safety.schema import (
     Numbers,
     Record,
     Unknown,
+    also_called,
     fault_of,
     lacking,
 )
@@ -122,11 +123,7 @@ class Row(Record):
     """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN
     where that was not asked for or cannot be told."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
-    def free_parameters(self) -> int:
-        """What the pages call them; the key ``parameters`` goes with the version after this one."""
-        return self.parameters
+    free_parameters = also_called("parameters", int)
 
     @property
     def fits(self) -> bool:

@@ -554,7 +554,7 @@ def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) 
         float(np.mean(values) - truth) if len(values) else None,
         float(np.std(values, ddof=1)) if len(values) > 1 else None,
         float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
-        len(intervals), sum(low <= truth <= high for low, high in intervals), name,
+        len(intervals), sum(low <= truth <= high for low, high in intervals),
     )  # fmt: skip
 
 

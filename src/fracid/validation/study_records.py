@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from pydantic import Field, computed_field
 
-from fracid.figures import Style, draw
 from fracid.findings import Finding
-from fracid.safety.schema import Block, Coherent, Interval, Number, Record, fault_of, lacking, record_of
+from fracid.safety.schema import Block, Coherent, Interval, Number, Record, also_called, fault_of, lacking
 from fracid.units import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -36,7 +32,6 @@ class Statistics(Record):
     """Repetitions that gave a 95 % interval."""
     held: int
     """Those whose interval holds the truth."""
-    name: Annotated[str, Field(exclude=True)] = ""
 
     @computed_field  # type: ignore[prop-decorator]
     @property
@@ -94,46 +89,12 @@ class Cell(Record):
         """Repetitions without a minimum."""
         return sum(self.failures.values())
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
-    def free_parameters(self) -> Mapping[str, Statistics]:
-        """What the pages call the unknowns, whose key goes with the version after this one."""
-        return self.unknowns
+    free_parameters = also_called("unknowns", Mapping[str, Statistics])
 
     @property
     def label(self) -> str:
         """In words: ``0.1° of noise, 4096 counts``."""
         return label_of(self.level, self.resolution, self.unit)
-
-
-@dataclass(frozen=True)
-class SavedStudy:
-    """What noise.json keeps of a study: enough to draw it again."""
-
-    names: tuple[str, ...]
-    """Names of the unknowns."""
-    cost_name: str
-    cells: tuple[Cell, ...]
-    optimiser: str
-    seeds: int
-    """Repetitions a cell."""
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> SavedStudy:
-        """From the content of noise.json."""
-        block = record_of(StudyBlock, content)
-        cells = tuple(replace(c, unknowns={n: replace(s, name=n) for n, s in c.unknowns.items()}) for c in block.cells)
-        return cls(tuple(block.truth), block.cost_name, cells, block.optimiser, block.seeds)
-
-    def plot(self, *, style: str | Style = "screen") -> Figure:
-        """Bias and spread against the level, coverage beside; see :func:`fracid.plots.noise_levels`.
-
-        Parameters
-        ----------
-        style : str or Style
-            ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
-        """
-        return draw("noise_levels", self, style=style)
 
 
 def binomial95(hits: int, trials: int) -> tuple[float, float]:
@@ -162,7 +123,7 @@ def label_of(level: float, resolution: float, unit: str = "rad") -> str:
 
 
 class StudyBlock(Coherent):
-    """What noise does to the estimates."""
+    """What noise does to the estimates: enough to draw it again."""
 
     model: str = ""
     truth: dict[str, float]
@@ -177,6 +138,11 @@ class StudyBlock(Coherent):
     findings: list[Finding] = Field([])
     sizes: dict[str, float] | None = Field(None)
     repetitions: dict[str, dict[str, Any]] = Field({})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(self.truth)
 
     def incoherence(self) -> str:
         """Cells of other unknowns, and counts that cannot be."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from fracid.errors import InputError
 from fracid.estimation.fit_figures import rig_as_found
+from fracid.figures import draw
 from fracid.safety.text import file_stems
 from fracid.tasks.progress import Observer
 from fracid.workflows.drawer import Asked, Drawer, ended_with_this
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from fracid.selection.comparison_records import Comparison
     from fracid.validation.monte_carlo import NoiseStudy
     from fracid.validation.residual_analyses import Analyses, Residuals
-    from fracid.validation.study_records import SavedStudy
+    from fracid.validation.study_records import StudyBlock
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
@@ -226,10 +227,10 @@ def plotted(name: str, result: Any) -> Figures:
     yield name, result.plot()
 
 
-def of_study(study: NoiseStudy | SavedStudy, style: str = "screen") -> Figures:
+def of_study(study: NoiseStudy | StudyBlock, style: str = "screen") -> Figures:
     """Bias, spread and coverage, where anything was estimated."""
     if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
-        yield "noise", study.plot(style=style)
+        yield "noise", draw("noise_levels", study, style=style)
 
 
 def of_search(fit: Fit, style: str = "screen") -> Figures:

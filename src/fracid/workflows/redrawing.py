@@ -17,12 +17,12 @@ from fracid.problem.project import load_project
 from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Block, Record, read_as
+from fracid.safety.schema import Block, Record, read_as, record_of
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
-from fracid.validation.study_records import SavedStudy, StudyBlock
+from fracid.validation.study_records import StudyBlock
 from fracid.workflows.figures import (
     Figures,
     of_comparison,
@@ -120,7 +120,7 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
         return of_comparison(Comparison.of_json(content), style)
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
         content = _read(folder / "noise.json", StudyBlock, "fracid noise RUN")
-        return of_study(SavedStudy.of_json(content), style)
+        return of_study(record_of(StudyBlock, content), style)
     return _of_run(load_run(folder, trust=trust), style, jobs)
 
 
