@@ -1,23 +1,14 @@
 """The benchmark that attacks fracid's claims: what it reads out of results, and what it counts as wrong."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
+from scripts import module_of
 
 
 @pytest.fixture(scope="module")
 def claims():
     """benchmarks/claims.py, which is no package; it imports its neighbour."""
-    sys.path.insert(0, str(FOLDER))
-    spec = importlib.util.spec_from_file_location("claims_benchmark", FOLDER / "claims.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    yield module
-    sys.path.remove(str(FOLDER))
+    return module_of("benchmarks/claims.py")
 
 
 def rig(kind="play", claim="integer", *, fractional=False, determined=False):

@@ -1,26 +1,18 @@
 """The measurement behind docs/honesty.md: its parts do what they say, and every fault of the page is made."""
 
-import importlib.util
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from scripts import ROOT, module_of
 
 
 @pytest.fixture(scope="module")
 def script():
     """benchmarks/honesty.py, which is no package."""
-    spec = importlib.util.spec_from_file_location("measured_honesty", ROOT / "benchmarks" / "honesty.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["measured_honesty"] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["measured_honesty"]
+    return module_of("benchmarks/honesty.py")
 
 
 LEFT_OUT = {

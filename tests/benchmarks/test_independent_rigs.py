@@ -1,10 +1,8 @@
 """The simulated rigs that attack fracid's claims: each scheme against theory, and against schemes of others."""
 
 import ast
-import importlib.util
+import inspect
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,20 +10,15 @@ from scipy.integrate import solve_ivp
 from scipy.special import erfcx, gamma
 
 import fracid
+from scripts import module_of
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "independent_rigs.py"
 COUNT = 2 * np.pi / 4096
 
 
 @pytest.fixture(scope="module")
 def rigs():
     """benchmarks/independent_rigs.py, which is no package."""
-    spec = importlib.util.spec_from_file_location("independent_rigs", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["independent_rigs"] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["independent_rigs"]
+    return module_of("benchmarks/independent_rigs.py")
 
 
 def released(rigs, angle, rate=0.0):
@@ -40,8 +33,8 @@ def bare(rigs, **constants):
     return rigs.Rig(**zero | {"J_theta": 1.0} | constants)
 
 
-def test_nothing_of_fracid_is_in_the_twins():
-    tree = ast.parse(SCRIPT.read_text(encoding="utf-8"))
+def test_nothing_of_fracid_is_in_the_twins(rigs):
+    tree = ast.parse(inspect.getsource(rigs))
     imports = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
     imports |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert not {name for name in imports if name.split(".")[0] == "fracid"}

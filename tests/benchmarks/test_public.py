@@ -1,17 +1,14 @@
 """The harness of public benchmarks: it trains on one file, is judged on another, and says where there is none."""
 
-import importlib.util
 import json
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fracid
+from scripts import module_of
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
 NOISE = 0.01
 TRUTH = {"pump": 0.04, "k1": 0.04, "ratio": 1.25, "k3": 0.055, "part": 1.5}
 
@@ -19,14 +16,7 @@ TRUTH = {"pump": 0.04, "k1": 0.04, "ratio": 1.25, "k3": 0.055, "part": 1.5}
 @pytest.fixture(scope="module")
 def public():
     """benchmarks/public.py, which is no package; it imports its neighbour."""
-    sys.path.insert(0, str(FOLDER))
-    spec = importlib.util.spec_from_file_location("public_benchmarks", FOLDER / "public.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    yield module
-    sys.path.remove(str(FOLDER))
-    del sys.modules[spec.name]
+    return module_of("benchmarks/public.py")
 
 
 def tanks(public, path, seed, samples=384):

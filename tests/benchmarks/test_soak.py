@@ -1,19 +1,13 @@
 """Many fits in one process leave nothing behind: the short version of benchmarks/soak.py, and its judgement."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "soak.py"
+from scripts import module_of
 
 
 @pytest.fixture(scope="module")
 def soak():
-    spec = importlib.util.spec_from_file_location("soak", SCRIPT)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    return module_of("benchmarks/soak.py")
 
 
 def rows(memory=lambda n: 300.0, files=lambda n: 6, threads=lambda n: 4):

@@ -1,18 +1,12 @@
 """ARCHITECTURE.md has a line for every package, and its picture is that of the code."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from scripts import ROOT, module_of
 
 
 def drawing():
-    spec = importlib.util.spec_from_file_location("architecture", ROOT / "docs" / "_site" / "architecture.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of("docs/_site/architecture.py")
 
 
 def test_every_package_and_file_has_its_line_in_the_tree():

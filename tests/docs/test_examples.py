@@ -4,7 +4,6 @@ A new file in that folder is run by itself; one that prints ``NAME value   95 %:
 and so is one whose output docs/examples.md shows.
 """
 
-import importlib.util
 import os
 import re
 import shutil
@@ -17,6 +16,7 @@ import pytest
 
 import fracid
 from printed import differences
+from scripts import module_of
 
 FOLDER = Path(__file__).parents[2] / "examples"
 OWN = ("duffing", "flexible_link", "supercapacitor", "own_cost")
@@ -75,17 +75,10 @@ def test_an_example_runs_without_a_warning_and_finds_its_truth(folder, name):
         assert (folder / name).with_suffix(".png").stat().st_size > 10_000
 
 
-def module(path):
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    found = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(found)
-    return found
-
-
 @pytest.mark.few(2)
 @pytest.mark.parametrize("name", OWN)
 def test_the_project_file_of_an_example_says_what_its_python_says(folder, name):
-    example = module(folder / f"{name}.py")
+    example = module_of(folder / f"{name}.py")
     example.record(np.random.default_rng(1))
     said, written = example.problem(), fracid.load_project(folder / f"{name}.toml", trust=True).problem
     assert written.names == said.names or {n.split(" [")[0] for n in written.names} == {
@@ -98,7 +91,7 @@ def test_the_project_file_of_an_example_says_what_its_python_says(folder, name):
 
 @pytest.mark.parametrize("name", OWN)
 def test_code_of_an_examples_own_is_not_run_unasked(folder, name):
-    example = module(folder / f"{name}.py")
+    example = module_of(folder / f"{name}.py")
     example.record(np.random.default_rng(1))
     with pytest.raises(fracid.InputError, match="trust"):
         fracid.load_project(folder / f"{name}.toml")
@@ -111,7 +104,7 @@ def test_the_page_names_every_example():
 
 @pytest.mark.slow  # 20 s of one core
 def test_a_model_of_ones_own_goes_all_the_way_from_the_command_line(folder):
-    module(folder / "supercapacitor.py").record(np.random.default_rng(1))
+    module_of(folder / "supercapacitor.py").record(np.random.default_rng(1))
     for command in ("fit supercapacitor.toml", "resid runs/supercapacitor", "export runs/supercapacitor"):
         program = [sys.executable, "-m", "fracid", *command.split(), "--trust"]
         done = subprocess.run(program, cwd=folder, capture_output=True, text=True, check=False)

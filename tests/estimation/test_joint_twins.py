@@ -1,9 +1,5 @@
 """Twins of rigs with each element of a joint, made by an independent integrator, are identified."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,8 +7,8 @@ import fracid
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.problem import Experiment, Free, Problem
+from scripts import module_of
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "independent_rigs.py"
 COUNT = 2 * np.pi / 4096
 STEP, END = 4e-3, 15.0
 ORDERS = {"lambda": Free(1.0, 0.8, 1.2), "mu": Free(1.0, 0.8, 1.2)}
@@ -21,12 +17,7 @@ ORDERS = {"lambda": Free(1.0, 0.8, 1.2), "mu": Free(1.0, 0.8, 1.2)}
 @pytest.fixture(scope="module")
 def rigs():
     """benchmarks/independent_rigs.py, which imports nothing of fracid."""
-    spec = importlib.util.spec_from_file_location("independent_rigs", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["independent_rigs"] = module
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["independent_rigs"]
+    return module_of("benchmarks/independent_rigs.py")
 
 
 BASE = {"b_theta": 0.02, "b_alpha": 2e-4, "coulomb_theta": 0.01, "coulomb_alpha": 2.5e-4, "cable": 0.0}

@@ -1,23 +1,17 @@
 """Models of one's own: those of the examples, and those of the library, which are equations as well."""
 
-import importlib.util
 from functools import cache
-from pathlib import Path
 
 import fracid
 from fracid.models import Model
 from fracid.models.library import MODEL as LIBRARY
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
+from scripts import module_of
 
 
 @cache
 def of_file(path):
     """A module of the examples."""
-    spec = importlib.util.spec_from_file_location(f"example_{Path(path).stem}", EXAMPLES / path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(f"examples/{path}")
 
 
 def of_library():
@@ -30,7 +24,7 @@ def of_library():
 def own_models():
     """Name → model."""
     titin, cell = of_file("real/titin/model.py"), of_file("real/supercapacitor/model.py")
-    others = {f"{module.__name__[8:]} {n}": m for module in (titin, cell) for n, m in vars(module).items()
+    others = {f"{module.__name__[7:]} {n}": m for module in (titin, cell) for n, m in vars(module).items()
               if isinstance(m, Model)}  # fmt: skip
     return {
         "duffing": of_file("duffing.py").model, "dashpot": of_file("duffing.py").dashpot,

@@ -1,6 +1,5 @@
 """The equations that people read are those that are solved, of every model; and an element that is added is in them."""
 
-import importlib.util
 import math
 import re
 from pathlib import Path
@@ -17,6 +16,7 @@ from fracid.models.written.reading import Untranslatable
 from fracid.models.written.tree import Entry, Name, Program
 from languages import GCC, in_c
 from own_models import own_models
+from scripts import module_of
 
 RIGS = {
     "hanging": fracid.rotary_pendulum(coulomb_alpha=2e-4, tilt_x=0.01, saturation=1.0, dead_zone=0.2),
@@ -128,9 +128,7 @@ def test_a_friction_element_with_its_row_and_its_torque_is_in_the_equations_and_
         assert text.count(before) == 1
         text = text.replace(before, after)
     (tmp_path / "scratch_pendulum.py").write_text(text, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location("scratch_pendulum", tmp_path / "scratch_pendulum.py")
-    scratch = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(scratch)
+    scratch = module_of(tmp_path / "scratch_pendulum.py")
     model = scratch.rotary_pendulum(seal_alpha=3e-3)
     lines = equalities(model, {q.name: q.value for q in model.parameters if q.value})
     assert r"-q_{\alpha }\,\operatorname{copysign}(\sqrt{|\omega _{\alpha }|},\omega _{\alpha })" in LaTeX(model).block(

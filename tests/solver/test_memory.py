@@ -1,9 +1,6 @@
 """The three memories give the same history sum, within what each promises."""
 
-import sys
 from dataclasses import replace
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -14,13 +11,12 @@ from hypothesis import strategies as st
 from fracid.errors import InputError
 from fracid.solver.memory import Memory, compressed, full, memory_from_name, short
 from fracid.solver.solve import solve_fde
+from scripts import module_of
 
 ORDERS = (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.8623, 0.9, 0.99, 0.999, 0.999999, 1.0,
           1.000001, 1.001, 1.01, 1.1, 1.3, 1.5, 1.7, 1.9, 1.99, 1.999)  # fmt: skip
 FAMILIES = ("gl", "pi")
-SPEC = spec_from_file_location("certificate", Path(__file__).parents[2] / "benchmarks" / "certificate.py")
-proof_of = sys.modules["certificate"] = module_from_spec(SPEC)  # no package
-SPEC.loader.exec_module(proof_of)
+proof_of = module_of("benchmarks/certificate.py")
 certificate = proof_of.certificate
 
 

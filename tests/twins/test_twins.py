@@ -1,14 +1,13 @@
 """The shipped twins are what their script makes, and show of the paper's recipe what docs/features.md says."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
 
 import fracid
+from scripts import module_of
 
 TWINS = Path(fracid.__file__).parent / "twins"
-SCRIPT = Path(__file__).parents[2] / "examples" / "make_twins.py"
 TRUE = {"lambda": 0.8623, "mu": 0.9146}
 
 
@@ -19,10 +18,7 @@ def inside(fit, name):
 
 @pytest.fixture(scope="module")
 def made():
-    spec = importlib.util.spec_from_file_location("make_twins", SCRIPT)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script.twins()
+    return module_of("examples/make_twins.py").twins()
 
 
 @pytest.mark.parametrize("name", ["paper-twin.csv", "reference-twin.csv"])
