@@ -35,6 +35,17 @@ def real_array(values: Any) -> FloatArray:
     return array.astype(np.float64, copy=False)
 
 
+def stretches(mask: NDArray[np.bool_]) -> IntArray:
+    """Start and stop of each stretch of True, in order, shape (n_stretches, 2).
+
+    Examples
+    --------
+    >>> stretches(np.array([True, False, True, True])).tolist()
+    [[0, 1], [2, 4]]
+    """
+    return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+
+
 def zeros_together(shapes: Sequence[tuple[int, ...]]) -> list[FloatArray]:
     """Arrays of zeros in one piece of memory, which the system takes back whole; of hundreds it would keep the holes.
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, stretches
 from fracid.findings import Finding, Words
 from fracid.signals.resolution import encoder_lattice, resolution
 from fracid.units import with_unit
@@ -149,8 +149,7 @@ def _standstills(x: FloatArray) -> list[tuple[int, int]]:
     """(first, stop) of the longest stretches at one value, in the order of time."""
     if x.size < 2 * LONG:
         return []
-    equal = np.concatenate([[False], x[1:] == x[:-1], [False]])
-    first, last = np.flatnonzero(~equal[:-1] & equal[1:]), np.flatnonzero(equal[:-1] & ~equal[1:])
+    first, last = stretches(x[1:] == x[:-1]).T
     length = last - first + 1
     longest = np.argsort(-length)[:MOST]
     return sorted((int(first[k]), int(last[k]) + 1) for k in longest if LONG <= length[k] < x.size)

@@ -56,7 +56,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, stretches
 from fracid.findings import Finding, Words
 from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
@@ -401,8 +401,7 @@ def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
 
 def _repeats(t: FloatArray, x: FloatArray, q: float) -> tuple[float, float]:
     """The share of samples that stand still while the motion goes on, and how many do at a time; none beside a gap."""
-    equal = np.concatenate([[False], x[1:] == x[:-1], [False]])
-    first, last = np.flatnonzero(~equal[:-1] & equal[1:]), np.flatnonzero(equal[:-1] & ~equal[1:])
+    first, last = stretches(x[1:] == x[:-1]).T
     n = last - first + 1
     inside = (first - n >= 0) & (last + 1 < x.size)
     first, last, n = first[inside], last[inside], n[inside]
@@ -436,18 +435,16 @@ def _saturated(s: SignalReport, x: FloatArray) -> Iterator[Finding]:
 
 def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> list[tuple[int, int]]:
     """(start, stop) of the stretches at exactly the limit that begin and end too steeply for a turning point."""
-    at = np.concatenate([[False], x == limit, [False]])
-    edges = np.flatnonzero(at[1:] != at[:-1])
-    stretches = []
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    tops = []
+    for start, stop in stretches(x == limit).tolist():
         half = (stop - start) // 2
         if stop - start < 3 or start - half < 0 or stop - 1 + half >= x.size:
             continue
         falls = abs(limit - x[start - half]), abs(limit - x[stop - 1 + half])
         jumps = gradual is not None and abs(limit - x[start - 1]) > gradual
         if min(falls) > FLAT * q and not jumps:
-            stretches.append((start, stop))
-    return stretches
+            tops.append((start, stop))
+    return tops
 
 
 # --- sampling ------------------------------------------------------------------------------------------

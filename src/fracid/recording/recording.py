@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, real_array
+from fracid.arrays import FloatArray, real_array, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Style, draw
@@ -238,9 +238,8 @@ class Recording(CardDisplay):
             return self
         count, sound = int(blank.sum()), np.flatnonzero(~blank)
         part = slice(int(sound[0]), int(sound[-1]) + 1)
-        edges = np.flatnonzero(np.diff(blank[part].astype(int), prepend=0, append=0)).reshape(-1, 2)
         time, half = self.time[part], 0.5 * self.report.clock.step
-        runs = tuple((float(time[a]) - half, float(time[b - 1]) + half) for a, b in edges)
+        runs = tuple((float(time[a]) - half, float(time[b - 1]) + half) for a, b in stretches(blank[part]))
         steps = {s.name: s.resolution for s in self.report.signals}
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
         new = replace(self, bridged=(*self.bridged, *runs))._with(time, signals, self.report.resampled)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, stretches
 
 WIDE = 5
 """A sum of autocorrelations ends at the first lag that is so many times the correlation time up to it (Sokal)."""
@@ -21,12 +21,8 @@ def longest_stretch(mask: NDArray[np.bool_]) -> slice:
     >>> longest_stretch(np.array([True, False, True, True, False]))
     slice(2, 4, None)
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    starts, ends = edges[::2], edges[1::2]
-    if not starts.size:
-        return slice(0, 0)
-    at = int(np.argmax(ends - starts))
-    return slice(int(starts[at]), int(ends[at]))
+    found = stretches(mask).tolist()
+    return slice(*max(found, key=lambda ends: ends[1] - ends[0], default=(0, 0)))
 
 
 # --- whiteness -------------------------------------------------------------------------------------
