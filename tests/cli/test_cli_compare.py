@@ -2,8 +2,6 @@
 
 import csv
 import json
-import os
-import re
 import shutil
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import pytest
 import fracid
 from fracid.cli.app import main
 from program import run
+from recordings import from_there, needs
 from twins import write_release
 
 PROJECT = """
@@ -238,18 +237,14 @@ def test_a_fit_is_not_cleared_away(capsys, folder):
 # --- a real rig -------------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]
-FOLDER = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
 
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory):
     """A function that compares the structures on the recordings of a real SRV02 by the command line."""
-    if not (FOLDER / "srv02-rotpen").is_dir():
-        pytest.skip(f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER")
     folder = tmp_path_factory.mktemp("real")
     text = (ROOT / "examples" / "real" / "srv02-compare.toml").read_text(encoding="utf-8")
-    text = re.sub(r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(FOLDER.rglob(m[2])).as_posix()}"', text, flags=re.M)
-    (folder / "srv02.toml").write_text(text, encoding="utf-8")
+    (folder / "srv02.toml").write_text(from_there(text), encoding="utf-8")
 
     def compared(name, *options):
         with pytest.raises(SystemExit) as stop:
@@ -260,6 +255,7 @@ def real(tmp_path_factory):
     return compared
 
 
+@needs()
 @pytest.mark.slow
 def test_a_real_rig_needs_dry_friction_and_cable_and_no_orders_and_the_numbers_repeat(real, capsys):
     sliding = [word for rung in ("viscous", "Coulomb", "drag", "cable") for word in ("--rung", rung)]

@@ -1,8 +1,6 @@
 """``fracid resid``: of a run folder, as sentences, JSON and figures; exit codes, no traceback."""
 
 import json
-import os
-import re
 import shutil
 import sys
 from contextlib import nullcontext
@@ -16,6 +14,7 @@ from fracid.cli.app import main
 from fracid.runs.json_schemas import json_schema
 from fracid.validation.residual_analyses import first_part
 from program import fit_in
+from recordings import from_there, needs
 from twins import RIG, write_release
 
 PROJECT = """
@@ -219,20 +218,13 @@ def test_a_run_that_never_reached_the_end_ends_with_3(capsys, good, tmp_path, un
 # --- a real rig --------------------------------------------------------------------------------------------
 
 ROOT = Path(__file__).parents[2]
-RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (RECORDINGS / "srv02-rotpen").is_dir(),
-    reason=f"no recordings of real rigs in {RECORDINGS}; say where with FRACID_RECORDINGS=FOLDER",
-)
+@needs()
 def test_what_the_page_says_of_a_real_rig_is_what_is_found(capsys, tmp_path, monkeypatch):
     text = (ROOT / "examples" / "srv02-release.toml").read_text(encoding="utf-8")
-    text = re.sub(
-        r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(RECORDINGS.rglob(m[2])).as_posix()}"', text, flags=re.M
-    )
-    (tmp_path / "srv02.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "srv02.toml").write_text(from_there(text), encoding="utf-8")
     monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     monkeypatch.setattr("fracid.plots.save", lambda *_: ())
     monkeypatch.setattr(sys, "argv", ["fracid", "fit", "srv02.toml"])

@@ -1,10 +1,8 @@
 """The example projects of real rigs reach what they say; each skips where its recordings are not there.
 
-The recordings are others' and are not part of the project: FRACID_RECORDINGS says where they are, else
-../shared/recordings beside the repository is looked at.
+The recordings are others' and are not part of the project; see helpers/recordings.py.
 """
 
-import os
 import re
 from pathlib import Path
 
@@ -14,17 +12,11 @@ import pytest
 from fracid.identification import identify
 from fracid.problem.project import load_project
 from fracid.validation.before_search import before
+from recordings import from_there, needs
 
 ROOT = Path(__file__).parents[2]
-FOLDER = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (FOLDER / "srv02-rotpen").is_dir(),
-        reason=f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER",
-    ),
-]
+pytestmark = [pytest.mark.slow, needs()]
 
 
 @pytest.fixture
@@ -32,10 +24,7 @@ def example(tmp_path):
     """A function that reads an example with its recordings taken from the folder, and fits it."""
 
     def run(path, change=lambda text: text, then=identify, **options):
-        text = change((ROOT / "examples" / path).read_text(encoding="utf-8"))
-        text = re.sub(
-            r'^(file *= )"(.+)"', lambda m: f'{m[1]}"{next(FOLDER.rglob(m[2])).as_posix()}"', text, flags=re.M
-        )
+        text = from_there(change((ROOT / "examples" / path).read_text(encoding="utf-8")))
         (tmp_path / "example.toml").write_text(text, encoding="utf-8")
         project = load_project(tmp_path / "example.toml")
         return identify(project, jobs=2, **options) if then is identify else then(project)

@@ -1,6 +1,5 @@
 """The recordings of materials that come with fracid, and what their pages say of them."""
 
-import os
 import re
 import shutil
 from pathlib import Path
@@ -11,10 +10,10 @@ import pytest
 import fracid
 from fracid.problem.project import project_from_text
 from helpers.materials import strip
+from recordings import FOLDER, needs
 
 ROOT = Path(__file__).parents[2]
-RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", ROOT.parent / "shared" / "recordings"))
-REAL = Path(__file__).parents[2] / "examples" / "real"
+REAL = ROOT / "examples" / "real"
 
 
 @pytest.mark.parametrize("folder", ["titin", "supercapacitor", "spruce-creep"])
@@ -61,14 +60,11 @@ def test_a_supercapacitor_is_called_integer(maker, branch):
     assert rows["C(v) of order q, orders free"].bic - rows["one RC branch, orders 1"].bic > branch - 10.0
 
 
-@pytest.mark.skipif(
-    not (RECORDINGS / "vhb4910").is_dir(),
-    reason=f"no recordings of VHB 4910 in {RECORDINGS}, which have no licence; say where with FRACID_RECORDINGS=FOLDER",
-)
+@needs("vhb4910")  # they have no licence
 @pytest.mark.slow
 def test_an_elastomers_springpot_predicts_the_half_hour_and_is_not_claimed():
     text = (REAL / "vhb4910" / "vhb4910.toml").read_text(encoding="utf-8")
-    project = project_from_text(text, RECORDINGS / "vhb4910" / "vhb4910.toml")
+    project = project_from_text(text, FOLDER / "vhb4910" / "vhb4910.toml")
     comparison = fracid.compare(project)
     assert comparison.claim == "undecided", comparison.claim_reasons
     held_out = {row.name: np.mean([score.rmse["force"] for score in row.held_out.values()])

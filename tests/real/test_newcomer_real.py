@@ -1,28 +1,18 @@
 """Three commands lead from each recording of a real rig to a fit: check, init, fit, as the program itself says.
 
-The recordings are others' and are not part of the project: FRACID_RECORDINGS says where they are, else
-../shared/recordings beside the repository is looked at.
+The recordings are others' and are not part of the project; see helpers/recordings.py.
 """
 
-import os
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fracid
 from program import run
+from recordings import FOLDER, needs
 
-FOLDER = Path(os.environ.get("FRACID_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not (FOLDER / "srv02-rotpen").is_dir(),
-        reason=f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER",
-    ),
-]
+pytestmark = [pytest.mark.slow, needs()]
 
 REACHED = {
     "release_92deg.mat": {"theta": 0.25, "alpha": 0.25},

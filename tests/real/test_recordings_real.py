@@ -1,24 +1,16 @@
 """Recordings of real rigs: every file loads as it is, and the pendulum is identified from two of them.
 
-The recordings are others' and are not part of the project.  They are looked for in the folder that the
-environment variable FRACID_RECORDINGS names, else in ../shared/recordings beside the repository.
+The recordings are others' and are not part of the project; see helpers/recordings.py.
 """
-
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fracid.identification import identify
 from fracid.problem.project import load_project
+from recordings import FOLDER, needs
 
-FOLDER = Path(os.environ.get("FRACID_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))
-
-pytestmark = pytest.mark.skipif(
-    not (FOLDER / "srv02-rotpen").is_dir(),
-    reason=f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER",
-)
+pytestmark = needs()
 
 SRV02 = """
 [model]

@@ -1,7 +1,6 @@
 """Recordings: every format and dialect, units and zeros, what is measured, what is refused."""
 
 import math
-import os
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from fracid.recording import Channel, Recording, inspect_recording, load_recordi
 from fracid.recording.readers.text import parse_text
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import release_time
+from recordings import FOLDER, needs
 
 COUNT = 2 * math.pi / 4096
 TIME = np.arange(400) / 100
@@ -735,10 +735,6 @@ def test_a_report_is_plain_json(tmp_path):
 
 # --------------------------------------------------------------------------- real rigs
 
-RECORDINGS = Path(os.environ.get("FRACID_RECORDINGS", Path(__file__).parents[2] / "../shared/recordings")).resolve()
-real = pytest.mark.skipif(
-    not RECORDINGS.is_dir(), reason=f"no recordings in {RECORDINGS}; set FRACID_RECORDINGS to their folder"
-)
 JOINTS = "/joint_states"
 SRV02 = {"theta": {"column": 1, "unit": "rad"}, "alpha": {"column": 2, "unit": "rad", "zero": math.pi}}
 ODRIVE = {name: {"column": f"{JOINTS}/joint{k}/position", "unit": "rad"} for k, name in enumerate(["theta", "alpha"])}
@@ -746,7 +742,7 @@ STAMP = {"column": f"{JOINTS}/header/stamp"}
 STEPPER = {"alpha": {"column": 0, "unit": "deg", "scale": 0.99}}
 
 
-@real
+@needs()
 @pytest.mark.parametrize(
     ("file", "columns", "time", "samples", "step", "release"),
     [
@@ -762,19 +758,19 @@ STEPPER = {"alpha": {"column": 0, "unit": "deg", "scale": 0.99}}
     ],
 )  # fmt: skip
 def test_every_recording_of_a_real_rig_loads_as_it_is(file, columns, time, samples, step, release):
-    recording = load_recording(RECORDINGS / file, columns, time=time)
+    recording = load_recording(FOLDER / file, columns, time=time)
     assert recording.time.size == samples
     assert recording.report.release == (None if release is None else pytest.approx(release, abs=0.02))
-    even = load_recording(RECORDINGS / file, columns, time=time, resample="needed")
+    even = load_recording(FOLDER / file, columns, time=time, resample="needed")
     assert even.step == pytest.approx(step)
     assert (even.report.resampled is not None) == file.startswith("odrive")
     if file.startswith("srv02"):
         assert {s.counts_per_turn for s in recording.report.signals if s.unit == "rad"} == {4096}
 
 
-@real
+@needs()
 def test_the_43_ms_gap_of_fall_a_is_named():
-    clock = load_recording(RECORDINGS / "odrive-furuta/fall_a.csv", ODRIVE, time=STAMP).report.clock
+    clock = load_recording(FOLDER / "odrive-furuta/fall_a.csv", ODRIVE, time=STAMP).report.clock
     assert max(length for _, length in clock.gaps) == pytest.approx(0.0428, abs=1e-4)
 
 

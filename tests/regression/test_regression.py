@@ -1,8 +1,6 @@
 """Regression: exact equations, ratios, what noise in the columns does, and what it says of itself."""
 
-import os
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +13,7 @@ from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, regress, regressor, start_values
 from fracid.regression.estimators import Gauge, solve
 from fracid.regression.rows import swing_of
+from recordings import FOLDER, needs
 from twins import states
 
 COUNT = 2 * np.pi / 4096
@@ -379,13 +378,8 @@ def test_another_model_is_refused():
 
 # --- a real rig -----------------------------------------------------------------------------------------
 
-FOLDER = Path(os.environ.get("FRACID_RECORDINGS", Path(__file__).parents[3] / "shared" / "recordings"))
 
-
-@pytest.mark.skipif(
-    not (FOLDER / "srv02-rotpen").is_dir(),
-    reason=f"no recordings of real rigs in {FOLDER}; say where with FRACID_RECORDINGS=FOLDER",
-)
+@needs()
 def test_a_real_release_gives_what_output_error_gives_for_the_pendulum_and_nearly_for_the_arm():
     swing = load_recording(
         FOLDER / "srv02-rotpen" / "release_92deg.mat",
