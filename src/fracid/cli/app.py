@@ -122,6 +122,20 @@ def flag(spelled: str, what: str) -> Any:
     return typer.Option(spelled, help=what)
 
 
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")]
+
+RunOrProject = Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")]
+
+ProjectFile = Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")]
+
+Rate = Annotated[float | None, option("HZ", "Samples a second, without a time column.", "--rate")]
+
+First = Annotated[str | None, option("S", "First time in s, or release.", "--from")]
+
+Last = Annotated[float | None, option("S", "Last time in s.", "--to")]
+
+Variable = Annotated[str | None, typer.Option("--variable", help="Which array of a .mat, .npz or HDF5 file.")]
+
 Out = Annotated[Path | None, option("DIR", "Output folder.", "--out")]
 
 Json = Annotated[bool, flag("--json", "JSON on standard output, all else on standard error.")]

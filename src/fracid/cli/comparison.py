@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,6 +15,7 @@ from fracid.cli.app import (
     Json,
     OtherSeed,
     Out,
+    ProjectFile,
     Scheduler,
     Trust,
     command,
@@ -59,7 +59,7 @@ MOST = 3
     "fracid compare rig.toml --json | jq .verdict",
 )
 def compare(
-    project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
+    project: ProjectFile,
     leave_one_out: Annotated[bool, flag("--leave-one-out", "Hold each recording out once, fit all others.")] = False,
     amplitude: Annotated[
         bool, flag("--amplitude", "Test whether orders drift with amplitude: friction in disguise.")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fracid.cli.app import command, flag, named, new_console, option, say_next, typed
+from fracid.cli.app import Rate, Variable, command, flag, named, new_console, option, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
 from fracid.cli.completion import COLUMNS, ZEROS, key_of, one_of
 from fracid.errors import InputError
@@ -30,8 +30,8 @@ def init(
         option("NAME=COLUMN[,FIELD=VALUE]", "As for fracid check; alpha, theta, voltage.", complete=one_of(*COLUMNS)),
     ] = None,
     time: Annotated[str | None, option("COLUMN[,unit=ms]", "The time column.")] = None,
-    rate: Annotated[float | None, option("HZ", "Samples a second, without a time column.")] = None,
-    variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
+    rate: Rate = None,
+    variable: Variable = None,
     model: Annotated[str | None, named("The model, as fracid models lists it.", key_of("models"))] = None,
     zero: Annotated[str | None, named("Of a cart-pole or a pendulum: hanging or upright.", one_of(*ZEROS))] = None,
     rig: Annotated[str | None, named("Whose constants to begin with.", key_of("rigs"))] = None,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import shlex
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fracid.cli.app import Json, Out, Trust, answer, assigned, command, option, say, say_next, several
+from fracid.cli.app import Json, Out, RunFolder, Trust, answer, assigned, command, option, say, say_next, several
 from fracid.cli.completion import key_of
 from fracid.tasks.display import shown
 
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     "fracid export runs/rig --to c  [dim]# a function for a controller that runs for hours[/dim]",
 )
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
+    run: RunFolder,
     to: Annotated[
         list[str] | None, option("FORMAT", "{formats}; may be repeated \\[default: all].", complete=key_of("formats"))
     ] = None,

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from fracid.cli.app import (
     CORES,
     Jobs,
     Json,
     Out,
+    RunFolder,
     Seed,
     Trust,
     answer,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     "fracid control runs/rig --json | jq .share95",
 )
 def control(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
+    run: RunFolder,
     kind: Annotated[str, option("NAME", "lqr, or pid: a PID, and a fractional one of its effort.")] = "lqr",
     posture: Annotated[str, option("NAME", "Of a pendulum: upright or hanging \\[default: upright].")] = "",
     at: Annotated[list[str] | None, several("NAME=VALUE", "An output at the posture, 0 if left out.")] = None,

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,6 +19,7 @@ from fracid.cli.app import (
     Json,
     OtherSeed,
     Out,
+    ProjectFile,
     Trust,
     command,
     echo_json,
@@ -64,7 +64,7 @@ SHOWN = 3
     "fracid fit rig.toml --json | jq .orders",
 )
 def fit(
-    project: Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")],
+    project: ProjectFile,
     preset: Annotated[str | None, named("paper: the settings of the paper.", key_of("presets"))] = None,
     optimiser: Annotated[
         str | None, named("Optimiser: {optimisers}, instead of the file's.", key_of("optimisers"))

@@ -5,15 +5,13 @@ from __future__ import annotations
 import sys
 from functools import partial
 from math import degrees
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from fracid.cli.app import (
     CORES,
     Json,
     Out,
+    RunOrProject,
     Scheduler,
     Seed,
     Trust,
@@ -51,7 +49,7 @@ HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
     "fracid noise runs/rig --json | jq '.cells[].free_parameters.mu.coverage'",
 )
 def noise(
-    source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
+    source: RunOrProject,
     levels: Annotated[
         str | None,
         option(

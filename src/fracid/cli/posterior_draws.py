@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from fracid.cli.app import (
     CORES,
     Json,
     Out,
+    RunFolder,
     Scheduler,
     Seed,
     Trust,
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
     "fracid posterior runs/rig --json | jq .free_parameters.mu.interval95",
 )
 def posterior(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
+    run: RunFolder,
     method: Annotated[
         str,
         named("laplace, corrected by importance sampling; nested, nested sampling.", one_of("laplace", "nested")),

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-
-import typer
 
 from fracid.cli.app import (
     CORES,
     Jobs,
     Json,
     Out,
+    RunOrProject,
     Seed,
     Trust,
     answer,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     "fracid profile runs/rig --json | jq .profiles.mu.interval95",
 )
 def profile(
-    source: Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")],
+    source: RunOrProject,
     parameter: Annotated[
         list[str] | None,
         named("A free parameter; may be repeated \\[default: the free orders].", from_run("orders", "parameters")),

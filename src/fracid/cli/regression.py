@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fracid.cli.app import (
+    First,
     Jobs,
     Json,
+    Last,
     Out,
     Seed,
     Trust,
+    Variable,
     answer,
     assigned,
     command,
@@ -69,14 +72,14 @@ def regress(
         float | None, option("HZ", "Cut-off of the low-pass filter \\[default: from the spectrum].")
     ] = None,
     each: Annotated[bool, flag("--each", "Estimate from each recording alone, not from all together.")] = False,
-    start: Annotated[str | None, option("S", "First time in s, or release.", "--from")] = None,
-    stop: Annotated[float | None, option("S", "Last time in s.", "--to")] = None,
+    start: First = None,
+    stop: Last = None,
     column: Annotated[
         list[str] | None, option("NAME=COLUMN[,FIELD=VALUE]", "For a recording: a column, as in fracid check.")
     ] = None,
     time: Annotated[str | None, option("COLUMN[,unit=ms]", "For a recording: its time column.")] = None,
     rate: Annotated[float | None, option("HZ", "For a recording without a time column: its sample rate.")] = None,
-    variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
+    variable: Variable = None,
     rig: Annotated[
         str | None, named("For a recording: the rig whose constants are used for those not estimated.", key_of("rigs"))
     ] = None,

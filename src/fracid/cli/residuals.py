@@ -5,12 +5,22 @@ from __future__ import annotations
 import re
 from functools import partial
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from fracid.cli.app import Json, Out, Trust, answer, command, named, option, print_figures, say, say_next, typed
+from fracid.cli.app import (
+    Json,
+    Out,
+    RunFolder,
+    Trust,
+    answer,
+    command,
+    named,
+    option,
+    print_figures,
+    say,
+    say_next,
+    typed,
+)
 from fracid.cli.app import table as new_table
 from fracid.cli.completion import from_run
 from fracid.errors import DataError
@@ -30,7 +40,7 @@ if TYPE_CHECKING:
     "fracid resid runs/rig --json | jq '.recordings[][].whiteness.effective_samples'",
 )
 def resid(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")],
+    run: RunFolder,
     recording: Annotated[
         list[str] | None, named("A recording; may be repeated \\[default: all].", from_run("recordings"))
     ] = None,
