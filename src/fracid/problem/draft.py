@@ -75,8 +75,20 @@ SHARP = (1e-3, 0.2)
 """Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on it.
 """
 
+BETWEEN = {"slip_speed": SHARP}
+"""Constants whose bounds do not follow from a value."""
+
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
+
+FREED = (*BEGUN[:-1], "slip_speed", "drag_theta", "drag_alpha", "theta_rest", "alpha_rest")
+"""What a draft frees of a release; :data:`MOTOR` too where a voltage was recorded."""
+
+STILL_ARM = {
+    "output": "theta", "parameters": {"C3": 0.0}, "orders": {"lambda": 1.0},
+    "fixed": ["C3", "C6", "J_theta", "b_theta", "coulomb_theta", "drag_theta", "cable_stiffness", "theta_rest"],
+}  # fmt: skip
+"""What holds of a rotary pendulum whose arm nobody measured: it is taken to stand still."""
 
 ENOUGH = 64
 """Samples of a swing."""

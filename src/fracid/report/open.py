@@ -17,9 +17,10 @@ from fracid.errors import InputError, writing
 from fracid.export.javascript import program_of, solver
 from fracid.models import MODELS, RIGS, model
 from fracid.models.library import table_of
+from fracid.models.pendulum import LINEAR_TERMS
 from fracid.models.written.languages import JavaScript
 from fracid.problem import Experiment, Free, Problem
-from fracid.problem.draft import SHARP, SPAN
+from fracid.problem.draft import BETWEEN, FREED, SPAN, STILL_ARM
 from fracid.problem.model_draft import SPAN as WIDE
 from fracid.problem.roles import ROTARY
 from fracid.recording.channel import TABLES
@@ -43,16 +44,6 @@ TOLERANCE = 1e-6
 
 MOST = 500_000
 """Numbers of a table that a page holds: 5 MB of it."""
-
-ROTARY_FREE = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "slip_speed",
-               "drag_theta", "drag_alpha", "cable_stiffness", "theta_rest", "alpha_rest")  # fmt: skip
-"""What :func:`fracid.draft_project` frees of a release; ``torque_per_volt`` too where a voltage was recorded."""
-
-ARM = {
-    "output": "theta", "parameters": {"C3": 0.0}, "orders": {"lambda": 1.0},
-    "fixed": ["C3", "C6", "J_theta", "b_theta", "coulomb_theta", "drag_theta", "cable_stiffness", "theta_rest"],
-}  # fmt: skip
-"""What holds of a rotary pendulum whose arm nobody measured: it is taken to stand still."""
 
 
 def write_open_page(file: str | Path | None = None, out: str | Path | None = None, variable: str | None = None) -> Path:
@@ -159,7 +150,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "columns": NAMES if name == ROTARY else library["columns"],
         "needs": ["alpha"] if name == ROTARY else library["needs"],
         "swings": m.pendulum or "",
-        "without": ARM if name == ROTARY else None,
+        "without": STILL_ARM if name == ROTARY else None,
         "rigs": [{"name": n, "title": rig.title, "parameters": rig.parameters} for n, rig in RIGS.items()]
         if name == ROTARY else None,
         "scene": scene and {"dimension": scene.dimension, "bodies": [vars(b) for b in scene.bodies],
@@ -198,7 +189,7 @@ def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
     for p in m.parameters:
         row, kind = rows.get(p.name, {}), m.friction.get(p.name)
         if name == ROTARY:
-            free = "always" if p.name in ROTARY_FREE else "driven" if p.name == m.drive else "never"
+            free = "always" if p.name in FREED else "driven" if p.name == m.drive else "never"
         elif row.get("known") or row.get("needs") or p.name.startswith(("springpot_order", "stribeck_speed")):
             free = "never"
         elif p.value == 0.0:
@@ -206,12 +197,16 @@ def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
         else:
             free = "driven" if row.get("gauge") else "always"
         finite = {n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)}
-        sharp = {"lowest": SHARP[0], "highest": SHARP[1]} if name == ROTARY and p.name == "slip_speed" else {}
+        sharp = (
+            dict(zip(("lowest", "highest"), BETWEEN[p.name], strict=True))
+            if name == ROTARY and p.name in BETWEEN
+            else {}
+        )
         yield {
             "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite, **sharp,
             "size": _size(p.name, p.value), "span": SPAN if name == ROTARY else WIDE,
             "friction": kind is not None and not kind.signed, "signed": p.name == m.drive, "rest": p.name in m.rests,
-            "gauge": p.name == "C4" if name == ROTARY else row.get("gauge", False),
+            "gauge": p.name == LINEAR_TERMS.gauge if name == ROTARY else row.get("gauge", False),
         }  # fmt: skip
 
 
