@@ -222,7 +222,7 @@ def test_studies_stand_in_the_index_and_a_new_one_renews_it(studied):
     text = write_index(studied).read_text(encoding="utf-8")
     assert "3 runs and 1 studies" not in text
     assert "3 runs and 1 study" in text
-    assert "1 experiment for the &lt;b&gt;rig&lt;/b&gt;." in text
+    assert "1 experiment for the &lt;b&gt;rig&lt;/b&gt;: 1 × release." in text
     assert 'href="first/design/plan.html"' not in text
     write_study_page(studied / "first" / "design", "plan.json")
     assert 'href="first/design/plan.html"' in (studied / INDEX).read_text(encoding="utf-8")

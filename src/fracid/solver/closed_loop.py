@@ -102,23 +102,19 @@ def step_closed(rhs, run, history, work, loop, applied, out):
 
     `applied` begins as the input before the controller's first.
     """
-    orders, gain, u, p, past, _, start, h, steps, _, limit, bounds, kernels, _, _, relaxing, _ = run
+    _, gain, u, p, past, _, start, h, steps, _, limit, bounds, kernels, _, _, relaxing, _ = run
     (window, sums, ahead), head, states = history, 1, len(gain)
-    (x, before, known, newest, share, jump, entered, _, _, _), (f, trial), now, W, relax_start = work
+    (x, before, known, _, _, newest, _, jump, entered, share), (f, trial), now, W, relax_start = work
     x0, after, v, state = past[0], u[0].copy(), np.zeros(len(loop.A)), WORN
     mode, last, how = flush_denormals(), steps, COMPLETED
     for i in range(states):
         x[i] = x0[i]
-        share[i] = orders[i] - (2 ** (orders[i] + 1) - 2) / 3
     _act(loop, 0, x, v, applied)
     now[loop.channel] = applied[0]
     evaluate(rhs, start, x, now, p, f)
     for i in range(states):
-        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
         window[i, 0] = before[i] = f[i]
     _keep_relaxing(relaxing, x, f, relax_start)
-    for r in relaxing:
-        newest[r] = 0.0
     for n in range(1, steps + 1):
         t, j = start + n * h, (n - 1) % BLOCK
         if j == 0:

@@ -64,6 +64,7 @@ from typing import Any
 
 import numpy as np
 from numba import types
+from numba.extending import register_jitable
 
 from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import evaluate, when_called
@@ -313,7 +314,7 @@ anywhere = bool
 """Whether a condition holds for the run, or for one of several that step together (:mod:`fracid.solver.lanes`)."""
 
 
-@inline
+@register_jitable  # Python calls it, too, where _relax steps in the state-space model
 def _where(condition, one, other):
     return one if condition else other
 
@@ -335,7 +336,8 @@ def _relax(relaxing, x, f, start, h, history):
         c1, mean = f[i] + a1 * x[i], 0.5 * (a0 + a1)
         A = mean * h
         R = 1 / (1 + A + 0.5 * A * A)
-        c1 = _where(mean > 0, c1 * (mean / (a1 * (1 - R) + mean * R)), c1)  # ρ c1
+        settles = _where(mean > 0, a1 * (1 - R) + mean * R, 1.0)
+        c1 = _where(mean > 0, c1 * (mean / settles), c1)  # ρ c1
         history[i] = R * (z0 + 0.5 * h * (c0 + (1 + A) * c1))
 
 
