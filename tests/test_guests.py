@@ -160,6 +160,12 @@ class Quantity(Labelled):
     __hash__ = None
 
 
+class Holder(Labelled):
+    """An array of xarray's around one of pint's."""
+
+    data = Quantity(np.ones(5), ())
+
+
 TAKE = {
     "a signal": lambda of: fracid.Recording.of("swing", H * np.arange(5), {"alpha": of}),
     "what is measured": lambda of: Experiment("swing", H, of, np.zeros((1, 1))),
@@ -177,11 +183,12 @@ TAKE = {
     "what",
     [
         Quantity(np.ones(5), ()),
+        Holder(np.ones(5), ()),
         np.arange(5).astype("datetime64[ms]"),
         np.arange(5).astype("m8[ms]"),
         np.array(["1"] * 5),
     ],
-    ids=["unit", "dates", "spans of time", "words"],
+    ids=["unit", "unit within, as in xarray", "dates", "spans of time", "words"],
 )
 def test_what_is_more_than_numbers_is_refused_in_a_line_and_not_stripped_of_it(take, what):
     with pytest.raises(InputError, match="number") as refused:
@@ -193,6 +200,12 @@ def test_a_step_to_resample_at_that_equals_no_word_is_refused():
     swing = fracid.Recording.of("swing", H * np.arange(5), {"alpha": np.arange(5.0)})
     with pytest.raises(InputError, match="is not possible; expected true, a step"):
         resampled(swing, Quantity(1.0, ()))
+
+
+@pytest.mark.parametrize("signals", [np.ones(5), [1.0], Labelled(np.ones(5), ()), "alpha", None])
+def test_signals_without_names_are_refused_in_a_line(signals):
+    with pytest.raises(InputError, match=f"swing: a {type(signals).__name__} has no names of signals; expected e.g."):
+        fracid.Recording.of("swing", H * np.arange(5), signals)
 
 
 def test_a_table_with_words_in_it_is_refused():

@@ -27,7 +27,8 @@ def real_array(values: Any) -> FloatArray:
     >>> real_array([1, 2])
     array([1., 2.])
     """
-    if hasattr(type(values), "to") and (hasattr(type(values), "units") or hasattr(type(values), "unit")):
+    kinds = type(values), type(getattr(values, "data", None))  # xarray keeps pint's within
+    if any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
         raise TypeError("a quantity of pint or astropy: give its plain numbers")
     array = np.asarray(values)
     if array.dtype.kind not in "fiubO" or (array.dtype == object and not all(isinstance(v, Real) for v in array.flat)):

@@ -1,6 +1,8 @@
 """Formats of other programs, each written by its own package and read back; and what a damaged one may not do."""
 
+import io
 import sqlite3
+import zipfile
 from contextlib import closing
 
 import numpy as np
@@ -67,6 +69,26 @@ def test_a_sheet_is_chosen_and_the_others_are_said(tmp_path, here):
     np.testing.assert_array_equal(read_table(path, "two").values[:, 1], 2 * ALPHA)
     with pytest.raises(InputError, match=r"two.xlsx has no sheet 'tow'. It has: 'one', 'two'."):
         read_table(path, "tow")
+
+
+@pytest.mark.parametrize(
+    ("declared", "says"),
+    [
+        ('<!DOCTYPE x [<!ENTITY e ".5">]>', "ent.xlsx declares XML entities, as no workbook does"),
+        ('<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]>', "ent.xlsx declares XML entities"),
+        ("", "ent.xlsx is damaged or is no Excel workbook .undefined entity"),
+    ],
+)
+def test_an_entity_in_a_cell_is_refused_and_its_number_is_not_cut_short(tmp_path, here, declared, says):
+    changed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(xlsx({"Data": ROWS}))) as good, zipfile.ZipFile(changed, "w") as bad:
+        for name in good.namelist():
+            text = good.read(name).decode()
+            if "worksheets" in name:
+                text = text.replace("?>", "?>" + declared, 1).replace("<v>0.0</v>", "<v>1&e;5</v>", 1)
+            bad.writestr(name, text)
+    with pytest.raises(DataError, match=says):
+        read_table(written(tmp_path, "ent.xlsx", changed.getvalue()))
 
 
 def test_text_among_the_numbers_of_a_sheet_is_found_in_its_line(tmp_path, here):

@@ -307,6 +307,11 @@ class Recording(CardDisplay):
         1.0
         """
         time = _array(f"{name}: time", time)
+        if not hasattr(signals, "items"):
+            raise InputError(
+                f"{name}: a {type(signals).__name__} has no names of signals; expected e.g. {{'alpha': samples}}, "
+                "of a table of polars table.to_dict()."
+            )
         arrays = {n: _array(f"{name}: {n}", x) for n, x in signals.items()}
         if not arrays:
             raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
