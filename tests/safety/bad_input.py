@@ -716,7 +716,8 @@ def fuzzed() -> list[str]:
         *lines,
         "",
         f"The counts are for the current readers and earlier versions; every failure found has been fixed.{aim}",
-        "`python tests/safety/fuzz.py --table` prints the count. A million of a reader take 6 to 16 minutes of one processor. Beside",
+        "`python tests/safety/fuzz.py --table` prints the count. A million of a reader take 6 to 16 minutes of one processor. Those",
+        "that a package reads (`xlsx` to `db3`) have had thousands: a million of them take hours. Beside",
         "these `python tests/safety/fuzz_guided.py READER` follows the branches of the code with atheris.",
     ]
 

@@ -239,9 +239,20 @@ def write_study(folder: str | Path, file: str) -> Path:
 def read_study(folder: Path, file: str) -> tuple[Study, Found, str]:
     """What a folder's record says, and when it was begun, or else written."""
     study, record, environment = STUDIES[file], _record(folder, file), _environment(folder)
-    written = datetime.fromtimestamp((folder / file).stat().st_mtime, UTC).isoformat(timespec="seconds")
+    written = _moment((folder / file).stat().st_mtime)
     own = (environment.get("command") or [""])[0] == study.command
     return study, study.found(record), environment["started"] if own and environment.get("started") else written
+
+
+def _moment(seconds: float) -> str:
+    """When a file was written; one whose clock was set beyond the calendar, at its end.
+
+    Examples
+    --------
+    >>> _moment(0.0), _moment(1e15)
+    ('1970-01-01T00:00:00+00:00', '9999-12-31T23:59:59+00:00')
+    """
+    return datetime.fromtimestamp(min(max(seconds, 0.0), 253402300799.0), UTC).isoformat(timespec="seconds")
 
 
 def _record(folder: Path, file: str) -> dict[str, Any]:
