@@ -202,6 +202,12 @@ def test_a_step_to_resample_at_that_equals_no_word_is_refused():
         resampled(swing, Quantity(1.0, ()))
 
 
+@pytest.mark.parametrize("times", [[0, 2, 1, 3, 4], [0, 1, 1, 2, 3], [0, 1, np.nan, 3, 4], [0, 1], np.ones((5, 1))])
+def test_times_that_jump_back_or_are_not_one_for_each_sample_are_refused(times):
+    with pytest.raises(InputError, match="swing: times do not increase from sample to sample"):
+        Experiment("swing", H, np.zeros((5, 1)), np.zeros((1, 1)), times=times)
+
+
 @pytest.mark.parametrize("signals", [np.ones(5), [1.0], Labelled(np.ones(5), ()), "alpha", None])
 def test_signals_without_names_are_refused_in_a_line(signals):
     with pytest.raises(InputError, match=f"swing: a {type(signals).__name__} has no names of signals; expected e.g."):

@@ -105,6 +105,8 @@ class Experiment(CardDisplay):
             raise InputError(
                 f"{self.name}: step = {brief(self.step)} is not possible; expected a number of seconds above 0."
             )
+        if (at := self.times) is not None and (at.shape != self.measured.shape[:1] or not np.all(np.diff(at) > 0.0)):
+            raise InputError(f"{self.name}: times do not increase from sample to sample; expected one [s] for each.")
 
     @classmethod
     def of(
