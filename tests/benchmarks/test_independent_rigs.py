@@ -18,7 +18,7 @@ COUNT = 2 * np.pi / 4096
 @pytest.fixture(scope="module")
 def rigs():
     """benchmarks/independent_rigs.py, which is no package."""
-    return module_of("benchmarks/independent_rigs.py")
+    return module_of("benchmarks/independent_rigs.py", "independent_rigs")
 
 
 def released(rigs, angle, rate=0.0):

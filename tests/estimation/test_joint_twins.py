@@ -17,7 +17,7 @@ ORDERS = {"lambda": Free(1.0, 0.8, 1.2), "mu": Free(1.0, 0.8, 1.2)}
 @pytest.fixture(scope="module")
 def rigs():
     """benchmarks/independent_rigs.py, which imports nothing of fracid."""
-    return module_of("benchmarks/independent_rigs.py")
+    return module_of("benchmarks/independent_rigs.py", "independent_rigs")
 
 
 BASE = {"b_theta": 0.02, "b_alpha": 2e-4, "coulomb_theta": 0.01, "coulomb_alpha": 2.5e-4, "cable": 0.0}

@@ -178,7 +178,7 @@ class Simulator:
             return self._fine.trajectories(points, self._steps_of[e.name])
         posed = [self._posed(x, e) for x in points]
         options = Options(self.method, self.memory, limit=self._limits[e.name])
-        equations, initials = zip(*posed, strict=True)
+        equations, initials = [equation for equation, _ in posed], [initial for _, initial in posed]
         return integrate_all(equations, initials, e.step / self.substeps, self.steps(e), options)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
