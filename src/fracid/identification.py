@@ -45,7 +45,7 @@ from fracid.cards import listed
 from fracid.errors import SMALLEST, Failure, FailureReason, InputError, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
-from fracid.estimation.covariance import Uncertainty, claimed_half_width, half_width, uncertainty
+from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
@@ -74,7 +74,7 @@ from fracid.problem.checks import refuse_twins
 from fracid.selection.claim import FLOOR, NO_RUN, Claim, claim_of, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import integer_alternatives
-from fracid.selection.integer_rival import Alternative, claimable, in_proportion, integer_values
+from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.solver.methods import METHODS
@@ -566,7 +566,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     analysis.fits = all(e.fits for e in left.values())
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
-    widths = {problem.unknowns[i].target: claimed_half_width(analysis.known, best.point, i) for i in claimable(problem)}
+    widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())
     nearest = integer_alternatives(
         part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,

@@ -622,11 +622,6 @@ def residual_bandwidth(errors: list[FloatArray]) -> float:
     return float(min(longest, min(map(len, errors)) // 4))
 
 
-def claimed_half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
-    """The half-width; infinite where the data do not see the unknown, so that nothing is claimed of it."""
-    return half_width(precision, x, i) or (0.0 if isinstance(precision, Failure) else np.inf)
-
-
 def half_width(precision: Uncertainty | Failure, x: FloatArray, i: int) -> float:
     """The longer side of the 95 % interval of free parameter i; 0 where there is none."""
     interval = None if isinstance(precision, Failure) else precision.interval(x, i)
