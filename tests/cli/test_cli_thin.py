@@ -1,13 +1,15 @@
 """A command parses, makes one call of the library, and prints; the work and the folders are of fracid.workflows."""
 
 import ast
+import inspect
 from itertools import chain
 from pathlib import Path
 
 import pytest
 
 import fracid
-from fracid.cli import PANELS
+from fracid.cli import PANELS, app
+from fracid.cli.app import WORDS
 
 PACKAGE = Path(fracid.__file__).parent
 COMMANDS = sorted((PACKAGE / "cli").glob("*.py"))
@@ -30,9 +32,7 @@ def imported(tree):
 
 def commands(tree):
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and any(
-            ast.unparse(d).startswith("command(") for d in node.decorator_list
-        ):
+        if isinstance(node, ast.FunctionDef) and "command" in map(ast.unparse, node.decorator_list):
             yield node
 
 
@@ -56,3 +56,11 @@ def test_a_workflow_prints_nothing(path):
     assert {name.split(".")[0] for name in imported(tree)}.isdisjoint({"rich", "sys", "typer"})
     called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     assert "print" not in called
+
+
+def test_the_words_of_an_option_are_those_of_a_parameter():
+    takes = {c.callback.__name__: set(inspect.signature(c.callback).parameters) for c in app.registered_commands}
+    every = set(WORDS["every"])
+    assert {name: set(WORDS[name]) - {"examples"} - takes[name] for name in takes} == {name: set() for name in takes}
+    assert set(WORDS) == {*takes, "every"}
+    assert every <= set().union(*takes.values())

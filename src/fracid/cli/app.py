@@ -1,8 +1,8 @@
 """The program: its options that all commands share, and how it ends.
 
 A command is one short file beside this one: parse, one call of the library, text for people or JSON
-for programs.  To add one, write ``cli/NAME.py`` with a function under ``@command`` and import it in
-``cli/__init__.py``.
+for programs.  To add one, write ``cli/NAME.py`` with a function under ``@command``, its options' words and its
+examples in ``cli/commands.toml``, and import it in ``cli/__init__.py``.
 
 Exit codes: 0 it did what was asked; 1 long work was interrupted, there is no memory or disk for it, or the reader of
 the output closed the pipe; 2 the caller's mistake; 3 a recording that fails its checks; 4 a fault of fracid itself,
@@ -23,16 +23,18 @@ import json
 import os
 import shlex
 import sys
+import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
 from fracid._version import __version__
-from fracid.cli.completion import Group
+from fracid.cli.completion import Group, from_run, key_of, one_of
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
+from fracid.safety.door import own_text
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
 from fracid.tasks.ending import ended_in_a_sentence, quiet_when_closed
@@ -61,100 +63,37 @@ app = typer.Typer(
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def command(*examples: str) -> Callable[[Command], Command]:
-    """Make a function a command of the program, whose help ends with examples.
+WORDS: dict[str, Any] = tomllib.loads(own_text("cli/commands.toml"))
+"""What the commands take, and the examples that end their help."""
 
-    Examples
-    --------
-    >>> command("fracid check log.csv")(print).__name__
-    'print'
-    >>> app.registered_commands.pop().epilog.split()[-1]
-    'log.csv'
+
+def command(function: Command) -> Command:
+    """Make a function a command of the program; the words of its options are in ``commands.toml``.
+
+    Raises
+    ------
+    KeyError
+        If the file has no words for it, or for one of its options.
     """
-    heading = f"[bold]Example{'s' * (len(examples) > 1)}[/bold]"
-    return app.command(epilog="\n\n".join((heading, *examples)))
+    own, kinds = WORDS[function.__name__], get_type_hints(function)
+    with_words: Any = Annotated
+    for name in kinds.keys() - {"return"}:
+        words = own.get(name) or WORDS["every"][name]
+        function.__annotations__[name] = with_words[kinds[name], _taken(name, **words)]
+    heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
+    return app.command(epilog="\n\n".join((heading, *own["examples"])))(function)
 
 
-def option(
-    metavar: str, what: str, *spelled: str, complete: Callable[..., list[str]] | None = None, **limits: Any
-) -> Any:
-    """An option that takes a value; `complete` is what the shell proposes.
-
-    Examples
-    --------
-    >>> option("HZ", "The rate.", min=1).metavar
-    'HZ'
-    """
-    return typer.Option(*spelled, metavar=metavar, help=what, autocompletion=complete, **limits)
-
-
-def several(metavar: str, what: str, *spelled: str, **how: Any) -> Any:
-    """An option that may be given many times.
-
-    Examples
-    --------
-    >>> several("NAME", "A sensor.").help
-    'A sensor; may be repeated.'
-    """
-    return option(metavar, f"{what.removesuffix('.')}; may be repeated.", *spelled, **how)
-
-
-def named(what: str, complete: Callable[..., list[str]], *spelled: str) -> Any:
-    """An option that takes a name which the shell completes.
-
-    Examples
-    --------
-    >>> from fracid.cli.completion import key_of
-    >>> named("The style.", key_of("presets"), "--style").metavar
-    'NAME'
-    """
-    return option("NAME", what, *spelled, complete=complete)
-
-
-def flag(spelled: str, what: str) -> Any:
-    """An option that is there or not.
-
-    Examples
-    --------
-    >>> flag("--json", "JSON on standard output.").help
-    'JSON on standard output.'
-    """
-    return typer.Option(spelled, help=what)
-
-
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder of fracid fit.")]
-
-RunOrProject = Annotated[Path, typer.Argument(metavar="RUN|PROJECT", help="A run folder, or a project file to fit.")]
-
-ProjectFile = Annotated[Path, typer.Argument(metavar="PROJECT", help="The project file, .toml.")]
-
-Rate = Annotated[float | None, option("HZ", "Samples a second, without a time column.", "--rate")]
-
-First = Annotated[str | None, option("S", "First time in s, or release.", "--from")]
-
-Last = Annotated[float | None, option("S", "Last time in s.", "--to")]
-
-Variable = Annotated[str | None, typer.Option("--variable", help="Which array of a .mat, .npz or HDF5 file.")]
-
-Out = Annotated[Path | None, option("DIR", "Output folder.", "--out")]
-
-Json = Annotated[bool, flag("--json", "JSON on standard output, all else on standard error.")]
-
-Seed = Annotated[int, option("N", "Random seed.", "--seed", min=0)]
-
-OtherSeed = Annotated[int | None, option("N", "Random seed, instead of the file's.", "--seed", min=0)]
-
-Scheduler = Annotated[
-    str | None, option("ADDRESS", "Run on a Dask cluster: the address of its scheduler, tcp://HOST:8786.")
-]
-
-RealFriction = Annotated[bool, flag("--friction", "For a rig: add the friction identified from its real recordings.")]
-
-Jobs = Annotated[int, option("N", "Maximum number of threads.", "--jobs", min=1)]
-
-Trust = Annotated[
-    bool, flag("--trust", "Run Python code that the project refers to (my_rig.py:model). Review it first.")
-]
+def _taken(
+    name: str, *, argument: bool = False, spelled: Sequence[str] = (), table: str = "", words: Sequence[str] = (),
+    of_run: Sequence[str] = (), **words_of_typer: Any,
+) -> Any:  # fmt: skip
+    """An option or an argument as typer has it."""
+    complete = key_of(table) if table else one_of(*words) if words else from_run(*of_run) if of_run else None
+    if argument:
+        return typer.Argument(autocompletion=complete, **words_of_typer)
+    typed = spelled or [f"--{name.rstrip('_').replace('_', '-')}"]
+    return typer.Option(*typed, autocompletion=complete, **words_of_typer)
 
 
 @quiet_when_closed()
@@ -452,7 +391,9 @@ def natural_width(console: Any, grid: Any) -> int:
 )
 def _program(
     ctx: typer.Context,
-    version: Annotated[bool, flag("--version", "Print the version; with --json also those of the libraries.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version; with --json also those of the libraries.")
+    ] = False,
     json_: Annotated[bool, typer.Option("--json", hidden=True)] = False,
 ) -> None:
     """Identify fractional- and integer-order models of nonlinear mechanical systems from recordings."""

@@ -6,24 +6,15 @@ from collections.abc import Iterable, Mapping
 from itertools import islice
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from fracid.cli.app import (
-    First,
-    Jobs,
-    Json,
-    Last,
-    Out,
-    Rate,
-    Seed,
-    Variable,
     command,
     each_once,
     echo_json,
     new_console,
-    option,
     say,
     say_next,
     typed,
@@ -40,38 +31,19 @@ if TYPE_CHECKING:
     from fracid.recording import Recording, Report
 
 
-@command(
-    "fracid check release.mat  [dim]# guesses the columns and says so[/dim]",
-    "fracid check release.mat --column theta=1 --column alpha=2,zero=3.14159 --out checked",
-    "fracid check swing.txt --rate 1000 --column alpha=0,unit=deg,scale=0.99 --json",
-    "fracid check log.csv --time stamp --column alpha=joint1/position --column u=command,unit=V,fill=hold",
-)
+@command
 def check(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help=".csv .tsv .txt .dat .mat .npz .npy .h5 .hdf5 .parquet .json .xlsx .tdms .mf4 .mdf .mcap .db3",
-        ),
-    ],
-    column: Annotated[
-        list[str] | None,
-        option(
-            "NAME=COLUMN[,FIELD=VALUE]",
-            "A signal and its column, by position from 0 or by name. Fields: unit (rad deg turns "
-            "counts rad/s deg/s V 'N m' 1), sign, scale, zero (a number in rad, or rest), "
-            "counts_per_turn, unwrap, fill (hold).",
-        ),
-    ] = None,
-    time: Annotated[str | None, option("COLUMN[,unit=ms]", "The time column.")] = None,
-    rate: Rate = None,
-    start: First = None,
-    stop: Last = None,
-    variable: Variable = None,
-    out: Out = None,
-    seed: Seed = 0,
-    jobs: Jobs = 1,
-    json_: Json = False,
+    file: Path,
+    column: list[str] | None = None,
+    time: str | None = None,
+    rate: float | None = None,
+    start: str | None = None,
+    stop: float | None = None,
+    variable: str | None = None,
+    out: Path | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    json_: bool = False,
 ) -> None:
     """Check a recording: clock, signals, release, fitness for use.
 

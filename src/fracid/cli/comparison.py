@@ -5,35 +5,24 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    OtherSeed,
-    Out,
-    ProjectFile,
-    Scheduler,
-    Trust,
     command,
-    flag,
-    named,
     natural_width,
     new_console,
     one_place,
-    option,
     print_claim,
     print_study,
     say,
     say_next,
-    several,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import key_of
 from fracid.errors import DataError
 from fracid.safety.door import text_of
 from fracid.tasks.display import shown
@@ -49,35 +38,23 @@ MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 
 
-@command(
-    "fracid compare rig.toml  [dim]# writes runs/rig-compare[/dim]",
-    "fracid compare rig.toml --leave-one-out --jobs 8  [dim]# each recording held out once[/dim]",
-    "fracid compare rig.toml --amplitude  [dim]# do the orders drift as the swing dies?[/dim]",
-    "fracid compare rig.toml --evidence  [dim]# posterior odds beside BIC; the claim does not use them[/dim]",
-    "fracid compare rig.toml --keep cable_stiffness  [dim]# leaves it as it is in the file[/dim]",
-    "fracid compare rig.toml --rung viscous --rung Coulomb  [dim]# these alone; all: also play and springpots[/dim]",
-    "fracid compare rig.toml --json | jq .verdict",
-)
+@command
 def compare(
-    project: ProjectFile,
-    leave_one_out: Annotated[bool, flag("--leave-one-out", "Hold each recording out once, fit all others.")] = False,
-    amplitude: Annotated[
-        bool, flag("--amplitude", "Test whether orders drift with amplitude: friction in disguise.")
-    ] = False,
-    evidence: Annotated[
-        bool, flag("--evidence", "Add the posterior odds of each structure, with its bounds as priors.")
-    ] = False,
-    multi_start: Annotated[int | None, option("N", "Number of starts of each fit.", "--multi-start", min=1)] = None,
-    keep: Annotated[list[str] | None, several("NAME", "A friction parameter to leave as it is in the file.")] = None,
-    rungs: Annotated[list[str] | None, several("NAME", "A friction model to include, or all.", "--rung")] = None,
-    preset: Annotated[str | None, named("paper: use the cost and the outputs of the paper.", key_of("presets"))] = None,
-    executor: Annotated[str, named("threads or processes.", key_of("executors"))] = "threads",
-    scheduler: Scheduler = None,
-    trust: Trust = False,
-    out: Out = None,
-    seed: OtherSeed = None,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    project: Path,
+    leave_one_out: bool = False,
+    amplitude: bool = False,
+    evidence: bool = False,
+    multi_start: int | None = None,
+    keep: list[str] | None = None,
+    rungs: list[str] | None = None,
+    preset: str | None = None,
+    executor: str = "threads",
+    scheduler: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int | None = None,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Compare friction structures, with orders 1 and with orders free.
 

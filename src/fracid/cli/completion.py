@@ -33,10 +33,6 @@ TABLES = {
 }
 """Name → module of fracid and table in it; the help of an option writes ``{methods}`` for the keys of one."""
 
-COLUMNS = ("alpha=", "theta=", "voltage=")
-
-ZEROS = ("hanging", "upright")
-
 
 def one_of(*values: str) -> Callable[[str], list[str]]:
     """Complete to one of some words.

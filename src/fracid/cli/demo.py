@@ -6,21 +6,16 @@ import sys
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    Out,
     command,
     echo_json,
-    flag,
     new_console,
     open_page,
-    option,
     say_next,
     typed,
 )
@@ -49,16 +44,13 @@ STORY = (
 """Folder, preset, headline."""
 
 
-@command("fracid demo --out runs/demo")
+@command
 def demo(
-    open_: Annotated[
-        bool | None,
-        flag("--open/--no-open", "Open the reports in the browser \\[default: on a terminal with a display]."),
-    ] = None,
-    out: Out = None,
-    seed: Annotated[int | None, option("N", "Random seed, instead of the projects'.", "--seed", min=0)] = None,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    open_: bool | None = None,
+    out: Path | None = None,
+    seed: int | None = None,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Run the paper's experiment on two SIMULATED recordings.
 

@@ -4,40 +4,30 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from fracid.cli.app import Rate, Variable, command, flag, named, new_console, option, say_next, typed
+from fracid.cli.app import command, new_console, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
-from fracid.cli.completion import COLUMNS, ZEROS, key_of, one_of
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command(
-    "fracid init release.mat  [dim]# asks what the columns are; writes release.toml[/dim]",
-    "fracid init release.mat --yes --rig qube-servo2 --out rig.toml  [dim]# takes what it guesses[/dim]",
-    "fracid init swing.txt --rate 1000 --column alpha=0,unit=deg",
-    "fracid init log.csv --model joint --column angle=q --column torque=tau",
-    "fracid init kp100.json kp400.json --out servo.toml  [dim]# a servo's logs, with mass and gains[/dim]",
-)
+@command
 def init(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="The recording, or several of one rig.")],
-    column: Annotated[
-        list[str] | None,
-        option("NAME=COLUMN[,FIELD=VALUE]", "As for fracid check; alpha, theta, voltage.", complete=one_of(*COLUMNS)),
-    ] = None,
-    time: Annotated[str | None, option("COLUMN[,unit=ms]", "The time column.")] = None,
-    rate: Rate = None,
-    variable: Variable = None,
-    model: Annotated[str | None, named("The model, as fracid models lists it.", key_of("models"))] = None,
-    zero: Annotated[str | None, named("Of a cart-pole or a pendulum: hanging or upright.", one_of(*ZEROS))] = None,
-    rig: Annotated[str | None, named("Whose constants to begin with.", key_of("rigs"))] = None,
-    out: Annotated[Path | None, option("FILE", "The project file.", "--out")] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take what is guessed.")] = False,
-    force: Annotated[bool, flag("--force", "Overwrite existing files.")] = False,
+    files: list[Path],
+    column: list[str] | None = None,
+    time: str | None = None,
+    rate: float | None = None,
+    variable: str | None = None,
+    model: str | None = None,
+    zero: str | None = None,
+    rig: str | None = None,
+    out: Path | None = None,
+    yes: bool = False,
+    force: bool = False,
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import shlex
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
-import typer
-
-from fracid.cli.app import Json, Out, RunFolder, Trust, answer, assigned, command, option, say, say_next, several
-from fracid.cli.completion import key_of
+from fracid.cli.app import answer, assigned, command, say, say_next
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -18,40 +16,19 @@ if TYPE_CHECKING:
     from fracid.export import Export
 
 
-@command(
-    "fracid export runs/rig  [dim]# everything, into runs/rig/export[/dim]",
-    "fracid export runs/rig --to matlab --out ~/rig  [dim]# then, in Octave: \\[t, x] = model();[/dim]",
-    "fracid export runs/rig --to c  [dim]# a function for a controller that runs for hours[/dim]",
-)
+@command
 def export(
-    run: RunFolder,
-    to: Annotated[
-        list[str] | None, option("FORMAT", "{formats}; may be repeated \\[default: all].", complete=key_of("formats"))
-    ] = None,
-    steps: Annotated[
-        int | None,
-        option("N", "Memory of the exported programs in steps \\[default: the recordings'; 10⁷ for C].", min=1),
-    ] = None,
-    precision: Annotated[
-        Literal["double", "single"], typer.Option(help="Numbers of C: doubles, or floats.")
-    ] = "double",
-    fmi: Annotated[Literal["2", "3"], typer.Option(help="Version of the FMU: nearly every tool imports 2.")] = "2",
-    platforms: Annotated[
-        list[str] | None,
-        option(
-            "NAME",
-            "The FMU holds a library for {platforms}; may be repeated \\[default: this one].",
-            complete=key_of("platforms"),
-        ),
-    ] = None,
-    actuator: Annotated[str, option("NAME", "What BAM calls the servo.")] = "",
-    slow: Annotated[
-        list[str] | None,
-        several("NAME=RATE", "A constant or order that the observer estimates, and how far it drifts in 1 s."),
-    ] = None,
-    trust: Trust = False,
-    out: Out = None,
-    json_: Json = False,
+    run: Path,
+    to: list[str] | None = None,
+    steps: int | None = None,
+    precision: Literal["double", "single"] = "double",
+    fmi: Literal["2", "3"] = "2",
+    platforms: list[str] | None = None,
+    actuator: str = "",
+    slow: list[str] | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    json_: bool = False,
 ) -> None:
     """Write the identified model and its curves for other programs.
 

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    Out,
-    RunFolder,
-    Seed,
-    Trust,
     answer,
     assigned,
     command,
-    flag,
-    option,
     print_entry,
     print_study,
     say,
     say_next,
-    several,
     typed,
 )
 from fracid.cli.app import table as new_table
@@ -35,33 +27,26 @@ if TYPE_CHECKING:
     from fracid.workflows.feedback import FinishedControl
 
 
-@command(
-    "fracid control runs/rig --limit 10  [dim]# upright, with 10 V; writes runs/rig/control[/dim]",
-    "fracid control runs/rig --rate 500 --delay 0.002 --off alpha=0.2 --within alpha=0.6",
-    "fracid control runs/joint --at angle=0.5 --off angle=-0.5",
-    "fracid control runs/rig --json | jq .share95",
-)
+@command
 def control(
-    run: RunFolder,
-    kind: Annotated[str, option("NAME", "lqr, or pid: a PID, and a fractional one of its effort.")] = "lqr",
-    posture: Annotated[str, option("NAME", "Of a pendulum: upright or hanging \\[default: upright].")] = "",
-    at: Annotated[list[str] | None, several("NAME=VALUE", "An output at the posture, 0 if left out.")] = None,
-    input_: Annotated[
-        str | None, option("NAME", "The input that is driven \\[default: the recorded one].", "--input")
-    ] = None,
-    limit: Annotated[float | None, option("VALUE", "The greatest input \\[default: that of the recordings].")] = None,
-    rate: Annotated[float | None, option("HZ", "Samples a second \\[default: those of the recording].")] = None,
-    delay: Annotated[float | None, option("S", "Delay of the loop \\[default: that of the fit].")] = None,
-    off: Annotated[list[str] | None, several("NAME=VALUE", "Where an output begins, from the posture.")] = None,
-    within: Annotated[list[str] | None, several("NAME=VALUE", "How far an output may be from the posture.")] = None,
-    seconds: Annotated[float, option("S", "Duration of each simulation.", min=0.01)] = 10.0,
-    draws: Annotated[int, option("N", "Draws of the free parameters.", min=1)] = 200,
-    posterior: Annotated[bool, flag("--posterior", "Draws of fracid posterior instead of the intervals'.")] = False,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    run: Path,
+    kind: str = "lqr",
+    posture: str = "",
+    at: list[str] | None = None,
+    input_: str | None = None,
+    limit: float | None = None,
+    rate: float | None = None,
+    delay: float | None = None,
+    off: list[str] | None = None,
+    within: list[str] | None = None,
+    seconds: float = 10.0,
+    draws: int = 200,
+    posterior: bool = False,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Design a controller, and test it over what is uncertain.
 

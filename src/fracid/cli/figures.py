@@ -2,44 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Out, Trust, command, named
-from fracid.cli.completion import key_of, one_of
+from fracid.cli.app import CORES, command
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
-WRITTEN = ("pdf", "svg", "png")
 
-
-@command(
-    "fracid draw runs/rig  [dim]# PDF for a journal's columns, into runs/rig/figures/journal[/dim]",
-    "fracid draw runs/rig --format pdf --format svg --out paper/figures",
-    "fracid draw runs/rig --style screen --format pdf",
-    "fracid draw runs/rig-compare  [dim]# the ladder of structures[/dim]",
-    "fracid draw qube-servo2 --zero upright  [dim]# the rig itself, to scale[/dim]",
-)
+@command
 def draw(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN|PROJECT|RIG",
-            help="The folder of a fit, a comparison or a noise study; a project file; or the name of a rig.",
-            autocompletion=key_of("rigs"),
-        ),
-    ],
-    style: Annotated[str, named("journal or screen.", one_of("journal", "screen"))] = "journal",
-    formats: Annotated[
-        list[str] | None, named("pdf, svg or png; may be repeated \\[default: pdf].", one_of(*WRITTEN), "--format")
-    ] = None,
-    zero: Annotated[
-        str | None, named("For a rig: alpha = 0 hanging or upright \\[default: hanging].", one_of("hanging", "upright"))
-    ] = None,
-    trust: Trust = False,
-    out: Out = None,
-    jobs: Jobs = CORES,
+    source: str,
+    style: str = "journal",
+    formats: list[str] | None = None,
+    zero: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    jobs: int = CORES,
 ) -> None:
     """Draw the figures again, sized for journal columns, as PDF.
 

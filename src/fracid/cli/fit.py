@@ -9,26 +9,18 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    OtherSeed,
-    Out,
-    ProjectFile,
-    Trust,
     command,
     echo_json,
-    flag,
-    named,
     natural_width,
     new_console,
     one_place,
-    option,
     print_claim,
     print_figures,
     say,
@@ -36,7 +28,6 @@ from fracid.cli.app import (
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import key_of
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
@@ -55,35 +46,20 @@ SHOWN = 3
 """So many notes are printed, what costs most first."""
 
 
-@command(
-    "fracid fit rig.toml  [dim]# writes runs/rig[/dim]",
-    "fracid fit rig.toml --out runs/second --seed 7 --jobs 2",
-    "fracid fit rig.toml --multi-start 16  [dim]# sixteen starts, and the figure of where they ended[/dim]",
-    "fracid fit rig.toml --cut  [dim]# what if the record began elsewhere, or its past were known?[/dim]",
-    "fracid fit rig.toml --preset paper  [dim]# gl-paper, ITAE on alpha, orders alone, genetic algorithm[/dim]",
-    "fracid fit rig.toml --json | jq .orders",
-)
+@command
 def fit(
-    project: ProjectFile,
-    preset: Annotated[str | None, named("paper: the settings of the paper.", key_of("presets"))] = None,
-    optimiser: Annotated[
-        str | None, named("Optimiser: {optimisers}, instead of the file's.", key_of("optimisers"))
-    ] = None,
-    multi_start: Annotated[
-        int | None, option("N", "Number of starts: yours, regression, Sobol points.", "--multi-start", min=1)
-    ] = None,
-    executor: Annotated[str | None, named("Run each start in its own process: processes.", key_of("executors"))] = None,
-    scheduler: Annotated[
-        str | None, option("ADDRESS", "Run on a Dask cluster: its scheduler, tcp://HOST:8786.")
-    ] = None,
-    cut: Annotated[
-        bool, flag("--cut", "Check how far the orders move with where the record begins: more searches.")
-    ] = False,
-    trust: Trust = False,
-    out: Out = None,
-    seed: OtherSeed = None,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    project: Path,
+    preset: str | None = None,
+    optimiser: str | None = None,
+    multi_start: int | None = None,
+    executor: str | None = None,
+    scheduler: str | None = None,
+    cut: bool = False,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int | None = None,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Estimate the free values of a project; write the run folder.
 

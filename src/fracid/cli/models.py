@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from fracid.cli.app import Json, command, echo_json, new_console, say_next, typed
+from fracid.cli.app import command, echo_json, new_console, say_next, typed
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import key_of
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -17,16 +14,10 @@ if TYPE_CHECKING:
     from fracid.models import Model
 
 
-@command(
-    "fracid models",
-    "fracid models cart-pole  [dim]# its parameters and where its equations come from[/dim]",
-    "fracid models --json",
-)
+@command
 def models(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="One of them, in full.", autocompletion=key_of("models"))
-    ] = None,
-    json_: Json = False,
+    name: str | None = None,
+    json_: bool = False,
 ) -> None:
     """List the models of the library, with their inputs and outputs.
 

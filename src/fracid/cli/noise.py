@@ -5,29 +5,21 @@ from __future__ import annotations
 import sys
 from functools import partial
 from math import degrees
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fracid.cli.app import (
     CORES,
-    Json,
-    Out,
-    RunOrProject,
-    Scheduler,
-    Seed,
-    Trust,
     answer,
     command,
-    named,
     numbers,
     one_place,
-    option,
     print_study,
     say,
     say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import key_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
 from fracid.units import with_unit
@@ -41,40 +33,21 @@ if TYPE_CHECKING:
 HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 
-@command(
-    "fracid noise runs/rig  [dim]# the model as fitted is the truth; writes runs/rig/noise[/dim]",
-    "fracid noise rig.toml --levels 0,0.02,0.2 --counts 4096,20000 --seeds 50  [dim]# fits first[/dim]",
-    "fracid noise runs/rig --cost itae --out runs/rig-itae  [dim]# what ITAE makes of the same recordings[/dim]",
-    "fracid noise runs/rig --optimiser genetic --jobs 2",
-    "fracid noise runs/rig --json | jq '.cells[].free_parameters.mu.coverage'",
-)
+@command
 def noise(
-    source: RunOrProject,
-    levels: Annotated[
-        str | None,
-        option(
-            "DEG,DEG",
-            "Standard deviations of the noise, in degrees \\[default: 0.05,0.1,0.2]; of other outputs "
-            "than angles in multiples of the RMS of each residual \\[default: 0.5,1,2].",
-        ),
-    ] = None,
-    counts: Annotated[
-        str | None, option("N,N", "Encoder counts per turn; 0 for no quantisation \\[default: 4096,20000].")
-    ] = None,
-    seeds: Annotated[int, option("N", "Repetitions for each noise level and encoder.", min=1)] = 50,
-    cost: Annotated[str | None, named("Cost function, instead of the project's: {costs}.", key_of("costs"))] = None,
-    optimiser: Annotated[
-        str | None, named("Optimiser, instead of the run's: {optimisers}.", key_of("optimisers"))
-    ] = None,
-    executor: Annotated[
-        str | None, named("processes or threads; a model of your own runs on threads only.", key_of("executors"))
-    ] = None,
-    scheduler: Scheduler = None,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Annotated[int, option("N", "Maximum number of processes.", "--jobs", min=1)] = CORES,
-    json_: Json = False,
+    source: Path,
+    levels: str | None = None,
+    counts: str | None = None,
+    seeds: int = 50,
+    cost: str | None = None,
+    optimiser: str | None = None,
+    executor: str | None = None,
+    scheduler: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Refit simulated noisy data many times: bias, spread, coverage.
 

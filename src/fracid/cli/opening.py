@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from fracid.cli.app import command, flag, new_console, open_page, option, say_next, typed
+from fracid.cli.app import command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command(
-    "fracid open release.csv  [dim]# writes runs/open/release.html and opens it[/dim]",
-    "fracid open log.mat --variable data --no-open",
-    "fracid open  [dim]# an empty page: drop a recording into it[/dim]",
-)
+@command
 def open(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="A recording of any format that fracid check reads.")
-    ] = None,
-    variable: Annotated[str | None, typer.Option(help="Which array of a .mat, .npz or HDF5 file.")] = None,
-    open_: Annotated[
-        bool | None,
-        flag("--open/--no-open", "Open the page in the browser \\[default: on a terminal with a display]."),
-    ] = None,
-    out: Annotated[Path | None, option("FILE", "Output file \\[default: runs/open/NAME.html].", "--out")] = None,
+    file: Path | None = None,
+    variable: str | None = None,
+    open_: bool | None = None,
+    out: Path | None = None,
 ) -> None:
     """Open a recording in one page that previews a fit in the browser.
 

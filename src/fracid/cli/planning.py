@@ -4,31 +4,20 @@ from __future__ import annotations
 
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    Out,
-    RealFriction,
-    Seed,
-    Trust,
     answer,
     assigned,
     command,
-    named,
     numbers,
-    option,
     print_study,
     say_next,
-    several,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import from_run, one_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
 from fracid.units import half_of, half_width, to_second_digit
@@ -43,78 +32,31 @@ SWING = (5.0, 150.0)
 """Angles from which a pendulum is released if none are given [°]."""
 
 
-@command(
-    "fracid design runs/rig --for lambda,mu --experiments 3 --seconds 20  [dim]# narrow these; writes runs/rig/design"
-    "[/dim]",
-    "fracid design runs/rig --against integer  [dim]# tell the orders from friction[/dim]",
-    "fracid design runs/rig --release 5,150 --voltage multisine,0.2,8,6 --limit theta=2.5 --out next",
-    "fracid design runs/servo --voltage pulses,0.3,1,1.2 --set mass=0.2,0.5,1 --seconds 6  [dim]# which mass to hang on"
-    "[/dim]",
-    "fracid design srv02-rotpen --friction --order mu=0.95 --for mu  [dim]# before any recording[/dim]",
-    "fracid design runs/rig --for mu --json | jq '.expected.mu.interval95'",
-)
+@command
 def design(
-    source: Annotated[
-        str, typer.Argument(metavar="RUN|PROJECT|RIG", help="A run folder, a project file to fit, or a rig's name.")
-    ],
-    of: Annotated[
-        str | None,
-        option(
-            "NAME,NAME",
-            "Parameters whose intervals to narrow \\[default: all].",
-            "--for",
-            complete=from_run("orders", "parameters"),
-        ),
-    ] = None,
-    experiments: Annotated[int, option("N", "Number of experiments.", min=1, max=1000)] = 3,
-    release: Annotated[
-        str | None, option("DEG,DEG", "Release angles; two are a range, 0 is none \\[default: 5,150 for a pendulum].")
-    ] = None,
-    seconds: Annotated[
-        str | None, option("S,S", "Durations to choose from, in s \\[default: 20; driven, that of the recording].")
-    ] = None,
-    rate: Annotated[
-        str | None, option("HZ,HZ", "Sample rates to choose from \\[default: 500; driven, that of the recording].")
-    ] = None,
-    arm: Annotated[str, option("NAME,NAME", "The arm: free, clamped, or both.")] = "free",
-    voltage: Annotated[
-        list[str] | None,
-        several(
-            "KIND,A,B,PEAK",
-            "multisine or chirp from A to B Hz, pulses of A to B s \\[default: nothing; of what is "
-            "driven and not released, a multisine as strong as its recording's input].",
-        ),
-    ] = None,
-    voltage_step: Annotated[
-        float, option("V", "Step of the amplifier: voltages are its multiples; 0 for any.", min=0)
-    ] = 0.0,
-    set_: Annotated[
-        list[str] | None,
-        several("NAME=A,B", "Values of a constant to choose from: mass=0.2,0.5,1, which is hung on.", "--set"),
-    ] = None,
-    limit: Annotated[
-        list[str] | None, several("NAME=VALUE", "Largest magnitude, theta=2.5 rad, theta_speed=20 rad/s.")
-    ] = None,
-    sensors: Annotated[str | None, option("NAME,NAME", "Recorded outputs \\[default: all].")] = None,
-    counts: Annotated[
-        float | None, option("N", "Encoder counts per turn \\[default: those of the recordings].", min=0)
-    ] = None,
-    criterion: Annotated[
-        str | None, named("D, A, Ds (with --for) or T (with --against).", one_of("D", "A", "Ds", "T"))
-    ] = None,
-    against: Annotated[
-        str | None, named("integer: discriminate the orders from integer-order models.", one_of("integer"))
-    ] = None,
-    order: Annotated[list[str] | None, several("NAME=VALUE", "For a rig: an order, mu=0.95.")] = None,
-    friction: RealFriction = False,
-    robust: Annotated[
-        int, option("N", "Average over N parameter draws from the intervals; 0 for the fitted values.", min=0, max=1000)
-    ] = 0,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    source: str,
+    of: str | None = None,
+    experiments: int = 3,
+    release: str | None = None,
+    seconds: str | None = None,
+    rate: str | None = None,
+    arm: str = "free",
+    voltage: list[str] | None = None,
+    voltage_step: float = 0.0,
+    set_: list[str] | None = None,
+    limit: list[str] | None = None,
+    sensors: str | None = None,
+    counts: float | None = None,
+    criterion: str | None = None,
+    against: str | None = None,
+    order: list[str] | None = None,
+    friction: bool = False,
+    robust: int = 0,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Choose the next experiments, and predict their intervals.
 

@@ -4,29 +4,21 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import (
     CORES,
-    Json,
-    Out,
-    RunFolder,
-    Scheduler,
-    Seed,
-    Trust,
     answer,
     command,
-    named,
     natural_width,
     one_place,
-    option,
     print_study,
     say,
     say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import key_of, one_of
 from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
 from fracid.units import half_of, to_second_digit
@@ -37,26 +29,18 @@ if TYPE_CHECKING:
     from fracid.workflows.posterior_draws import FinishedPosterior
 
 
-@command(
-    "fracid posterior runs/rig  [dim]# seconds; writes runs/rig/posterior[/dim]",
-    "fracid posterior runs/rig --draws 10000 --jobs 8",
-    "fracid posterior runs/rig --method nested  [dim]# minutes; needs fracid\\[posterior][/dim]",
-    "fracid posterior runs/rig --json | jq .free_parameters.mu.interval95",
-)
+@command
 def posterior(
-    run: RunFolder,
-    method: Annotated[
-        str,
-        named("laplace, corrected by importance sampling; nested, nested sampling.", one_of("laplace", "nested")),
-    ] = "laplace",
-    draws: Annotated[int, option("N", "Simulations of laplace; effective draws of nested sampling.", min=100)] = 2000,
-    executor: Annotated[str | None, named("threads or processes, for the method laplace.", key_of("executors"))] = None,
-    scheduler: Scheduler = None,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Annotated[int, option("N", "Maximum number of threads or processes.", "--jobs", min=1)] = CORES,
-    json_: Json = False,
+    run: Path,
+    method: str = "laplace",
+    draws: int = 2000,
+    executor: str | None = None,
+    scheduler: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Draw the free parameters from their posterior.
 

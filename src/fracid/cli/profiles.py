@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fracid.cli.app import (
     CORES,
-    Jobs,
-    Json,
-    Out,
-    RunOrProject,
-    Seed,
-    Trust,
     answer,
     command,
-    named,
-    option,
     print_study,
     say,
     say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import from_run
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
 from fracid.units import half_of, to_second_digit
@@ -35,25 +27,17 @@ if TYPE_CHECKING:
     from fracid.workflows.profiles import FinishedProfiles
 
 
-@command(
-    "fracid profile runs/rig  [dim]# the orders; into the folder of that run[/dim]",
-    "fracid profile runs/rig --parameter mu --parameter b_alpha --joint mu,b_alpha",
-    "fracid profile rig.toml --points 20 --out profiled  [dim]# fits first[/dim]",
-    "fracid profile runs/rig --json | jq .profiles.mu.interval95",
-)
+@command
 def profile(
-    source: RunOrProject,
-    parameter: Annotated[
-        list[str] | None,
-        named("A free parameter; may be repeated \\[default: the free orders].", from_run("orders", "parameters")),
-    ] = None,
-    joint: Annotated[str | None, option("NAME,NAME", "Two free parameters, also profiled together.")] = None,
-    points: Annotated[int, option("N", "Points across each interval, approximately; 4 or more.")] = 12,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    source: Path,
+    parameter: list[str] | None = None,
+    joint: str | None = None,
+    points: int = 12,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Profile likelihood: intervals from refits along each parameter.
 

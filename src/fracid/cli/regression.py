@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from fracid.cli.app import (
-    First,
-    Jobs,
-    Json,
-    Last,
-    Out,
-    Seed,
-    Trust,
-    Variable,
     answer,
     assigned,
     command,
-    flag,
-    named,
-    option,
     say_next,
-    several,
     typed,
 )
 from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
-from fracid.cli.completion import ZEROS, key_of, one_of
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
 from fracid.units import half_of, half_width, to_second_digit
@@ -43,52 +29,28 @@ if TYPE_CHECKING:
     from fracid.workflows.regression import FinishedRegression
 
 
-class Estimator(StrEnum):
-    """Those of :func:`fracid.regress`; spelt out, for its module takes a second to import."""
-
-    iv = "iv"
-    tls = "tls"
-    huber = "huber"
-    tukey = "tukey"
-    ols = "ols"
-
-
-@command(
-    "fracid regress rig.toml  [dim]# what it leaves free, and a start for its fit[/dim]",
-    "fracid regress rig.toml --from release --order mu=1 --estimator tukey",
-    "fracid regress release.mat --time 0 --column theta=1 --column alpha=2,zero=3.14159 --from release "
-    "--rig srv02-rotpen --known C4=0.1944",
-    "fracid regress rig.toml --json | jq .parameters.C1",
-)
+@command
 def regress(
-    source: Annotated[Path, typer.Argument(metavar="PROJECT|RECORDING", help="A project, .toml, or a recording.")],
-    known: Annotated[list[str] | None, several("NAME=VALUE", "A known constant in SI units.")] = None,
-    order: Annotated[list[str] | None, option("NAME=VALUE", "A known order; the other orders are searched.")] = None,
-    term: Annotated[list[str] | None, several("NAME", "A constant to estimate, instead of the free ones.")] = None,
-    estimator: Annotated[
-        Estimator, typer.Option(help="Instrumental variables, total least squares, robust or ordinary regression.")
-    ] = Estimator.iv,
-    cutoff: Annotated[
-        float | None, option("HZ", "Cut-off of the low-pass filter \\[default: from the spectrum].")
-    ] = None,
-    each: Annotated[bool, flag("--each", "Estimate from each recording alone, not from all together.")] = False,
-    start: First = None,
-    stop: Last = None,
-    column: Annotated[
-        list[str] | None, option("NAME=COLUMN[,FIELD=VALUE]", "For a recording: a column, as in fracid check.")
-    ] = None,
-    time: Annotated[str | None, option("COLUMN[,unit=ms]", "For a recording: its time column.")] = None,
-    rate: Annotated[float | None, option("HZ", "For a recording without a time column: its sample rate.")] = None,
-    variable: Variable = None,
-    rig: Annotated[
-        str | None, named("For a recording: the rig whose constants are used for those not estimated.", key_of("rigs"))
-    ] = None,
-    zero: Annotated[str | None, named("For a recording: alpha = 0 hanging or upright.", one_of(*ZEROS))] = None,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 0,
-    jobs: Jobs = 1,
-    json_: Json = False,
+    source: Path,
+    known: list[str] | None = None,
+    order: list[str] | None = None,
+    term: list[str] | None = None,
+    estimator: Literal["iv", "tls", "huber", "tukey", "ols"] = "iv",
+    cutoff: float | None = None,
+    each: bool = False,
+    start: str | None = None,
+    stop: float | None = None,
+    column: list[str] | None = None,
+    time: str | None = None,
+    rate: float | None = None,
+    variable: str | None = None,
+    rig: str | None = None,
+    zero: str | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    json_: bool = False,
 ) -> None:
     """Estimate a model's constants by robust linear regression.
 
@@ -106,7 +68,7 @@ def regress(
 
         finished = run_regression(
             source, known=assigned("--known", known, "C4=0.1944"), orders=assigned("--order", order, "mu=1.0"),
-            terms=term or (), estimator=estimator.value, cutoff=cutoff, each=each, start=start_from_text(start),
+            terms=term or (), estimator=estimator, cutoff=cutoff, each=each, start=start_from_text(start),
             stop=stop, columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable,
             rig=rig, zero=zero, trust=trust, out=out,
         )  # fmt: skip

@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Trust, command, flag, new_console, open_page, option, say_next, typed
+from fracid.cli.app import CORES, command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command(
-    "fracid report runs/rig  [dim]# writes runs/rig/report.html[/dim]",
-    "fracid report runs/rig --open  [dim]# and opens it in the browser[/dim]",
-    "fracid report runs/rig-compare  [dim]# of compare, design, posterior, profile or noise: its page again[/dim]",
-    "fracid report runs  [dim]# of a folder of runs: runs/index.html, all of them side by side[/dim]",
-    "fracid report runs/rig --out rig.html  [dim]# one file: send it to whom you like[/dim]",
-    "fracid profile runs/rig && fracid report runs/rig  [dim]# with the profiles[/dim]",
-)
+@command
 def report(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a fit or a study, or a folder of runs.")],
-    out: Annotated[Path | None, option("FILE", "Output file \\[default: report.html in the folder].", "--out")] = None,
-    open_: Annotated[bool, flag("--open", "Open the page in the browser.")] = False,
-    trust: Trust = False,
-    jobs: Jobs = CORES,
+    run: Path,
+    out: Path | None = None,
+    open_: bool = False,
+    trust: bool = False,
+    jobs: int = CORES,
 ) -> None:
     """Write a fit, or a study, as one HTML page that opens offline.
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from contextlib import chdir, contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Out, Trust, answer, app, command
+from fracid.cli.app import CORES, answer, app, command
 from fracid.cli.app import table as new_table
 from fracid.safety.environment import ignore_settings
 from fracid.tasks.display import shown
@@ -28,20 +28,13 @@ SHOWN = 12
 """Differences in the table."""
 
 
-@command(
-    "fracid reproduce runs/rig",
-    "fracid reproduce runs/rig-noise --jobs 8  [dim]# a study: its command is typed again[/dim]",
-    "fracid reproduce runs/rig --out runs/again  [dim]# keeps the new result[/dim]",
-    "fracid reproduce runs/rig --json | jq .differences",
-)
+@command
 def reproduce(
-    run: Annotated[
-        Path, typer.Argument(metavar="RUN", help="What fracid fit, compare, noise, posterior or control wrote.")
-    ],
-    trust: Trust = False,
-    out: Out = None,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    run: Path,
+    trust: bool = False,
+    out: Path | None = None,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Do a run again, and compare the results value by value.
 

@@ -5,24 +5,18 @@ from __future__ import annotations
 import re
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import (
-    Json,
-    Out,
-    RunFolder,
-    Trust,
     answer,
     command,
-    named,
-    option,
     print_figures,
     say,
     say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
-from fracid.cli.completion import from_run
 from fracid.errors import DataError
 from fracid.tasks.display import shown
 from fracid.units import with_unit
@@ -34,22 +28,14 @@ if TYPE_CHECKING:
     from fracid.workflows.residuals import FinishedResiduals
 
 
-@command(
-    "fracid resid runs/rig  [dim]# every recording and output; into the folder of that run[/dim]",
-    'fracid resid runs/rig --recording "release 92°" --output alpha',
-    "fracid resid runs/rig --json | jq '.recordings[][].whiteness.effective_samples'",
-)
+@command
 def resid(
-    run: RunFolder,
-    recording: Annotated[
-        list[str] | None, named("A recording; may be repeated \\[default: all].", from_run("recordings"))
-    ] = None,
-    output: Annotated[
-        list[str] | None, option("NAME", "An output, theta or alpha; may be repeated \\[default: all].")
-    ] = None,
-    trust: Trust = False,
-    out: Out = None,
-    json_: Json = False,
+    run: Path,
+    recording: list[str] | None = None,
+    output: list[str] | None = None,
+    trust: bool = False,
+    out: Path | None = None,
+    json_: bool = False,
 ) -> None:
     """Test the residuals of a fit: white noise, or structure missing?
 

@@ -10,33 +10,23 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from fracid.cli.app import CORES, Jobs, Json, Trust, app, command, echo_json, named, option
-from fracid.cli.completion import key_of
+from fracid.cli.app import CORES, app, command, echo_json
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
 
 
-@command(
-    "fracid resume runs/rig",
-    "fracid resume runs/rig-noise --jobs 8  [dim]# threads and executor change no result[/dim]",
-    "fracid resume runs/rig-noise --scheduler tcp://head:8786",
-)
+@command
 def resume(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of an interrupted run.")],
-    executor: Annotated[
-        str | None, named("For noise and compare: threads or processes, instead of the run's.", key_of("executors"))
-    ] = None,
-    scheduler: Annotated[
-        str | None, option("ADDRESS", "For noise and compare: the address of a Dask scheduler, tcp://HOST:8786.")
-    ] = None,
-    trust: Trust = False,
-    jobs: Jobs = CORES,
-    json_: Json = False,
+    run: Path,
+    executor: str | None = None,
+    scheduler: str | None = None,
+    trust: bool = False,
+    jobs: int = CORES,
+    json_: bool = False,
 ) -> None:
     """Resume an interrupted run, without repeating finished work.
 

@@ -7,30 +7,17 @@ from collections.abc import Sequence
 from functools import partial
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import (
-    Jobs,
-    Json,
-    Out,
-    RealFriction,
-    Seed,
-    Trust,
     answer,
     command,
     each_once,
-    flag,
-    named,
-    option,
     say_next,
-    several,
     typed,
 )
 from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text
-from fracid.cli.completion import ZEROS, from_run, key_of, one_of
 from fracid.errors import InputError
 from fracid.tasks.display import shown
 
@@ -41,71 +28,33 @@ if TYPE_CHECKING:
     from fracid.workflows.simulation import SimulatedRecording
 
 
-@command(
-    "fracid simulate srv02-rotpen --order lambda=0.86 --order mu=0.91  [dim]# from 10°; writes runs/srv02-rotpen-"
-    "simulated[/dim]",
-    "fracid simulate qube-servo2 --friction --initial alpha=60deg --hold 1 --noise 0.05deg --counts 2048 --to "
-    "twin.csv  [dim]# then: fracid check twin.csv[/dim]",
-    "fracid simulate runs/rig --noise 0.05deg --counts 4096 --to twin.mat  [dim]# a twin of its recording[/dim]",
-    "fracid simulate runs/rig --order mu=1 --set b_alpha=2e-4 --end 60  [dim]# what if?[/dim]",
-    "fracid simulate --model cart-pole --noise position=0.0002 --to cart.csv  [dim]# with an input of its own[/dim]",
-    "fracid simulate srv02-rotpen --input pulse.csv,column=2 --step 2ms",
-    "fracid simulate qube-servo2 --order mu=0.95 --to task.csv --truth solution.json  [dim]# an exercise: the "
-    "recording does not contain the solution[/dim]",
-)
+@command
 def simulate(
-    source: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="RIG|MODEL|PROJECT|RUN",
-            help="The name of a rig or a model, a project file, a run folder, or my_rig.py:model.",
-            autocompletion=key_of("rigs"),
-            show_default=False,
-        ),
-    ] = None,
-    model: Annotated[str | None, option("NAME", "A model that fracid models lists.", complete=key_of("models"))] = None,
-    order: Annotated[
-        list[str] | None, option("NAME=VALUE", "An order, lambda=0.86; may be repeated. A rig's are 1 by default.")
-    ] = None,
-    set_: Annotated[list[str] | None, several("NAME=VALUE", "A parameter in SI units, b_alpha=2e-4.", "--set")] = None,
-    initial: Annotated[list[str] | None, several("STATE=VALUE", "An initial state with its unit, alpha=10deg.")] = None,
-    end: Annotated[str | None, option("S", "Last time in s; a rig's is 20 by default, else the recording's.")] = None,
-    step: Annotated[str | None, option("S", "Time between samples, 1e-3 or 2ms.")] = None,
-    substeps: Annotated[int | None, option("N", "Solver steps per sample.", min=1, max=1000)] = None,
-    hold: Annotated[
-        str | None, option("S", "Time at rest before the release; fracid check finds the release by it.")
-    ] = None,
-    method: Annotated[str | None, named("Method of the solver: {methods}.", key_of("methods"))] = None,
-    input_: Annotated[
-        str | None,
-        option(
-            "FILE[,FIELD=VALUE]...",
-            "A recording of the input that drives the rig; its column, if ambiguous.",
-            "--input",
-        ),
-    ] = None,
-    noise: Annotated[
-        list[str] | None, option("[NAME=]VALUE", "Standard deviation of the noise, 0.05deg, of all angles or of one.")
-    ] = None,
-    counts: Annotated[int, option("N", "Encoder counts per turn; 0 for no quantisation.", min=0)] = 0,
-    friction: RealFriction = False,
-    zero: Annotated[str | None, named("For a rig: alpha = 0 hanging or upright.", one_of(*ZEROS))] = None,
-    recording: Annotated[
-        str | None, named("The recording of the project or run to simulate.", from_run("recordings"))
-    ] = None,
-    states: Annotated[bool, flag("--states", "Write all states, also the fractional rates.")] = False,
-    to: Annotated[
-        Path | None, option("FILE", "Write one file, .csv, .mat or .npz, and no figure or folder.", "--to")
-    ] = None,
-    truth: Annotated[
-        Path | None, option("FILE", "Write the true values to this .json file and none into the recording.")
-    ] = None,
-    force: Annotated[bool, flag("--force", "Overwrite existing files.")] = False,
-    trust: Trust = False,
-    out: Out = None,
-    seed: Seed = 1,
-    jobs: Jobs = 1,
-    json_: Json = False,
+    source: str | None = None,
+    model: str | None = None,
+    order: list[str] | None = None,
+    set_: list[str] | None = None,
+    initial: list[str] | None = None,
+    end: str | None = None,
+    step: str | None = None,
+    substeps: int | None = None,
+    hold: str | None = None,
+    method: str | None = None,
+    input_: str | None = None,
+    noise: list[str] | None = None,
+    counts: int = 0,
+    friction: bool = False,
+    zero: str | None = None,
+    recording: str | None = None,
+    states: bool = False,
+    to: Path | None = None,
+    truth: Path | None = None,
+    force: bool = False,
+    trust: bool = False,
+    out: Path | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    json_: bool = False,
 ) -> None:
     """Simulate a rig, a project or a run as its encoders record it.
 
