@@ -38,6 +38,7 @@ from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.safety.schema import Infinite, Listed, Record, Unknown
+from fracid.selection import coloured_noise
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
@@ -440,7 +441,9 @@ def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dic
 def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int | None = None) -> tuple[float, float]:
     """The samples that the better one's residuals are worth, and the difference of Schwarz's criterion.
 
-    The rival has so many parameters `more`; as many as it has more unknowns if nothing is said.
+    The rival has so many parameters `more`; as many as it has more unknowns if nothing is said.  Where what the
+    fractional fit leaves is coloured noise, both are judged by what is left once it is white
+    (:mod:`fracid.selection.coloured_noise`).
     """
     integer, more = rival.evaluation, len(rival.problem.names) - len(problem.names) if more is None else more
     better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival.problem, integer.point)
@@ -452,7 +455,13 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int 
         assert e.residuals is not None
         return schwarz(float(e.residuals @ e.residuals), unknowns, n, problem.cost_function)
 
-    return n, criterion(integer, len(problem.names) + more) - criterion(fractional, len(problem.names))
+    k, left = len(problem.names), leftovers(problem, fractional.point).values()
+    if all(e.noise for e in left) and any(e.coloured for e in left):
+        here = coloured_noise.criterion(problem, fractional.point, k)
+        there = coloured_noise.criterion(rival.problem, integer.point, k + more)
+        if here is not None and there is not None:
+            return n, there - here
+    return n, criterion(integer, k + more) - criterion(fractional, k)
 
 
 def warning_of(rival: Rival, cost: float, gain: float) -> str:

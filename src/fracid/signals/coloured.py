@@ -79,22 +79,49 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
     covariance = products_by_lag(e)[: n // 4 + 1]
     if n < MANY * correlation_time(covariance / covariance[0]):
         return False
-    for p in range(1, ORDERS + 1):
-        whitening = np.concatenate([[1.0], -solve_toeplitz(covariance[:p], covariance[1 : p + 1])])
-        ε = lfilter(whitening, [1.0], e)[p:]
-        left = products_by_lag(ε - np.mean(ε))[: n // 4 + 1]
-        if correlation_time(left / left[0]) <= 1 / WHITE:
-            break
-    else:
+    whitening, white = whitening_filter(e)
+    if not white:
         return False
+    p, ε = len(whitening) - 1, whitened(e, whitening)
     nothing = np.zeros(n)  # where no signal moves, and nothing is unknown
     columns, own = np.column_stack([nothing, *_regressors(motion)]), np.column_stack([nothing, unknowns()[:n]])
-    filtered, theirs = (lfilter(whitening, [1.0], c, axis=0)[p:] for c in (columns, own))
+    filtered, theirs = whitened(columns, whitening), whitened(own, whitening)
     Q = _directions(theirs)
     ε = ε - Q @ (Q.T @ ε)
     most = SPIKE * np.median(np.abs(ε)) / MEDIAN
     ε, filtered = np.clip(ε, -most, most), filtered - Q @ (Q.T @ filtered)
     return _unrelated(ε, filtered, Q.shape[1]) and _unrelated(np.abs(ε), np.abs(columns[p:]), 0)
+
+
+def whitening_filter(e: FloatArray) -> tuple[FloatArray, bool]:
+    """The autoregression of the lowest order that makes a residual white, as a filter (1, −φ₁, …); whether it does.
+
+    Parameters
+    ----------
+    e : array, shape (n_samples,)
+        Without a gap.
+
+    Examples
+    --------
+    >>> noise = lfilter([1.0], [1.0, -0.9], np.random.default_rng(0).standard_normal(10_000))
+    >>> found, white = whitening_filter(noise)
+    >>> found.round(1).tolist(), white
+    ([1.0, -0.9], True)
+    """
+    most = len(e) // 4 + 1
+    covariance = products_by_lag(e - np.mean(e))[:most]
+    for p in range(1, ORDERS + 1):
+        found = np.concatenate([[1.0], -solve_toeplitz(covariance[:p], covariance[1 : p + 1])])
+        ε = whitened(e, found)
+        left = products_by_lag(ε - np.mean(ε))[:most]
+        if correlation_time(left / left[0]) <= 1 / WHITE:
+            return found, True
+    return found, False
+
+
+def whitened(signals: FloatArray, whitening: FloatArray) -> FloatArray:
+    """Signals through the filter, from the first sample on that has all that it needs before it."""
+    return np.asarray(lfilter(whitening, [1.0], signals, axis=0)[len(whitening) - 1 :])
 
 
 def _regressors(motion: FloatArray) -> Iterator[FloatArray]:
