@@ -379,9 +379,34 @@ def table(*headings: str, fold: Collection[str] | None = None) -> Any:
     return grid
 
 
-def natural_width(console: Any, grid: Any) -> int:
-    """How wide a table is where nothing in it is broken."""
-    return int(console.measure(grid, options=console.options.update(width=10_000)).maximum)
+def print_table(
+    console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], *, fold: Collection[str] | None = None,
+    spare: int = 0,
+) -> bool:  # fmt: skip
+    """Print rows as they are; where the terminal is too narrow, without the `spare` last columns.
+
+    Returns
+    -------
+    bool
+        Whether all columns are there.
+    """
+    rows = [*rows]
+    whole = _filled(headings, rows, fold)
+    natural_width = console.measure(whole, options=console.options.update(width=10_000)).maximum
+    if spare and natural_width > console.width:
+        console.print(_filled(headings[:-spare], [row[:-spare] for row in rows], fold))
+        return False
+    console.print(whole)
+    return True
+
+
+def _filled(headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collection[str] | None) -> Any:
+    from rich.markup import escape
+
+    grid = table(*headings, fold=fold)
+    for row in rows:
+        grid.add_row(*map(escape, row))
+    return grid
 
 
 @app.callback(

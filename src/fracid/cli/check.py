@@ -15,11 +15,11 @@ from fracid.cli.app import (
     each_once,
     echo_json,
     new_console,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
 
@@ -261,10 +261,7 @@ def _print_signals(console: Console, report: Report, factors: Mapping[str, float
             text = ", ".join(f"{name} {value}" for name, value in row.items() if name != "signal")
             console.print(f"[bold]{escape(row['signal'])}[/bold]: {escape(text)}")
         return
-    table = new_table(*rows[0], fold=("rest",))
-    for row in rows:
-        table.add_row(*map(escape, row.values()))
-    console.print(table)
+    print_table(console, [*rows[0]], ([*row.values()] for row in rows), fold=("rest",))
 
 
 def _folded(notes: Iterable[str]) -> list[str]:

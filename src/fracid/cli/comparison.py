@@ -13,16 +13,15 @@ import typer
 from fracid.cli.app import (
     CORES,
     command,
-    natural_width,
     new_console,
     one_place,
     print_claim,
     print_study,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import DataError
 from fracid.safety.door import text_of
 from fracid.tasks.display import shown
@@ -101,7 +100,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
     groups = {f"the mean of {len(held_out)}": held_out} if len(held_out) > MOST else {n: [n] for n in held_out}
     for title, names in groups.items():
         console.print(f"[bold]held out[/bold]: {escape(title)}", soft_wrap=True)
-        _print_scores(console, comparison, names)
+        _print_scores(console, comparison, names, "held_out")
     for note in comparison.notes:
         say(console, escape(note), "  • ", 4)
     for name, test in comparison.amplitude.items():
@@ -118,23 +117,18 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
     """In sample: the orders, how many parameters, what they are worth, and how near the fit comes; below, if narrow."""
     orders, scores = [*comparison.rows[0].orders], _columns(comparison)
     odds = ["log odds"] * any(isfinite(row.log_odds) for row in comparison.rows)
-    wide, narrow = (new_table("", "orders", *orders, "unknowns", "BIC", *odds, *more, fold=()) for more in (scores, ()))
+    rows = []
     for row in comparison.rows:
         values = [
             with_half_width(o.value, half_of(o.interval95)) if row.fractional else "" for o in row.orders.values()
         ]
         cells = [*_structure(row), *values, str(row.parameters), f"{row.bic:+.4g}" if isfinite(row.bic) else "–"]
         cells += [f"{row.log_odds:+.1f}" if isfinite(row.log_odds) else "–"] * len(odds)
-        wide.add_row(*cells, *_scores(comparison, [*row.in_sample.values()]))
-        narrow.add_row(*cells)
-    if natural_width(console, wide) <= console.width:
-        console.print(wide)
-    else:
-        console.print(narrow)
-        table = new_table("", "orders", *scores)
-        for row in comparison.rows:
-            table.add_row(*_structure(row), *_scores(comparison, [*row.in_sample.values()]))
-        console.print(table)
+        near = _scores(comparison, [*row.in_sample.values()])
+        rows.append([*cells, *near, *[""] * (len(scores) - len(near))])
+    headings = ["", "orders", *orders, "unknowns", "BIC", *odds, *scores]
+    if not print_table(console, headings, rows, fold=(), spare=len(scores)):
+        _print_scores(console, comparison, [*comparison.rows[0].in_sample], "in_sample")
     unit = _one_unit(comparison)
     say(
         console,
@@ -148,11 +142,11 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
     )
 
 
-def _print_scores(console: Console, comparison: Comparison, names: Sequence[str]) -> None:
-    table = new_table("", "orders", *_columns(comparison))
-    for row in comparison.rows:
-        table.add_row(*_structure(row), *_scores(comparison, [row.held_out[n] for n in names if n in row.held_out]))
-    console.print(table)
+def _print_scores(console: Console, comparison: Comparison, names: Sequence[str], where: str) -> None:
+    scores = ([getattr(row, where)[n] for n in names if n in getattr(row, where)] for row in comparison.rows)
+    print_table(console, ["", "orders", *_columns(comparison)], (
+        [*_structure(row), *_scores(comparison, own)] for row, own in zip(comparison.rows, scores, strict=True)
+    ))  # fmt: skip
 
 
 def _structure(row: Row) -> tuple[str, str]:

@@ -14,11 +14,11 @@ from fracid.cli.app import (
     command,
     print_entry,
     print_study,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -76,12 +76,12 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
 
     found, c = finished.control, finished.control.conditions
     names = dict.fromkeys(n for d in found.tried for n in d.controller.weights)
-    table = new_table("controller", *names, "holds", "gain margin", "phase margin")
+    rows = []
     for d in found.tried:
         gain = "∞" if d.gain_margin is None else f"{d.gain_margin:.3g} dB"
         weights = (f"{d.controller.weights[n]:.3g}" if n in d.controller.weights else "" for n in names)
-        table.add_row(d.controller.kind, *weights, f"{d.held} of {d.draws}", gain, f"{d.phase_margin:.3g} °")
-    console.print(table)
+        rows.append([d.controller.kind, *weights, f"{d.held} of {d.draws}", gain, f"{d.phase_margin:.3g} °"])
+    print_table(console, ["controller", *names, "holds", "gain margin", "phase margin"], rows)
     mark = "" if found.design.held == found.design.draws else "[yellow]![/yellow] "
     say(console, escape(found.sentence), mark, 2)
     print_entry(console, "gain", margin_text(found.design.gain_margin, found.gain_margin95, "dB"))

@@ -18,16 +18,15 @@ from fracid.cli.app import (
     CORES,
     command,
     echo_json,
-    natural_width,
     new_console,
     one_place,
     print_claim,
     print_figures,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
@@ -228,13 +227,8 @@ def _print_estimates(console: Console, fit: Fit) -> None:
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
     verdicts = {name: _verdict(e) for name, e in estimates.items()}
-    wide, narrow = (new_table("", "value", "95 % interval", "unit", *more) for more in ([""], []))
-    for name, e in estimates.items():
-        cells = (*map(escape, (name, _digits(e.value, e), _interval(e), e.unit)),)
-        wide.add_row(*cells, escape(verdicts[name]))
-        narrow.add_row(*cells)
-    fits = natural_width(console, wide) <= console.width
-    console.print(wide if fits else narrow)
+    rows = [(name, _digits(e.value, e), _interval(e), e.unit, verdicts[name]) for name, e in estimates.items()]
+    fits = print_table(console, ("", "value", "95 % interval", "unit", ""), rows, spare=1)
     for verdict in dict.fromkeys(() if fits else verdicts.values()):
         if verdict:
             names = ", ".join(n for n, text in verdicts.items() if text == verdict)
@@ -246,16 +240,14 @@ def _verdict(e: Estimate) -> str:
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:
-    from rich.markup import escape
 
     outputs, cost = fit.problem.outputs, fit.problem.cost_function.name
-    table = new_table(
-        "recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"
-    )
+    headings = ["recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"]
+    rows = []
     for r in fit.recordings.values():
         scores = [text for n in outputs for text in (_rmse(r, n), _percent(r.fit_percent[n]))]
-        table.add_row(*map(escape, (r.name, r.use, *scores, f"{r.cost:.6g}" if isfinite(r.cost) else "none")))
-    console.print(table)
+        rows.append([r.name, r.use, *scores, f"{r.cost:.6g}" if isfinite(r.cost) else "none"])
+    print_table(console, headings, rows)
 
 
 def _rmse(r: RecordingFit, output: str) -> str:

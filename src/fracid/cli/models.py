@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import command, echo_json, new_console, say_next, typed
-from fracid.cli.app import table as new_table
+from fracid.cli.app import command, echo_json, new_console, print_table, say_next, typed
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -37,16 +37,16 @@ def models(
 
 def _show(console: Console, found: dict[str, Model], name: str | None) -> None:
     if name is None:
-        rows = new_table("model", about := "what it is: inputs → outputs", fold=(about,))
-        for n, m in found.items():
-            sides = (", ".join(GREEK.get(s, s) for s in names) for names in (m.inputs, m.outputs))
-            rows.add_row(n, f"{m.about}\n{' → '.join(sides)}")
+        rows = [(n, f"{m.about}\n{_names(m.inputs)} → {_names(m.outputs)}") for n, m in found.items()]
+        print_table(console, ("model", about := "what it is: inputs → outputs"), rows, fold=(about,))
     else:
         console.print(str(found[name]), markup=False, soft_wrap=True)
-        rows = new_table("parameter", "value", "unit", "what it is", fold=("what it is",))
-        for p in found[name].parameters:
-            rows.add_row(p.name, f"{p.value:g}", p.unit, p.description)
-    console.print(rows)
+        constants = ((p.name, f"{p.value:g}", p.unit, p.description) for p in found[name].parameters)
+        print_table(console, ("parameter", "value", "unit", "what it is"), constants, fold=("what it is",))
+
+
+def _names(signals: Iterable[str]) -> str:
+    return ", ".join(GREEK.get(s, s) for s in signals)
 
 
 def _record(m: Model) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from fracid.cli.app import (
     command,
     numbers,
     print_study,
+    print_table,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import InputError
 from fracid.tasks.display import shown
 from fracid.units import half_of, half_width, to_second_digit
@@ -130,8 +130,7 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
                   f"criterion {plan.criterion}", soft_wrap=True)  # fmt: skip
     for c, count in plan.repetitions.items():
         console.print(f"  {count} × {escape(str(c))}", soft_wrap=True)
-    table = new_table("", "value", "95 % to expect", "narrower by", "unit")
-    gains = plan.gain_over()
+    gains, rows = plan.gain_over(), []
     for name, v in plan.expected.items():
         half = half_of(v.interval95)
         value = to_second_digit(v.value, half) if half else f"{v.value:.5g}"
@@ -139,8 +138,8 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
         gain = gains.get(name)
         narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.2g}"
         mark = "*" if name in plan.of else ""
-        table.add_row(*map(escape, (f"{name}{mark}", value, ends, narrower, v.unit)))
-    console.print(table)
+        rows.append((f"{name}{mark}", value, ends, narrower, v.unit))
+    print_table(console, ("", "value", "95 % to expect", "narrower by", "unit"), rows)
     star = "* The plan is chosen to narrow these. " if plan.of else ""
     console.print(f"[dim]{star}Narrower by: today's 95 % interval divided by the one to expect.[/dim]", soft_wrap=True)
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:

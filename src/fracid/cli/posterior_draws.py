@@ -11,14 +11,13 @@ from fracid.cli.app import (
     CORES,
     answer,
     command,
-    natural_width,
     one_place,
     print_study,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
 from fracid.units import half_of, to_second_digit
@@ -72,16 +71,12 @@ def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Co
     from rich.markup import escape
 
     drawn, unknowns = finished.posterior, finished.result["unknowns"]
-    wide, narrow = (new_table("", "median", "95 % interval", "unit", *more, fold=("",)) for more in (["prior"], []))
+    rows = []
     for name, row in unknowns.items():
         half = max(half_of(row["interval95"]), SMALLEST)
         median, low, high = (to_second_digit(v, half) for v in (row["median"], *row["interval95"]))
-        cells = [*map(escape, (name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))]
-        wide.add_row(*cells)
-        narrow.add_row(*cells[:-1])
-    fits = natural_width(console, wide) <= console.width
-    console.print(wide if fits else narrow)
-    if not fits:
+        rows.append((name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))
+    if not print_table(console, ("", "median", "95 % interval", "unit", "prior"), rows, fold=("",), spare=1):
         priors = (f"{n} {_prior(row['prior'])}" for n, row in unknowns.items() if row["prior"]["kind"] == "normal")
         say(console, escape(f"Priors: {'; '.join(('the bounds of the project', *priors))}."), "", 0)
     mark = "" if drawn.trusted else "[yellow]![/yellow] "

@@ -11,11 +11,11 @@ from fracid.cli.app import (
     answer,
     command,
     print_study,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
 from fracid.units import half_of, to_second_digit
@@ -73,14 +73,13 @@ def _pair(joint: str | None) -> tuple[str, str] | None:
 def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) -> None:
     from rich.markup import escape
 
-    table = new_table("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile")
     intervals = analysis.result["intervals"]["free_parameters"]
+    rows = []
     for name, p in analysis.profiles.profiles.items():
         row = intervals[name]
         others = [_half(row.get(method)) for method in ("sandwich", "bootstrap")]
-        cells = (name, _value(p), _interval(p.interval95, p.best), *others, p.unit, p.verdict)
-        table.add_row(*map(escape, cells))
-    console.print(table)
+        rows.append((name, _value(p), _interval(p.interval95, p.best), *others, p.unit, p.verdict))
+    print_table(console, ("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile"), rows)
     spread = analysis.result["spread"]
     few = "" if isinstance(analysis.bootstrap, Failure) else analysis.bootstrap.warning
     for note in filter(None, (*analysis.profiles.notes, few, *(spread["sentences"] if spread else ()))):

@@ -13,10 +13,10 @@ from fracid.cli.app import (
     answer,
     assigned,
     command,
+    print_table,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -103,15 +103,15 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
 def _print_constants(console: Console, f: Regression) -> None:
     from rich.markup import escape
 
-    table = new_table("", "value", "95 % interval", "bias", "unit", "", fold=())
+    rows = []
     for name, c in f.parameters.items():
         half = half_of(c.interval95)
         value, interval = f"{c.value:.4g}", ""
         if 0 < half < inf:
             value, interval = to_second_digit(c.value, half), f"± {half_width(half, c.value)}"
         bias = "" if c.bias is None else f"{c.bias:+.1g}"
-        table.add_row(*map(escape, (name, value, interval, bias, c.unit, _short(c.verdict))))
-    console.print(table)
+        rows.append((name, value, interval, bias, c.unit, _short(c.verdict)))
+    print_table(console, ("", "value", "95 % interval", "bias", "unit", ""), rows, fold=())
     doubted = [(n, c.verdict) for n, c in f.parameters.items() if _short(c.verdict) != c.verdict]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
         names = ", ".join(n for n, text in doubted if text == verdict)

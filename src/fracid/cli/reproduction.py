@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import CORES, answer, app, command
-from fracid.cli.app import table as new_table
+from fracid.cli.app import CORES, answer, app, command, print_table
 from fracid.safety.environment import ignore_settings
 from fracid.tasks.display import shown
 
@@ -80,10 +79,8 @@ def _show(reproduction: Reproduction, run: Path, seconds: float, console: Consol
 
     console.print(f"{escape(str(run))} was done again in {seconds:.1f} s.", soft_wrap=True)
     if reproduction.differences:
-        table = new_table("differs", "before", "now", "by", fold=("differs", "before", "now"))
-        for d in reproduction.differences[:SHOWN]:
-            table.add_row(*map(escape, _row(d)))
-        console.print(table)
+        rows = map(_row, reproduction.differences[:SHOWN])
+        print_table(console, ("differs", "before", "now", "by"), rows, fold=("differs", "before", "now"))
         if len(reproduction.differences) > SHOWN:
             console.print(f"  and {len(reproduction.differences) - SHOWN} more, which --json lists")
     mark = "" if reproduction.reproduced else "[yellow]![/yellow] "

@@ -12,11 +12,11 @@ from fracid.cli.app import (
     answer,
     command,
     print_figures,
+    print_table,
     say,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.errors import DataError
 from fracid.tasks.display import shown
 from fracid.units import with_unit
@@ -67,7 +67,8 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     from fracid.fit import PARTIAL
     from fracid.optimise.base import Outcome
 
-    console.print(_figures(analysis))
+    headings = ("recording", "output", "rms", "steps", "correlated", "count", "PPCC")
+    print_table(console, headings, map(_sizes, analysis.all), fold=("recording",))
     partial = [PARTIAL] if Outcome.of(analysis.run.outcome) is Outcome.INTERRUPTED else []
     for note in (*partial, *analysis.run.notes):
         say(console, escape(note), "[yellow]![/yellow] ", 2)
@@ -86,19 +87,14 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
         say_next(console, (typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"))
 
 
-def _figures(analysis: FinishedResiduals) -> Any:
-    """The sizes of all effects in one table."""
-    from rich.markup import escape
-
-    table = new_table("recording", "output", "rms", "steps", "correlated", "count", "PPCC", fold=("recording",))
-    for a in analysis.all:
-        steps, w = a.level.steps, a.whiteness
-        table.add_row(
-            escape(a.recording), escape(a.output), with_unit(a.level.rms, a.unit) if isfinite(a.level.rms) else "–",
-            _number(steps, ".2f" if steps < 10 else ",.0f"), _number(w.correlation_time, ".2g", " s"),
-            f"{_number(w.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
-        )  # fmt: skip
-    return table
+def _sizes(a: ResidualAnalysis) -> tuple[str, ...]:
+    """Of an effect each, in a row of the table."""
+    steps, w = a.level.steps, a.whiteness
+    return (
+        a.recording, a.output, with_unit(a.level.rms, a.unit) if isfinite(a.level.rms) else "–",
+        _number(steps, ".2f" if steps < 10 else ",.0f"), _number(w.correlation_time, ".2g", " s"),
+        f"{_number(w.effective_samples, ',.0f')} of {a.samples:,}", _number(a.normality.ppcc, ".3f"),
+    )  # fmt: skip
 
 
 def _number(value: float, digits: str, unit: str = "") -> str:

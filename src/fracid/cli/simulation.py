@@ -13,10 +13,10 @@ from fracid.cli.app import (
     answer,
     command,
     each_once,
+    print_table,
     say_next,
     typed,
 )
-from fracid.cli.app import table as new_table
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
 from fracid.tasks.display import shown
@@ -211,13 +211,13 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
         f"{data.time[-1]:g} s: {run.outcome.value}",
         soft_wrap=True,
     )
-    table = new_table("signal", "least", "greatest", "at the end", fold=("signal",))
+    rows = []
     for name, x in data.signals.items():
         angle = data.units[name] == "rad"
         values = [degrees(v) if angle else v for v in (x.min(), x.max(), x[-1])]
         unit = "°" if angle else "" if data.units[name] == "1" else f" {data.units[name]}"
-        table.add_row(escape(name), *(f"{v:.4g}{unit}" for v in values))
-    console.print(table)
+        rows.append((name, *(f"{v:.4g}{unit}" for v in values)))
+    print_table(console, ("signal", "least", "greatest", "at the end"), rows, fold=("signal",))
     print_sketches(console, data)
     kinds = {".json": "truth", ".png": "figure", ".svg": ""}
     for path in files:
