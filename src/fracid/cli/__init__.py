@@ -13,26 +13,10 @@ from fracid.cli import regression as regress
 from fracid.cli import reproduction as reproduce
 from fracid.cli import residuals as resid
 from fracid.cli import simulation as simulate
-from fracid.cli.app import app, main
-from fracid.cli.completion import WithTables
+from fracid.cli.app import WORDS, app, main
 
 __all__ = ["app", "check", "compare", "control", "demo", "design", "draw", "export", "fit", "init", "main", "models",
            "noise", "open", "posterior", "profile", "regress", "report", "reproduce", "resid", "resume",
            "simulate"]  # fmt: skip
 
-PANELS = {
-    "Look": ["check", "open", "models", "init"],
-    "Identify": ["fit", "regress", "resume"],
-    "Judge": ["resid", "profile", "posterior", "compare", "noise", "reproduce"],
-    "Plan": ["design"],
-    "Control": ["control"],
-    "Take away": ["report", "draw", "export", "simulate"],
-    "Try": ["demo"],
-}
-"""The commands in the order in which they are used, in the groups of the help."""
-
-PLACE = {name: (place, panel) for place, (panel, name) in enumerate((p, n) for p in PANELS for n in PANELS[p])}
-for command in app.registered_commands:
-    command.cls = WithTables
-    command.rich_help_panel = PLACE[getattr(command.callback, "__name__", "")][1]
-app.registered_commands.sort(key=lambda command: PLACE[getattr(command.callback, "__name__", "")][0])
+app.registered_commands.sort(key=lambda command: [*WORDS].index(getattr(command.callback, "__name__", "")))

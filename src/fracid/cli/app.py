@@ -32,7 +32,7 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from fracid._version import __version__
-from fracid.cli.completion import Group, from_run, key_of, one_of
+from fracid.cli.completion import Group, WithTables, from_run, key_of, one_of
 from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfinished
 from fracid.safety.door import own_text
 from fracid.safety.environment import ignore_settings, safe_children
@@ -64,7 +64,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 WORDS: dict[str, Any] = tomllib.loads(own_text("cli/commands.toml"))
-"""What the commands take, and the examples that end their help."""
+"""What the commands take, in the order and with the panels and examples of the help."""
 
 
 def command(function: Command) -> Command:
@@ -81,7 +81,8 @@ def command(function: Command) -> Command:
         words = own.get(name) or WORDS["every"][name]
         function.__annotations__[name] = with_words[kinds[name], _taken(name, **words)]
     heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
-    return app.command(epilog="\n\n".join((heading, *own["examples"])))(function)
+    epilog = "\n\n".join((heading, *own["examples"]))
+    return app.command(cls=WithTables, epilog=epilog, rich_help_panel=own["panel"])(function)
 
 
 def _taken(
