@@ -20,6 +20,7 @@ import pytest
 
 import fracid
 from browser import CHROMIUM, Browser
+from fracid.arrays import extremes
 from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
@@ -28,7 +29,7 @@ from fracid.report import plane_of, report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.page import _wide
-from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget, extremes
+from fracid.report.traces import ALL_POINTS, FEWEST, POINTS, budget
 from fracid.report.verdict import verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.folder import open_folder, write_result

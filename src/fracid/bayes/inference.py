@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,14 +18,12 @@ from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.long_records import as_fitted
 from fracid.findings import Words
 from fracid.problem import Problem
+from fracid.problem.project import Project
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
-
-if TYPE_CHECKING:
-    from fracid.problem.project import Project
 
 SAYS = Words("bayes/inference.toml")
 

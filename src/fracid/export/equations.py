@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from fracid._version import __version__
+from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.models.written.equations import equations_of
 from fracid.problem.toml_text import toml_key
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from fracid.models import Model
 
 
 def toml_model(model: Model, parameters: Mapping[str, float], orders: Mapping[str, float], run_name: str) -> str:

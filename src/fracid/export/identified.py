@@ -6,19 +6,16 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fracid.arrays import FloatArray
+from fracid.estimation.records import Estimate
 from fracid.export.c import used_constants
 from fracid.export.recursion import Case, Recursion
+from fracid.problem import Problem
+from fracid.runs.saved import SavedRun
 from fracid.safety.text import printable
-
-if TYPE_CHECKING:
-    from fracid.arrays import FloatArray
-    from fracid.estimation.records import Estimate
-    from fracid.problem import Problem
-    from fracid.runs.saved import SavedRun
 
 
 def one_line(text: str) -> str:

@@ -9,22 +9,19 @@ from __future__ import annotations
 import json
 import re
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid._version import __version__
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.recursion import TIGHT, Case
 from fracid.export.whole import not_written, written, written_outputs
 from fracid.models import Model
 from fracid.models.joints import Complement
+from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.solver.methods import METHODS, Method
-
-if TYPE_CHECKING:
-    from fracid.arrays import FloatArray
-    from fracid.models import Model
-    from fracid.problem import Experiment, Problem
 
 FAMILIES = ("pi", "gl")
 """Whose weights and start ``recursion.js`` makes."""

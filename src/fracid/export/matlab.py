@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +21,10 @@ from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import not_written, words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.problem.simulator import LIMIT
+from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text, write_whole
 from fracid.safety.text import printable
 from fracid.solver.schemes import OPEN, SLACK
-
-if TYPE_CHECKING:
-    from fracid.runs.saved import SavedRun
 
 
 def no_program(run: SavedRun, language: str) -> str:

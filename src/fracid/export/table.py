@@ -9,16 +9,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from fracid.estimation.records import RecordingFit
+from fracid.runs.saved import SavedRun
 from fracid.safety.json_files import json_number
 from fracid.safety.text import csv_cell, file_stems
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
-    from fracid.runs.saved import SavedRun
 
 
 def csv_tables(run: SavedRun) -> dict[str, str]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, extremes
 from fracid.figures import STYLES, Style, style_named
 from fracid.problem.costs import COSTS
 from fracid.safety.text import cut
@@ -284,14 +284,7 @@ def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:
 
 def outline(y: FloatArray) -> NDArray[np.intp]:
     """Return indices of the samples that draw the same line: least and greatest of each bin, first and last."""
-    size = -(-y.size // BINS)
-    if size <= 2:
-        return np.arange(y.size)
-    padded = np.append(y, np.full(-y.size % size, np.nan)).reshape(-1, size)
-    mask = np.isfinite(padded)  # a bin without any keeps its first: a gap in the line
-    extremes = (np.where(mask, padded, np.inf).argmin(axis=1), np.where(mask, padded, -np.inf).argmax(axis=1))
-    offset = size * np.arange(len(padded))
-    return np.unique(np.concatenate([[0, y.size - 1], *(offset + at for at in extremes)]))
+    return extremes([y], 2 * BINS)
 
 
 def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: bool = False) -> None:

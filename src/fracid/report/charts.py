@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup, escape
 
-from fracid.arrays import FloatArray
-from fracid.report.samples import base64_floats, extremes
+from fracid.arrays import FloatArray, extremes
+from fracid.report.samples import base64_floats
 from fracid.report.sentences import number, raised
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0

@@ -7,15 +7,13 @@ there is each state with its order.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.errors import InputError
+from fracid.models import Model
 from fracid.models.written.mathematics import Equality, LaTeX, Mathematics, MathML, constants_of, equalities
 from fracid.models.written.tree import Call, Entry, Number
 from fracid.report.sentences import digits, number
-
-if TYPE_CHECKING:
-    from fracid.models import Model
 
 LANGUAGES: dict[str, type[Mathematics]] = {"MathML": MathML, "LaTeX": LaTeX}
 

@@ -10,7 +10,7 @@ import base64
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,17 +18,14 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.javascript import no_javascript, program, solver
 from fracid.export.whole import written, written_outputs
-from fracid.problem import Free
+from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
+from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter, unit
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
-
-if TYPE_CHECKING:
-    from fracid.problem import Experiment, Problem
-    from fracid.report.material import Material
 
 MOST = 6
 """Recordings to choose from."""

@@ -7,29 +7,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
+from fracid.estimation.cost_plane import CostPlane
+from fracid.estimation.records import RecordingFit
 from fracid.fit import Fit, ResultBlock
+from fracid.problem import Problem
+from fracid.problem.project import Project
 from fracid.recording import Recording, inspect_recording
 from fracid.report.sentences import number
 from fracid.runs.evaluations import tried
+from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.units import SHOWN_UNITS
 from fracid.validation.residual_analyses import Analyses, Residuals, analysed
-
-if TYPE_CHECKING:
-    from fracid.estimation.cost_plane import CostPlane
-    from fracid.estimation.records import RecordingFit
-    from fracid.problem import Problem
-    from fracid.problem.project import Project
-    from fracid.runs.saved import SavedRun
 
 BESIDE: dict[str, tuple[type[Block | Record], str]] = {
     "profiles.json": (ProfilesBlock, "fracid profile RUN"),

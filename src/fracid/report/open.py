@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError, writing
 from fracid.export.javascript import program_of, solver
-from fracid.models import MODELS, RIGS, model
+from fracid.models import MODELS, RIGS, Model, model
 from fracid.models.library import table_of
 from fracid.models.pendulum import LINEAR_TERMS
 from fracid.models.written.languages import JavaScript
@@ -32,9 +32,6 @@ from fracid.report.sentences import letter
 from fracid.report.study import in_script
 from fracid.safety.door import write_text
 from fracid.units import shown_unit
-
-if TYPE_CHECKING:
-    from fracid.models import Model
 
 SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "scene.js", "fitting.js", "reading.js",
            "drafting.js", "explore.js", "open.js")  # fmt: skip

@@ -8,12 +8,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import writing
+from fracid.estimation.cost_plane import CostPlane
+from fracid.fit import Fit
+from fracid.problem.project import Project
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
@@ -39,13 +42,8 @@ from fracid.report.verdict import Line, does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
-
-if TYPE_CHECKING:
-    from fracid.estimation.cost_plane import CostPlane
-    from fracid.fit import Fit
-    from fracid.problem.project import Project
-    from fracid.validation.residual_analyses import Residuals
-    from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_analyses import Residuals
+from fracid.validation.residual_records import ResidualAnalysis
 
 REPORT = "report.html"
 

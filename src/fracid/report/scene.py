@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from fracid.models import Model
 from fracid.models.scene import OPEN
 from fracid.models.written.languages import JavaScript
-
-if TYPE_CHECKING:
-    from fracid.models import Model
-    from fracid.report.material import Material
+from fracid.report.material import Material
 
 
 def scene_data(material: Material) -> dict[str, Any] | None:

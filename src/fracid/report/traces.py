@@ -1,27 +1,26 @@
 r"""What the page draws of each recording: packed for the player, and as charts.
 
 All signals of a recording share their times, so that a cursor and the moving rig can read them together: the union of
-every signal's extremes (:mod:`fracid.report.samples`).  Times count from the first sample.
+every signal's extremes (:func:`fracid.arrays.extremes`).  Times count from the first sample.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fracid.arrays import extremes
+from fracid.estimation.records import RecordingFit
+from fracid.recording import Recording
 from fracid.report.charts import RIGHT, Band, Chart, Mark, Series, encoder_ticks
-from fracid.report.samples import base64_floats, extremes
+from fracid.report.material import Material
+from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
-    from fracid.recording import Recording
-    from fracid.report.material import Material
-    from fracid.validation.residual_analyses import Residual
+from fracid.validation.residual_analyses import Residual
 
 POINTS = 20_001
 """Of one recording: 35 s at 500 Hz, or 20 s at 1 kHz, whole."""

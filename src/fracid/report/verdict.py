@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.optimise.base import Outcome
+from fracid.report.material import Material
 from fracid.report.sentences import counted, digits, half_width, joined, letter, number, search_sentence, state_letter
 from fracid.report.whiskers import said
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
 from fracid.signals.left_over import ROUNDING
-
-if TYPE_CHECKING:
-    from fracid.report.material import Material
-    from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_records import ResidualAnalysis
 
 
 @dataclass(frozen=True)

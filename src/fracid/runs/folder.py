@@ -32,19 +32,17 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.errors import InputError, writing
 from fracid.findings import Words
 from fracid.fit import Fit, ResultBlock
+from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.schema import Record, as_json, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.tasks.folder_lock import FolderLock, Json
-
-if TYPE_CHECKING:
-    from fracid.problem.project import Project
 
 SAYS = Words("runs/folder.toml")
 

@@ -22,17 +22,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
+from fracid.runs.folder import RunState
+from fracid.runs.saved import SavedRun
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
-
-if TYPE_CHECKING:
-    from fracid.runs.folder import RunState
-    from fracid.runs.saved import SavedRun
 
 ELSEWHERE = 1e-9
 """How far what was found may be off with other versions or on another machine, of its size."""

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from fracid.estimation.records import RecordingFit
 from fracid.validation.residual_curves import ResidualCurves, residual_curves
+from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residuals import residual_analysis
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
-    from fracid.validation.residual_records import ResidualAnalysis
 
 ANALYSED = 600_000
 """Samples of a residual that are tested, ten minutes at 1 kHz: more tell no more, and take memory and minutes."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fracid.arrays import FloatArray
+from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
-    from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_records import ResidualAnalysis
 
 LAGS, BINS, RANKS = 160, 120, 120
 """Points of each curve, at most."""

@@ -49,12 +49,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
@@ -95,9 +95,6 @@ from fracid.validation.residual_tests import (
     spread_ratio,
     swing_band,
 )
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
 
 
 def residual_analysis(

@@ -12,11 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.bayes.evidence import require_evidence
 from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
+from fracid.problem.project import Project
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
@@ -43,9 +44,6 @@ from fracid.workflows.figures import of_comparison
 from fracid.workflows.fit import loaded
 from fracid.workflows.records import command_of, csv_text
 from fracid.workflows.study import Finished, folder_of, header_of, journal_of, refuse_fit
-
-if TYPE_CHECKING:
-    from fracid.problem.project import Project
 
 TABLE, CURVES, BEST = "compare.csv", "curves.json", "best.toml"
 

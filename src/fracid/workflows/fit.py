@@ -17,11 +17,13 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import disk_usage
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, Unfinished, at_least
+from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
+from fracid.fit import Fit
 from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
 from fracid.runs.folder import (
@@ -47,10 +49,6 @@ from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.drawer import Drawer, drawer
 from fracid.workflows.figures import Drawing, drawing
 from fracid.workflows.records import command_of
-
-if TYPE_CHECKING:
-    from fracid.estimation.records import RecordingFit
-    from fracid.fit import Fit
 
 SAYS = Words("workflows/fit.toml")
 
