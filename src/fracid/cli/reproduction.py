@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from contextlib import chdir, contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 from fracid.cli.app import CORES, answer, app, command, print_table
 from fracid.safety.environment import ignore_settings
+from fracid.safety.text import cut
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -88,9 +89,5 @@ def _show(reproduction: Reproduction, run: Path, seconds: float, console: Consol
 
 
 def _row(d: Difference) -> tuple[str, str, str, str]:
-    return d.where, _short(d.before), _short(d.after), f"{d.size:.1g}" if d.size < float("inf") else ""
-
-
-def _short(value: Any) -> str:
-    text = repr(value) if isinstance(value, float) else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    before, after = (value if isinstance(value, str) else repr(value) for value in (d.before, d.after))
+    return d.where, cut(before, 60), cut(after, 60), f"{d.size:.1g}" if d.size < float("inf") else ""

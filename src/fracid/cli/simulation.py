@@ -148,10 +148,7 @@ def _changed(
         raise InputError(f"hold = {fields['hold']:g} s is not possible; expected 0 or more.")
     if "hold" in fields and "end" not in fields:
         fields["end"] = twin.end + fields["hold"] - twin.hold
-    if more["method"] is not None:
-        fields["method"] = _method(more["method"])
-    if more["substeps"] is not None:
-        fields["substeps"] = more["substeps"]
+    fields |= {name: more[name] for name in ("method", "substeps") if more[name] is not None}
     return twin.changed(
         orders=_assigned(order, "--order mu=0.91"), parameters=_assigned(parameter, "--set b_alpha=2e-4"),
         initial=_assigned(initial, "--initial alpha=10deg", angles), **fields,
@@ -161,15 +158,6 @@ def _changed(
 def _angles(twin: Twin) -> list[str]:
     """The outputs whose values need a unit."""
     return [n for n in twin.model.outputs if twin.model.output_unit(n) == "rad"]
-
-
-def _method(name: str) -> str:
-    from fracid.errors import unknown_name
-    from fracid.solver.methods import METHODS
-
-    if name not in METHODS:
-        raise unknown_name("method", name, tuple(METHODS))
-    return name
 
 
 def _driven(twin: Twin, spec: str, end: str | None) -> Twin:

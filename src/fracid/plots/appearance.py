@@ -267,10 +267,11 @@ def title(axes: Axes, text: str, loc: Literal["left", "center"] = "center") -> N
     axes.set_title(text, fontsize=MEDIUM, loc=loc)
 
 
-def label(axes: Axes, heading: str, x: str, y: str) -> None:
-    """Title a panel and its two axes."""
+def label(axes: Axes, heading: str, x: str, y: str, ticks: int | None = 6) -> None:
+    """Title a panel and its two axes; of an x axis that is logarithmic the ticks stay, None."""
     title(axes, heading)
-    axes.locator_params(axis="x", nbins=6)
+    if ticks is not None:
+        axes.locator_params(axis="x", nbins=ticks)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
 

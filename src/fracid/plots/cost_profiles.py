@@ -96,10 +96,8 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
     axes.set_xlim(*limits)
     axes.set_ylim(-0.04 * top, top)
     axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
-    appearance.label(
-        axes, panel.verdict, label, "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
-    )
-    axes.locator_params(axis="x", nbins=4)
+    rises = "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
+    appearance.label(axes, panel.verdict, label, rises, 4)
 
 
 def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
@@ -111,16 +109,10 @@ def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
     axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, CHI2_95[2]], cmap="Blues_r", alpha=0.6)
     axes.contour(first, second, rise.T, levels=[CHI2_95[2]], colors=[appearance.VERMILLION], linewidths=1.4)
     axes.plot([], [], color=appearance.VERMILLION, lw=1.4, label="95 % region, 5.99")
-    axes.plot(
-        factors[0] * joint.best[0],
-        factors[1] * joint.best[1],
-        ls="",
-        label="best",
-        **(appearance.MARKS["best"] | {"ms": 11}),
-    )
+    best = [factor * value for factor, value in zip(factors, joint.best, strict=True)]
+    axes.plot(*best, ls="", label="best", **(appearance.MARKS["best"] | {"ms": 11}))
     axes.ticklabel_format(useOffset=False)
-    appearance.label(axes, f"together; correlation {appearance.number(joint.correlation, 2)}", *labels)
-    axes.locator_params(axis="x", nbins=4)
+    appearance.label(axes, f"together; correlation {appearance.number(joint.correlation, 2)}", labels[0], labels[1], 4)
 
 
 def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

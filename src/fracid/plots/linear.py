@@ -113,18 +113,13 @@ def linear_response(system: Linearised, posture: str, *, style: str | Style = "s
         letter = symbol(output)
         about = f" from {posture}" if output == system.model.pendulum else ""
         label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit or '–'}]")
-        _titled(magnitude, f"{plain(linear.inputs[0])} to {letter}", f"magnitude [dB re 1 {own}/{unit}]")
-        _titled(phase, "", "phase [°]")
+        across, frequency = f"{plain(linear.inputs[0])} to {letter}", "frequency [rad/s]"
+        label(magnitude, across, frequency, f"magnitude [dB re 1 {own}/{unit}]", None)
+        label(phase, "", frequency, "phase [°]", None)
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
     finish(figure, f"{plain(system.model.name)}, linear about {posture}")
     return figure
-
-
-def _titled(axes: Any, title: str, y: str) -> None:
-    axes.set_title(title, fontsize=9.5)
-    axes.set_xlabel("frequency [rad/s]")
-    axes.set_ylabel(y)
 
 
 def _duration(system: Linearised, posture: str) -> Any:

@@ -98,10 +98,9 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str)
     left.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     left.yaxis.get_offset_text().set_fontsize(appearance.SMALL)
     title, _, recording = name.partition(" [")
-    symbol = appearance.symbol(title) if title in appearance.SYMBOLS else appearance.plain(title)
     if recording:
         appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {symbol} [{appearance.plain(display_unit)}]")
+    left.set_ylabel(f"bias of {appearance.symbol(title)} [{appearance.plain(display_unit)}]")
     right.set_ylabel("coverage [%]")
 
 

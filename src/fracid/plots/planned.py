@@ -75,8 +75,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                           label="chosen", zorder=4)  # fmt: skip
         axes.set_yscale("log")
         axes.set_xlabel("release [°]" if by_release else "duration [s]")
-        symbol = appearance.symbol(name) if name in appearance.SYMBOLS else appearance.plain(name)
-        axes.set_ylabel(f"CI half-width of {symbol} [{appearance.plain(typeset_unit(unit) or '–')}]")
+        axes.set_ylabel(f"CI half-width of {appearance.symbol(name)} [{appearance.plain(typeset_unit(unit) or '–')}]")
     appearance.finish(figure, "Expected interval after one more experiment")
     return figure
 

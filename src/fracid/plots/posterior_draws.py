@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,9 +122,9 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     ):
         unit, factor = SHOWN_UNITS.get(e.units.get(output, "rad"), (e.units.get(output, "rad"), 1.0))
         time = e.start + e.time
-        residual = np.where(e.scored, e.measured[:, o] - fitted[:, o], np.nan) if e.scored is not None else (
-            e.measured[:, o] - fitted[:, o]
-        )  # fmt: skip
+        residual = e.measured[:, o] - fitted[:, o]
+        if e.scored is not None:
+            residual = np.where(e.scored, residual, np.nan)
         appearance.line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
         if len(curves):
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))
@@ -202,6 +201,4 @@ def _label(posterior: Posterior, name: str) -> tuple[str, float]:
     """What stands at an axis, and the factor to its unit there."""
     unit = posterior.problem.unknowns[posterior.names.index(name)].unit
     shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
-    return f"{appearance.symbol(name)} [{appearance.plain(typeset_unit(shown))}]", factor if math.isfinite(
-        factor
-    ) else 1.0
+    return f"{appearance.symbol(name)} [{appearance.plain(typeset_unit(shown))}]", factor

@@ -143,9 +143,9 @@ def residual_diagnostics(
     symbol = appearance.symbol(output)
     speed, label = f"fitted speed of {symbol} [{_per(display_unit, 's')}]", f"residual of {symbol} [{display_unit}]"
     appearance.label(panels["speed"], "against the fitted speed", speed, label)
-    _name(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]")
+    appearance.label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
     density = f"density of the power [{_squared(display_unit)}/Hz]"
-    _name(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density)
+    appearance.label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
     _blank(() if mask.any() else figure.axes)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
@@ -169,13 +169,6 @@ def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: 
     appearance.label(over_fitted, "against the fitted value", value, label)
     appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
     appearance.label(probability, heading, "standard normal quantile [–]", label)
-
-
-def _name(axes: Axes, heading: str, x: str, y: str) -> None:
-    """Title a panel whose axes may be logarithmic."""
-    appearance.title(axes, heading)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
 
 
 def _per(over: str, under: str) -> str:

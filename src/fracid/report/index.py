@@ -32,7 +32,7 @@ from fracid.report.study import Found, read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.safety.door import opened, text_of, write_text
 from fracid.safety.json_files import json_of
-from fracid.safety.schema import read_as
+from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
@@ -123,14 +123,9 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
     for path in sorted(folder.glob("*/result.json")):
         if path.parent.is_symlink():  # what is written there would lie elsewhere
             continue
-        try:
-            result = read_as(path, ResultBlock, "fracid fit PROJECT")
-        except (OSError, InputError):
+        if not (result := read_if_whole(path, ResultBlock)):
             continue
-        try:
-            environment = read_as(path.parent / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
-        except (OSError, InputError):
-            environment = {}
+        environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
         who = identity(path.parent, result, environment)
         runs.append(RunOfIndex(path.parent, who, environment.get("started", ""), result))
     return sorted(runs, key=lambda run: (run.started, run.who.name))

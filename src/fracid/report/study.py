@@ -28,7 +28,7 @@ from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, interval, letter, number
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.json_files import plain
-from fracid.safety.schema import Block, Record, as_json, read_as
+from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import ProfilesBlock
@@ -37,6 +37,8 @@ from fracid.selection.comparison_records import Comparison, CurvesBlock, held_ou
 from fracid.units import GREEK, shown_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH
 from fracid.validation.study_records import StudyBlock, label_of
+
+ENVIRONMENT = "environment.json"
 
 LARGEST_FIGURE = 2**19
 """Of a drawing on a page [bytes]; of a larger one its pixels are shown."""
@@ -238,7 +240,11 @@ def write_study(folder: str | Path, file: str) -> Path:
 
 def read_study(folder: Path, file: str) -> tuple[Study, Found, str]:
     """What a folder's record says, and when it was begun, or else written."""
-    study, record, environment = STUDIES[file], _record(folder, file), _environment(folder)
+    study, record, environment = (
+        STUDIES[file],
+        _record(folder, file),
+        read_if_whole(folder / ENVIRONMENT, EnvironmentBlock),
+    )
     written = _moment((folder / file).stat().st_mtime)
     own = (environment.get("command") or [""])[0] == study.command
     return study, study.found(record), environment["started"] if own and environment.get("started") else written
@@ -264,14 +270,8 @@ def _record(folder: Path, file: str) -> dict[str, Any]:
     return record | as_json(STUDIES[file].record, record)  # with what it may leave out
 
 
-def _environment(folder: Path) -> dict[str, Any]:
-    with suppress(OSError, InputError):
-        return dict(read_as(folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT"))
-    return {}
-
-
 def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
-    found, environment = study.found(record), _environment(folder)
+    found, environment = study.found(record), read_if_whole(folder / ENVIRONMENT, EnvironmentBlock)
     words = environment.get("command") or []
     command = words if words[:1] == [study.command] else [study.command, record.get("source") or _source(folder)]
     ladder = ladder_of(record) if file == "compare.json" else None
@@ -364,9 +364,7 @@ def _shown(record: Mapping[str, Any]) -> Callable[[str, float, str], str]:
 
 def _curves(folder: Path, record: Mapping[str, Any]) -> dict[str, Any] | None:
     """The curves as ``study.js`` has them; None of a comparison that kept none."""
-    try:
-        found = read_as(folder / "curves.json", CurvesBlock, "fracid compare PROJECT")
-    except (OSError, InputError):
+    if not (found := read_if_whole(folder / "curves.json", CurvesBlock)):
         return None
     names = [s["name"] for s in record["structures"]]
     recordings = [{

@@ -23,6 +23,7 @@ What a file has beside the keys of its description is passed over.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache, partial
 from math import inf, nan
 from operator import attrgetter
@@ -334,6 +335,19 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str) -> Any:
     if fault := fault or fault_of(content, kind):
         raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
     return content
+
+
+def read_if_whole(path: Path, kind: type[Block | Record]) -> dict[str, Any]:
+    """Read a JSON file that may be missing or damaged; empty where it is.
+
+    Examples
+    --------
+    >>> read_if_whole(Path("/nowhere/environment.json"), Block)
+    {}
+    """
+    with suppress(OSError, InputError):
+        return dict(read_as(path, kind, ""))
+    return {}
 
 
 def lines_of(path: Path, kind: type[Block | Record]) -> Iterator[Any]:

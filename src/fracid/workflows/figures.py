@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
@@ -79,15 +79,18 @@ class Drawing:
         folder = self.folder
         self.observer.stage("figures")
         recordings = self._of_recordings(fit.recordings)
-        rig = None if self.model is None else rig_as_found(self.model, fit.parameters)
-        pieces = [self.drawer.asked(_draw_rig, rig, folder), *(piece for r in recordings for piece in r.figures)]
+        pieces = [piece for r in recordings for piece in r.figures]
+        if self.model is not None:
+            pieces.insert(0, self.drawer.asked(_drawn, of_rig, folder, rig_as_found(self.model, fit.parameters)))
         of_starts = saved(of_search(fit), folder)
         if len(fit.problem.order_indices) >= 2:
             self.observer.stage("cost over the orders")
         plane = plane_of(fit, self.jobs)
         if plane is not None:
             best = fit.x[list(fit.problem.order_indices[:2])]
-            pieces.append(self.drawer.asked(_draw_plane, plane, best, folder, fit.problem.cost_function.name))
+            pieces.append(
+                self.drawer.asked(_drawn, _of_plane, folder, plane, best, folder, fit.problem.cost_function.name)
+            )
         self.observer.stage("page")
         residuals = {name: tested for r in recordings for name, tested in r.residuals().items()}
         page = write_report(folder, fit, self.project, plane=plane, jobs=self.jobs, residuals=residuals)
@@ -113,7 +116,7 @@ class Drawing:
         # What is tested first: the page waits for it.
         residuals = self.drawer.asked(analysed, {recording.name: recording}, self.project.resolutions, first=True)
         resolution = self.project.resolutions.get(recording.name, {})
-        figures = [self.drawer.asked(_draw_recording, name, recording, output, resolution, self.folder)
+        figures = [self.drawer.asked(_drawn, _of_recording, self.folder, name, recording, output, resolution)
                    for name, output in _pictures(recording, stem)]  # fmt: skip
         return _Drawn(recording, residuals, figures)
 
@@ -140,18 +143,9 @@ def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
     )
 
 
-def _draw_rig(model: Model | None, folder: Path) -> tuple[Path, ...]:
-    return () if model is None else saved(of_rig(model), folder)
-
-
-def _draw_recording(
-    stem: str, recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], folder: Path
-) -> tuple[Path, ...]:
-    return saved([(stem, _recording_figure(recording, output, resolution, "screen"))], folder)
-
-
-def _draw_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str) -> tuple[Path, ...]:
-    return saved([("cost-over-orders", _plane_figure(plane, best, folder, cost_name, "screen"))], folder)
+def _drawn(figures: Callable[..., Figures], folder: Path, *of: Any) -> tuple[Path, ...]:
+    """What another process is asked for."""
+    return saved(figures(*of), folder)
 
 
 def saved(figures: Iterable[tuple[str, Figure]], folder: Path, formats: tuple[str, ...] = ("svg", "png"),
@@ -181,7 +175,7 @@ def of_recordings(
     stems = file_stems(recordings)
     for name, recording in recordings.items():
         for stem, output in _pictures(recording, stems[name]):
-            yield stem, _recording_figure(recording, output, resolutions.get(name, {}), style)
+            yield from _of_recording(stem, recording, output, resolutions.get(name, {}), style)
 
 
 def _pictures(recording: RecordingFit, stem: str) -> Iterator[tuple[str, str | None]]:
@@ -192,12 +186,15 @@ def _pictures(recording: RecordingFit, stem: str) -> Iterator[tuple[str, str | N
             yield f"figure3-{stem}-{output}", output
 
 
-def _recording_figure(recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], style: str) -> Figure:
+def _of_recording(
+    stem: str, recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], style: str = "screen"
+) -> Figures:
     from fracid.plots import fitted_over_time, residual_plots
 
     if output is None:
-        return fitted_over_time(recording, resolution=resolution, style=style)
-    return residual_plots(recording, output, resolution=resolution, style=style)
+        yield stem, fitted_over_time(recording, resolution=resolution, style=style)
+    else:
+        yield stem, residual_plots(recording, output, resolution=resolution, style=style)
 
 
 def of_tests(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]],
@@ -244,11 +241,14 @@ def of_search(fit: Fit, style: str = "screen") -> Figures:
 def of_plane(fit: Fit, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
     best = fit.x[list(fit.problem.order_indices[:2])]
-    yield "cost-over-orders", _plane_figure(plane, best, folder, fit.problem.cost_function.name, style)
+    return _of_plane(plane, best, folder, fit.problem.cost_function.name, style)
 
 
-def _plane_figure(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str) -> Figure:
+def _of_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
     from fracid.runs.evaluations import tried
 
     evaluations, (first, second) = tried(folder, plane.names), best.tolist()
-    return plane.plot(best=(first, second), evaluations=evaluations, cost_name=cost_name, style=style)
+    yield (
+        "cost-over-orders",
+        plane.plot(best=(first, second), evaluations=evaluations, cost_name=cost_name, style=style),
+    )

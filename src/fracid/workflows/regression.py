@@ -138,15 +138,14 @@ def run_regression(
     with one_blas_thread():
         if source.suffix == ".toml":
             project = load_project(source, trust=trust)
-            if project.problem.model.linear_terms is None:
-                estimate = _of_equations(project)
-                if out is not None:
-                    write_files(out, {REGRESSION: json_document(estimate.result)})
-                return estimate
-            request = _of_project(project, start, stop)
+            linear = project.problem.model.linear_terms is not None
+            request = _of_project(project, start, stop) if linear else None
         else:
             request = _of_recording(source, start, stop, **recording)
-        estimate = _regressed(_as_said(request, known, orders, terms), estimator, cutoff, each)
+        if request is None:
+            estimate = _of_equations(project)
+        else:
+            estimate = _regressed(_as_said(request, known, orders, terms), estimator, cutoff, each)
     if out is not None:
         write_files(out, {REGRESSION: json_document(estimate.result)})
     return estimate

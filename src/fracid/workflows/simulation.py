@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -206,8 +206,9 @@ def simulate_twin(
     folder = None if to is not None and out is None else out or default_folder(f"{_stem(source)}-simulated")
     file = to if folder is None or to is not None else folder / f"{_stem(source)}.csv"
     assert file is not None
-    _refuse_over(file, force or (to is None and file.with_suffix(".json").exists()))
-    _refuse_truth(truth, force)
+    _refuse_over("--to", file, WRITERS, force or (to is None and file.with_suffix(".json").exists()))
+    if truth is not None:
+        _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
     watching.stage("simulation")
     run, warned = _run(twin)
@@ -232,21 +233,12 @@ def _stem(source: str) -> str:
 # ------------------------------------------------------------------ from a twin to files
 
 
-def _refuse_over(file: Path, force: bool) -> None:
+def _refuse_over(option: str, file: Path, endings: Iterable[str], force: bool) -> None:
     """A simulation must not take the place of a measurement."""
-    if file.suffix.lower() not in WRITERS:
-        raise InputError(f"--to {file} is not possible: expected a file that ends in {', '.join(WRITERS)}.")
+    if file.suffix.lower() not in endings:
+        raise InputError(f"{option} {file} is not possible: expected a file that ends in {', '.join(endings)}.")
     if file.exists() and not force:
         raise InputError(f"{file} is there already; give another name, or write over it: --force.")
-
-
-def _refuse_truth(truth: Path | None, force: bool) -> None:
-    if truth is None:
-        return
-    if truth.suffix.lower() != ".json":
-        raise InputError(f"--truth {truth} is not possible: expected a file that ends in .json.")
-    if truth.exists() and not force:
-        raise InputError(f"{truth} is there already; give another name, or write over it: --force.")
 
 
 def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
