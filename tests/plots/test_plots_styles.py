@@ -21,7 +21,7 @@ import fracid
 from fracid import plots
 from fracid.errors import InputError
 from fracid.estimation.starts import Start
-from fracid.experiments.sheet import expected_curves
+from fracid.experiments.plan import expected_curves
 from fracid.export.state_space import integer_model
 from fracid.figures import STYLES, Style
 from fracid.plots import writing

@@ -22,9 +22,8 @@ def averaged(objective: Objective, parts: tuple[FloatArray, ...], rest: tuple[Fl
 
 
 def exchange(
-    objective: Objective, parts: tuple[FloatArray, ...], base: tuple[FloatArray, ...], count: int,
-    start: Sequence[int] = (),
-) -> tuple[int, ...]:  # fmt: skip
+    objective: Objective, parts: tuple[FloatArray, ...], base: tuple[FloatArray, ...], count: int
+) -> tuple[int, ...]:
     """Choose `count` of the candidates.
 
     Parameters
@@ -36,8 +35,6 @@ def exchange(
     base : tuple of array, shape (n_draws, ...)
         What is there without any.
     count : int
-    start : sequence of int
-        A first choice; none for one after the other.
 
     Examples
     --------
@@ -49,7 +46,7 @@ def exchange(
     >>> exchange(volume, ((rows[:, :, None] * rows[:, None, :])[None],), (1e-9 * np.eye(2)[None],), 2)
     (0, 4)
     """
-    chosen = [*start]
+    chosen: list[int] = []
     while len(chosen) < count:
         chosen.append(int(np.argmin(averaged(objective, parts, _without(parts, base, chosen, None)))))
     for _ in range(MOST_ROUNDS):

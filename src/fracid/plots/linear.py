@@ -6,8 +6,7 @@ band of the recording is shaded.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,34 +25,11 @@ INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}
 UNITS = {"voltage": "V", "torque": "N m", "current": "A"}
 
 
-class Linearised(Protocol):
-    """What is drawn: an integer-order model beside the fractional one that it stands for."""
-
-    @property
-    def model(self) -> Any:
-        """The fractional model."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Output → its unit."""
-
-    @property
-    def operators(self) -> Sequence[Any]:
-        """What stands for each fractional derivative, with the `band` in which it does."""
-
-    @property
-    def linear(self) -> Mapping[str, Any]:
-        """Posture → the linear model about it."""
-
-    def step_response(self, linear: Any, end: float) -> tuple[Any, ...]:
-        """Time, and the outputs after a unit step, of integer order and fractional."""
-
-
 GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
 
 
-def linear_response(system: Linearised, posture: str, *, style: str | Style = "screen") -> Figure:
+def linear_response(system: Any, posture: str, *, style: str | Style = "screen") -> Figure:
     """Draw magnitude, phase and step response from the first input to each output, about a posture.
 
     Parameters
@@ -122,7 +98,7 @@ def linear_response(system: Linearised, posture: str, *, style: str | Style = "s
     return figure
 
 
-def _duration(system: Linearised, posture: str) -> Any:
+def _duration(system: Any, posture: str) -> Any:
     """Until an unstable pole has grown, or a swing has died; else half of the longest recording [s]."""
     modes = system.linear[posture].modes
     growing = [m.pole.real for m in modes if m.pole.real > 0]

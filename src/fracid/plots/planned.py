@@ -86,7 +86,7 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
     Parameters
     ----------
     curves : sequence of Expected
-        Of :func:`fracid.experiments.sheet.expected_curves`.
+        Of :func:`fracid.experiments.plan.expected_curves`.
     model : Model
         Says which outputs are angles, and where the pendulum's is zero.
     style : str or Style
