@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import tomllib
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -17,20 +18,10 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from fracid.safety.door import text_of
+from fracid.safety.door import own_text, text_of
 from fracid.safety.json_files import json_of
 
-TABLES = {
-    "costs": ("problem.costs", "COSTS"),
-    "executors": ("tasks.tasks", "EXECUTORS"),
-    "formats": ("export", "FORMATS"),
-    "models": ("models", "MODELS"),
-    "methods": ("solver.methods", "METHODS"),
-    "optimisers": ("optimise", "OPTIMISERS"),
-    "platforms": ("export.compilers", "PLATFORMS"),
-    "presets": ("problem.presets", "PRESETS"),
-    "rigs": ("models.rigs", "RIGS"),
-}
+TABLES = tomllib.loads(own_text("cli/tables.toml"))
 """Name → module of fracid and table in it; the help of an option writes ``{methods}`` for the keys of one."""
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, extremes
 from fracid.figures import STYLES, Style, style_named
 from fracid.problem.costs import COSTS
+from fracid.safety.door import own_text
 from fracid.safety.text import cut
 from fracid.units import GREEK, shown_unit, with_unit
 
@@ -62,21 +64,7 @@ MARKS: dict[str, dict[str, Any]] = {
 
 SYMBOLS = {name: rf"$\{name}$" for name in GREEK}
 
-BRIEF = {
-    "encoder step of ": "step of ",
-    "residual (measured − fitted)": "",
-    "the paper's structure": "the paper's",
-    "mean of each bin": "bin means",
-    "normal distribution": "normal",
-    "95 % of white noise": "white noise, 95 %",
-    "rounding of the encoder alone": "rounding",
-    "the swing and its multiples": "swing harmonics",
-    "parabola of the sandwich": "parabola",
-    "lines of equal rise": "equal rise",
-    ", left in another's minimum": ", merged",
-    "± claimed standard error": "± claimed error",
-    "95 % interval of the fit": "95 % interval",
-}
+BRIEF = tomllib.loads(own_text("plots/legends.toml"))
 """Phrases of legends, and what stands for them in a brief style; nothing for what its axis names."""
 
 NARROW = 8.0

@@ -18,13 +18,14 @@ from __future__ import annotations
 import difflib
 import os
 import shlex
+import tomllib
 from itertools import islice
 from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Literal
 
 from fracid.errors import InputError
-from fracid.safety.door import text_of
+from fracid.safety.door import own_text, text_of
 from fracid.safety.json_files import json_of
 
 Kind = Literal["project", "recording", "run", "study"]
@@ -36,18 +37,7 @@ RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".h
 STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior",
            "control.json": "fracid control"}  # fmt: skip
 
-INSTEAD = {
-    ("project", "recording"): "a recording, not a project. Write a project of it: fracid init {path}",
-    ("project", "run"): "the folder of a run, not a project. Look at it: fracid resid {path}; or fit again: fracid fit "
-                        "{project}",
-    ("project", "study"): "the folder of a study, not a project. Give the project file: {study} {project}",
-    ("recording", "project"): "a project, not a recording. Fit it: fracid fit {path}",
-    ("recording", "run"): "the folder of a run, not a recording. Look at it: fracid resid {path}",
-    ("recording", "study"): "the folder of a study, not a recording. Give the file of the recording",
-    ("run", "project"): "a project, not the folder of a run. Fit it first: fracid fit {path}{fitted}",
-    ("run", "recording"): "a recording, not the folder of a run. Begin with: fracid check {path}",
-    ("run", "study"): "the folder of {study}, not of a fit. Give one that fracid fit wrote",
-}  # fmt: skip
+INSTEAD = tomllib.loads(own_text("safety/paths.toml"))
 """(What is wanted, what it is) → what to say."""
 
 NAMED = 1000
@@ -114,7 +104,7 @@ def _instead(path: Path, target: Kind, kind: Kind) -> str:
     run = Path("runs") / path.stem
     study = next((command for name, command in STUDIES.items() if exists(path / name)), "")
     fitted = f"; its run may be {_typed(run)}" if kind_of(run) == "run" else ""
-    return INSTEAD[target, kind].format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
+    return str(INSTEAD[target][kind]).format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
 
 
 def _project_of(folder: Path) -> str:

@@ -22,6 +22,7 @@ What a file has beside the keys of its description is passed over.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, partial
@@ -45,7 +46,7 @@ from pydantic import (
 from pydantic_core.core_schema import CoreSchema, ValidationInfo
 
 from fracid.errors import InputError
-from fracid.safety.door import opened, text_of
+from fracid.safety.door import opened, own_text, text_of
 from fracid.safety.json_files import LONGEST, excess_of, from_json, json_number, json_of, place, short_text, shown
 
 # --- values ------------------------------------------------------------------------------------------
@@ -225,21 +226,7 @@ def fault_of(value: Any, kind: type[Block | Record]) -> str:
     return ""
 
 
-EXPECTED = {
-    "bool_type": "true or false",
-    "dataclass_type": "names with values",
-    "dict_type": "names with values",
-    "finite_number": "a finite number",
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "list_type": "a list",
-    "literal_error": "{expected}",
-    "model_attributes_type": "names with values",
-    "model_type": "names with values",
-    "string_pattern_mismatch": "{pattern}",
-    "string_type": "a text",
-    "tuple_type": "a list",
-}
+EXPECTED = tomllib.loads(own_text("safety/schema.toml"))
 """What pydantic's faults mean; those not listed keep its words."""
 
 
