@@ -17,7 +17,7 @@ from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
 from fracid.validation.residual_analyses import analysed
 from fracid.workflows.drawer import Drawer, drawer
-from fracid.workflows.figures import Drawing, _draw_recording
+from fracid.workflows.figures import Drawing, _drawn, of_recordings
 
 
 def its_process(_, seconds=0.0):
@@ -42,7 +42,7 @@ def test_what_the_process_beside_has_not_begun_is_done_here():
 
 @pytest.mark.broad
 def test_the_process_beside_imports_no_solver_to_draw():
-    material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _draw_recording
+    material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _drawn, of_recordings
     with drawer(2) as beside:
         assert beside.pool.submit(modules_with, *material).result() == []
 
@@ -109,7 +109,7 @@ def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a
     pool = Pool()
     project = type("Loaded", (), {"resolutions": {"swing": {}}})
     drawing = Drawing(project, tmp_path, 1, None, Drawer(pool), None)
-    names = ["analysed", "_draw_recording", "_draw_recording"]
+    names = ["analysed", "_drawn", "_drawn"]
     drawing.begin({"swing": recording})
     assert [name for name, _ in pool.given] == names
     figures = {p.name for p in (tmp_path / "figures").glob("*.svg")}
