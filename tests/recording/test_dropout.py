@@ -1,12 +1,16 @@
 """Encoders that drop out: an angle that stays at exactly one value while the rig goes on."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import fracid
 from fracid.problem.draft import draft_project
 from fracid.recording import Recording
 from fracid.recording.dropout import dropouts
 
+SERVO = Path(__file__).parents[2] / "examples/real/xl330"
 STEP = 2 * np.pi / 4096
 TIME = np.arange(2500) / 250
 SWING = np.where(TIME < 1, 1.0, np.exp(-0.2 * (TIME - 1)) * np.cos(6 * (TIME - 1)))
@@ -85,14 +89,22 @@ def test_init_leaves_a_dropout_out(tmp_path):
     assert "From 0 to 6 s alpha does not drop out: that part is fitted." in draft.notes
 
 
-def test_a_servo_that_sticks_in_a_resampled_log_drops_nothing_out():
+@pytest.mark.parametrize("digits", [17, 5])
+def test_a_servo_that_sticks_in_a_resampled_log_drops_nothing_out(digits):
     """Between its encoder's counts a log that was resampled has lines: what scatters there is no noise."""
     recorded = np.sort(np.random.default_rng(1).uniform(0, 8, 1200))
     moves = np.clip(np.sin(2 * recorded), -0.8, 0.8) + 0.05 * np.sin(0.7 * recorded)
     stuck = np.where(recorded < 5, moves, moves[recorded < 5][-1])
     counts = np.round(stuck * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
     t = np.arange(0, 8, 0.005)
-    angle = np.interp(t, recorded, counts)
+    angle = np.round(np.interp(t, recorded, counts), digits)
     found = Recording.of("servo", t, {"angle": angle, "goal": np.sin(2 * t)}).report
     assert [s.counts_per_turn for s in found.signals if s.name == "angle"] == [4096]
     assert not {f.code for f in found.findings} & {"dropout", "saturated"}
+
+
+@pytest.mark.parametrize("log", sorted(SERVO.glob("*.csv")), ids=lambda log: log.stem)
+def test_no_log_of_the_servo_drops_out_or_has_its_tops_cut_off(log):
+    found = fracid.load_recording(log).report
+    assert not {f.code for f in found.findings} & {"dropout", "saturated"}
+    assert [s.counts_per_turn for s in found.signals if s.name == "position"] == [4096]

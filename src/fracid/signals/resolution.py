@@ -52,6 +52,9 @@ RAMP, STILL = 0.8, 1e-6
 EXACT, FEWEST = 1e-4, 8
 """Parts of a step by which spacings of whole counts may be off, and how many spacings say so."""
 
+FINE = 8.0
+"""Times the step of all values that those which stay are apart: then it is of printed digits."""
+
 SEEN, COPIES = 500, 3.0
 """Values that a q is sought with at a time; how often a cell counts at most."""
 
@@ -116,9 +119,10 @@ def lattice(signal: FloatArray) -> Lattice | None:
 
 
 def encoder_lattice(signal: FloatArray) -> Lattice | None:
-    """The lattice of the values, or else of those that stay for two samples and more.
+    """The lattice of the values, or that of those which stay for two samples and more, where there is none but that.
 
-    A log that was resampled in time has lines between its encoder's counts; where it stands it has the counts.
+    A log that was resampled in time has lines between its encoder's counts; where it stands it has the counts.  Beside
+    those the lattice of all values is a fine one, of the digits that it was printed with.
 
     Examples
     --------
@@ -128,7 +132,8 @@ def encoder_lattice(signal: FloatArray) -> Lattice | None:
     (True, 0.1)
     """
     held = signal[1:][signal[1:] == signal[:-1]]
-    return lattice(signal) or (lattice(held) if np.unique(held).size > FEWEST else None)
+    of_all, of_held = lattice(signal), lattice(held) if np.unique(held).size > FEWEST else None
+    return of_held if of_all is None or (of_held is not None and of_held.step > FINE * of_all.step) else of_all
 
 
 def noise_level(signal: FloatArray, step: float | None = None) -> float:
