@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
@@ -84,9 +85,20 @@ def linked(sentence: str) -> Markup:
     return Markup(text)  # escaped above
 
 
-def styles() -> tuple[list[Markup], Markup]:
-    """The style sheets, and the dark one."""
-    return [Markup(own_file(name)) for name in STYLES], Markup(own_file(DARK))  # fracid's own
+def rendered(
+    template: str, scripts: Sequence[str | Markup], *, more_styles: Sequence[str] = (), images: bool = False,
+    **context: Any,
+) -> str:  # fmt: skip
+    """A page of a template with its style sheets, its scripts, and the policy that lets these and nothing else act.
+
+    A script is the name of a file beside this one, or the text of one.
+    """
+    own = [Markup(own_file(name)) for name in (*STYLES, *more_styles)]  # fracid's own
+    dark = Markup(own_file(DARK))
+    texts = [text if isinstance(text, Markup) else Markup(own_file(text)) for text in scripts]
+    allowed = policy([*own, dark], texts, images=images)
+    page = environment_of_pages().get_template(template)
+    return page.render(styles=own, dark=dark, scripts=texts, policy=allowed, **context)
 
 
 def _seen(value: Any) -> Any:

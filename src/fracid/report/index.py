@@ -25,7 +25,7 @@ from fracid.fit import ResultBlock
 from fracid.optimise.base import Outcome
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
-from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
 from fracid.report.sentences import joined, letter, number
 from fracid.report.study import Found, read_study, studies_of, write_study
@@ -258,7 +258,6 @@ def _address_of(page: Path, folder: Path) -> str:
 
 
 def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[StudyOfIndex]) -> str:
-    (own, dark), scripts = styles(), [Markup(own_file(name)) for name in ("theme.js", "index.js")]  # fracid's own
     axis = order_axis([e for run in runs for e in run.result["orders"].values()])
     cards = [
         {
@@ -281,11 +280,8 @@ def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[StudyOfIndex
     cards.sort(key=lambda card: (card["started"], card["name"]))
     kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))
     counts = [f"{len(own)} {words[len(own) > 1]}" for own, words in kinds if own]
-    template = environment_of_pages().get_template("index.html.j2")
-    return template.render(
-        title=f"{' and '.join(counts)} in {folder.resolve().name}", runs=cards, styles=own, dark=dark,
-        scripts=scripts, generator=Markup(GENERATOR), policy=policy([*own, dark], scripts),
-    )  # fmt: skip
+    title = f"{' and '.join(counts)} in {folder.resolve().name}"
+    return rendered("index.html.j2", ("theme.js", "index.js"), title=title, runs=cards, generator=Markup(GENERATOR))
 
 
 def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:

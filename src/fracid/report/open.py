@@ -27,7 +27,7 @@ from fracid.recording.channel import TABLES
 from fracid.recording.guess import NAMES
 from fracid.recording.readers.table import Table, read_table
 from fracid.report.explore import doubles
-from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.frame import rendered
 from fracid.report.sentences import letter
 from fracid.report.study import in_script
 from fracid.safety.door import write_text
@@ -85,22 +85,15 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     >>> "Preview: no interval, no claim" in open_page_text()
     True
     """
-    own, dark = styles()
-    own.append(Markup(own_file("open.css")))
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
-    scripts = [Markup(f"\n{solver().strip()}\n"), *(Markup(own_file(name)) for name in SCRIPTS[:-1]),
-               Markup(f"\n{_written(found)}\n"), Markup(own_file(SCRIPTS[-1]))]  # fmt: skip
+    scripts = [Markup(f"\n{solver().strip()}\n"), *SCRIPTS[:-1], Markup(f"\n{_written(found)}\n"), SCRIPTS[-1]]
     data = {
         "models": {name: _spec(name, m) for name, m in found.items()},
         "units": {"signal": TABLES["signal"], "time": TABLES["time"]},
         "table": table,
     }
-    return (
-        environment_of_pages()
-        .get_template("open.html.j2")
-        .render(title="Open a recording", data=in_script(data), explore_reason="", preview=True, styles=own, dark=dark,
-                scripts=scripts, policy=policy([*own, dark], scripts))
-    )  # fmt: skip
+    return rendered("open.html.j2", scripts, more_styles=("open.css",), title="Open a recording", data=in_script(data),
+                    explore_reason="", preview=True)  # fmt: skip
 
 
 def table_for_page(table: Table, name: str, variable: str | None = None) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from fracid.problem.project import Project
 from fracid.report.charts import Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
-from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.frame import rendered
 from fracid.report.index import (
     RUNS_BEGIN,
     RUNS_END,
@@ -166,17 +166,9 @@ def report_page(material: Material) -> str:
         HTML.
     """
     charts = _charts(material)
-    own, dark = styles()
-    scripts = [*scene_script(material.project.problem.model), *(Markup(own_file(name)) for name in SCRIPTS)]
+    scripts = [*scene_script(material.project.problem.model), *SCRIPTS]
     scripts += [Markup(f"\n{text.strip()}\n") for text in explore_scripts(material)]  # fracid's own
-    return (
-        environment_of_pages()
-        .get_template("page.html.j2")
-        .render(
-            **_context(material, charts), styles=own, dark=dark, scripts=scripts, policy=policy([*own, dark], scripts),
-            data=_data(material, charts),
-        )
-    )  # fmt: skip
+    return rendered("page.html.j2", scripts, **_context(material, charts), data=_data(material, charts))
 
 
 # --- data for the scripts --------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from markupsafe import Markup
 
 from fracid.errors import InputError, writing
 from fracid.experiments.plan import PlanBlock
-from fracid.report.frame import environment_of_pages, own_file, policy, styles
+from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, interval, letter, number
 from fracid.safety.door import bytes_of, text_of, write_text
@@ -276,19 +276,13 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
     command = words if words[:1] == [study.command] else [study.command, record.get("source") or _source(folder)]
     ladder = ladder_of(record) if file == "compare.json" else None
     data = _curves(folder, record) if ladder else None
-    own, dark = styles()
-    names = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
-    scripts = [Markup(own_file(name)) for name in names]  # fracid's own
-    return (
-        environment_of_pages()
-        .get_template("study.html.j2")
-        .render(
-            title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
-            file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
-            ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
-            figures=list(_figures(folder, study.figures)), texts=dict(_texts(folder, study.texts)), styles=own,
-            dark=dark, scripts=scripts, policy=policy([*own, dark], scripts, images=True),
-        )
+    scripts = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
+    return rendered(
+        "study.html.j2", scripts, images=True,
+        title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
+        file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
+        ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
+        figures=list(_figures(folder, study.figures)), texts=dict(_texts(folder, study.texts)),
     )  # fmt: skip
 
 
