@@ -7,8 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from fracid import Experiment, Free, Model, Parameter, Problem, identify, simulate
+from fracid.estimation.horizons import Watch, refined
 from fracid.selection.claim import OrderFound, claim_of
-from fracid.selection.finite_memory import with_relaxations
+from fracid.selection.finite_memory import HOPELESS, finite_memories, with_relaxations
 from fracid.selection.integer_rival import Alternative, FiniteMemory, Trial
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
@@ -83,6 +84,30 @@ def test_a_body_with_a_weak_second_lump_is_not_called_fractional():
     assert [m.relaxations for m in memories] == [1]
     assert memories[0].gain < 10
     assert "worth no more than one relaxation" in fit.claim_reasons[0]
+
+
+def spring(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1]
+
+
+@pytest.mark.broad
+def test_what_coarser_recordings_lead_to_is_what_every_sample_leads_to_but_for_who_is_far_off(monkeypatch):
+    constants = Parameter("k", "1/s^2", 40.0, "spring"), Parameter("b", "1/s", 0.3, "loss")
+    model = Model("spring", spring, ("phi", "rate"), ("q", "q"), {"phi": 0}, (), constants, "", "a test")
+    run = simulate(model, orders={"q": 0.95}, initial={"phi": 0.6}, step=5e-3, end=10.0)
+    seen = run.states[:, :1] + 1e-3 * np.random.default_rng(1).standard_normal((len(run.states), 1))
+    swing = Experiment("swing", 5e-3, seen, np.zeros((1, 0)), initial={"phi": 0.6, "rate": 0.0})
+    problem = Problem(model, (swing,), {"q": Free(0.95, 0.5, 1.2)}, {"k": Free(40.0, 5.0, 200.0)}, initial_state="held")
+    best = refined(problem, problem.start, 1, Watch()).best
+    quick = finite_memories(problem, best, ["q"])
+    monkeypatch.setattr("fracid.selection.finite_memory.thinned", lambda problem, _: problem)
+    slow = finite_memories(problem, best, ["q"])
+    near = [m.relaxations for m in slow if m.gain < HOPELESS]
+    assert near == [2, 3]
+    assert near == [m.relaxations for m in quick if m.gain < HOPELESS]
+    gains = [[m.gain for m in found if m.relaxations in near] for found in (quick, slow)]
+    assert gains[0] == pytest.approx(gains[1], abs=3.0)
 
 
 @pytest.mark.broad

@@ -63,6 +63,9 @@ SHRINKS = 0.5
 DIFFERENCE = 1e-6
 """Of an unknown's size, by which it is differentiated."""
 
+ROUGHLY = (32, 0, 1000)
+"""Coarse samples in a period, samples from which on, coarse samples of all: where they only tell about where it is."""
+
 PART = 16_000
 """Coarse samples of a recording on which other models are compared with the fit."""
 
@@ -93,7 +96,7 @@ def coarse_problem(problem: Problem) -> Problem:
     >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, coarse.substeps
     (75000, 0.004, 1)
     """
-    every = _every(problem)
+    every = _every(problem, PER_PERIOD, LONG, FEWEST)
     if every == 1:
         return problem
     coarse = like(problem, problem.experiments, every)
@@ -306,17 +309,41 @@ def memory_needed(problem: Problem) -> int:
     samples = sum(len(e.measured) for e in problem.experiments)
     unknowns = len(problem.names) if problem.blocks is None else len(problem.blocks.groups)
     run = 8 * (4 * len(problem.model.states) + 4 * len(problem.outputs) + 20)
-    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // _every(problem)
+    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // _every(
+        problem, PER_PERIOD, LONG, FEWEST
+    )
 
 
-def _every(problem: Problem) -> int:
+def thinned(problem: Problem, x: FloatArray) -> Problem:
+    """The problem on coarser recordings, a step of ``pi2`` for each sample, with its own residuals at x.
+
+    It tells cheaply about where another model of the same recordings has its minimum; the same problem where it cannot.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> t = 1e-3 * np.arange(10_000)
+    >>> swing = Experiment("swing", 1e-3, np.sin(6 * t)[:, None] * [0.1, 1.0], np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (swing,), {"lambda": 1.0, "mu": 1.0}, initial_state="rest")
+    >>> [e.step for e in thinned(problem, problem.start).experiments]
+    [0.008]
+    """
+    every = 1 if problem.in_windows else _every(problem, *ROUGHLY)
+    if every == 1:
+        return problem
+    coarse = replace(like(problem, problem.experiments, every), method="pi2", substeps=STEPS, memo=Recent(MEMORY))
+    exact = _with_defect(coarse, replace(coarse, method=problem.method, substeps=every * problem.substeps), x)
+    return problem if isinstance(exact, Failure) else exact
+
+
+def _every(problem: Problem, per_period: int, long: int, fewest: int) -> int:
     """Of how many samples the means are, a power of two; 1 where nothing is to be gained, or it cannot be."""
     samples = sum(len(e.measured) for e in problem.experiments)
     raw = METHODS[problem.method].raw
-    if samples < LONG or raw or problem.cost_function.loss is None or not all(map(possible, problem.experiments)):
+    if samples < long or raw or problem.cost_function.loss is None or not all(map(possible, problem.experiments)):
         return 1
     periods = [(len(e.measured) - 1) / e.swings if e.swings else math.inf for e in problem.experiments]
-    most = min(min(periods) / PER_PERIOD, samples / FEWEST)
+    most = min(min(periods) / per_period, samples / fewest)
     every = 1 << max(0, math.floor(math.log2(most)))
     return every if 8 * len(problem.names) * len(problem.outputs) * samples // every <= DENSE else 1
 

@@ -25,19 +25,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
 
+from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.long_records import thinned
 from fracid.models import Model, Parameter
 from fracid.models.base import RightHandSide
 from fracid.models.joints import Complement
-from fracid.optimise import Evaluation
+from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
+from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import FEW, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
 
@@ -59,11 +63,23 @@ ROUGH = {"tolerance": 1e-3, "budget": 15}
 FINE = {"tolerance": 1e-5, "budget": 40}
 """From the best of them."""
 
+FAIR = {"tolerance": 1e-4, "budget": 15}
+"""From the best of them on coarser recordings, from where it goes on."""
+
+SOME = {"tolerance": 1e-5, "budget": 8}
+"""On every sample, from what coarser recordings found: enough to see who is far off."""
+
+HOPELESS = 100.0
+"""A difference of BIC that no further steps make up for."""
+
 PLACES = (0.5, 0.8)
 """From where the last time constant begins, in the logarithm between a step and the record; others lie below it."""
 
 SAME_DIRECTION = 1e-5
 """Directions of the Jacobian below this part of its largest singular value are none."""
+
+FAR = 2.0
+"""Times the fractional fit's cost on coarser recordings: who is above is not fitted to every sample."""
 
 AT_END = 1e-2
 """Next to a limit: ln τ."""
@@ -104,50 +120,57 @@ def finite_memories(
     >>> [(m.relaxations, m.as_well) for m in finite_memories(problem, best, ["q"])]
     [(1, True)]
     """
-    groups = _groups(problem, off)
+    groups, about = _groups(problem, off), thinned(problem, best.point)
+    far, own = FAR * about.cost(best.point), _parameters(problem, best.point, set(), jobs)
     memories: list[FiniteMemory] = []
     values = problem.named(best.point)
     fewer: dict[str, float] = {}
     for count in range(1, MOST + 1):
         rival = _relaxing(problem, best, groups, count)
-        starts = [values | _begun(problem, best, groups, count, place) for place in PLACES]
-        starts += [starts[-1] | fewer | _faint(groups, rival, count)] if fewer else []
-        end = _lowest(rival, starts, jobs)
-        memories.append(_judged(rival, end, groups, count, problem, best, jobs))
-        fewer = rival.named(end.point)
+        nearly = rival if about is problem else _relaxing(about, best, groups, count)
+        starts = [values | _begun(about, best, groups, count, place) for place in PLACES]
+        starts += [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
+        end = _lowest(nearly, starts, jobs, FINE if nearly is rival else FAIR)
+        fewer = nearly.named(end.point)
+        more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, jobs) - own
+        if nearly is not rival:
+            far_off, end = end.cost > far, rival.evaluate(embedded(rival, fewer))
+            for steps in () if far_off else (SOME, FINE):
+                found = uninterrupted(refined(rival, end.point, jobs, Watch(), **steps))
+                end = found.best
+                if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more) > HOPELESS:
+                    break
+        memories.append(_judged(rival, end, count, _gain(rival, end, problem, best, more)))
         if memories[-1].as_well:
             break
     return tuple(memories)
 
 
-def _lowest(rival: Problem, starts: Sequence[Mapping[str, float]], jobs: int) -> Evaluation:
+def _lowest(rival: Problem, starts: Sequence[Mapping[str, float]], jobs: int, last: Mapping[str, Any]) -> Evaluation:
     ends = [uninterrupted(refined(rival, embedded(rival, x), jobs, Watch(), **ROUGH)).best for x in starts]
     end = min(ends, key=lambda e: e.cost)
-    return end if end.residuals is None else uninterrupted(refined(rival, end.point, jobs, Watch(), **FINE)).best
+    return end if end.residuals is None else uninterrupted(refined(rival, end.point, jobs, Watch(), **last)).best
 
 
-def _judged(
-    rival: Problem, end: Evaluation, groups: Mapping[str, Sequence[int]], count: int, problem: Problem,
-    best: Evaluation, jobs: int,
-) -> FiniteMemory:  # fmt: skip
-    """Beside the fractional fit; one that has no run ends nothing."""
-    if end.residuals is None:
-        return FiniteMemory(count, math.inf, math.inf)
-    scales = {f"share1_{name}" for name in groups}
-    more = _parameters(rival, end, scales, jobs) - _parameters(problem, best, set(), jobs)
-    _, gain = gain_over(Rival(rival, end, "", {}), problem, best, more)
+def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, more: int) -> float:
+    """Of the fractional fit over one with so many parameters more; infinite where that has no run."""
+    return math.inf if end.residuals is None else gain_over(Rival(rival, end, "", {}), problem, best, more)[1]
+
+
+def _judged(rival: Problem, end: Evaluation, count: int, gain: float) -> FiniteMemory:
+    """Beside the fractional fit; one that has no run ends nothing, and of one that is far from it nothing is asked."""
     at = dict(zip(rival.unknowns, end.point.tolist(), strict=True))
     limited = any(not u.range.lower + AT_END < v < u.range.upper - AT_END for u, v in at.items()
                   if u.target.startswith("ln_tau"))  # fmt: skip
-    noise = all(left.noise for left in leftovers(rival, end.point).values())
-    return FiniteMemory(count, end.cost, gain, settles=noise and not limited)
+    settles = gain <= STRONG and not limited and all(left.noise for left in leftovers(rival, end.point).values())
+    return FiniteMemory(count, end.cost, gain, settles)
 
 
-def _parameters(problem: Problem, best: Evaluation, scales: set[str], jobs: int) -> int:
+def _parameters(problem: Problem, x: FloatArray, scales: set[str], jobs: int) -> int:
     """As how many parameters unknowns count: of what all recordings share, what another stands in for is none."""
     columns = [i for i, u in enumerate(problem.unknowns) if u.experiment is None and u.target not in scales]
     own = sum(u.experiment is not None for u in problem.unknowns)
-    J = jacobian(problem, best.point, np.array(columns), jobs=jobs)
+    J = jacobian(problem, x, np.array(columns), jobs=jobs)
     if isinstance(J, Failure):
         return own + len(columns)
     rows = np.concatenate([np.nan_to_num(j.reshape(-1, len(columns))) for j in J])
