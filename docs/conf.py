@@ -23,10 +23,11 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx_copybutton",
-    "accessible",  # these ten are in _site/
+    "accessible",  # these eleven are in _site/
     "commands",
     "docstrings",
     "excerpts",
+    "library",
     "live_report",
     "mathml",
     "modules",

@@ -51,6 +51,19 @@ def test_every_public_name_is_in_the_reference_once():
     assert set(shown.values()) == {1}
 
 
+def test_every_model_of_the_library_has_a_section_with_its_picture_and_all_that_it_has(part):
+    sections = re.split(r"(?m)^## ", text_of("models"))[1:]
+    assert sorted(section.splitlines()[0] for section in sections) == sorted(fracid.models.MODELS)
+    for section in sections:
+        name = section.splitlines()[0]
+        assert "![" in section
+        assert f"<!-- all of {name} -->" in section
+        said = part("library").all_of(name)
+        model = fracid.model(name)
+        assert model.source in said
+        assert all(f"| `{p.name}` | {p.value:g} | {p.unit} |" in said for p in model.parameters)
+
+
 def public(base):
     """What a class itself gives to the classes below it."""
     return [name for name in vars(base) if not name.startswith("_")]

@@ -422,11 +422,20 @@ class Matlab(Plain):
     words: ClassVar[str] = (
         "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return "
         "spmd switch try until do endif endwhile endfor endfunction end_try_catch unwind_protect while value rates rhs "
-        "fix gammaln rem nthroot imag zeros NaN Inf i j e pi eps ans abs min max sign true false"
+        "fix gammaln rem nthroot imag real_or_nan zeros NaN Inf i j e pi eps ans abs min max sign true false"
     )
     complex: ClassVar[frozenset[str]] = frozenset(("sqrt", "log", "log2", "log10", "log1p", "asin", "acos", "acosh",
-                                                   "atanh", "**"))  # fmt: skip
+                                                   "atanh"))  # fmt: skip
     """What may be complex here, where others say that there is no value."""
+    REAL: ClassVar[str] = (
+        "function value = real_or_nan(value)\n% A number that is complex is none.\n"
+        "  value(imag(value) ~= 0) = NaN;\nend\n\n"
+    )
+
+    def text(self, beside: Writer | None = None) -> str:
+        """With the function that takes complex numbers away, where one may be."""
+        text, there = super().text(beside), beside.text() if beside else ""
+        return self.REAL + text if "real_or_nan(" in text and "real_or_nan(" not in there else text
 
     def number(self, v: float) -> str:
         """As Python writes it."""
@@ -437,7 +446,9 @@ class Matlab(Plain):
 
     def power(self, base: Expression, exponent: Expression) -> tuple[str, int]:
         """An operation, which is done from left to right."""
-        return f"{self.expression(base, ATOM)} ^ {self.expression(exponent, ATOM)}", 8
+        power = f"{self.expression(base, ATOM)} ^ {self.expression(exponent, ATOM)}"
+        whole = isinstance(exponent, Number) and float(exponent.value).is_integer()
+        return (power, 8) if whole else (f"real_or_nan({power})", ATOM)
 
     def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
         """A function, which evaluates both."""
@@ -445,7 +456,9 @@ class Matlab(Plain):
 
     def call(self, f: str, arguments: Sequence[Expression]) -> str:
         """The cube root has a name for all roots."""
-        return super().call("nthroot", (*arguments, Number(3))) if f == "cbrt" else super().call(f, arguments)
+        if f == "cbrt":
+            return super().call("nthroot", (*arguments, Number(3)))
+        return f"real_or_nan({super().call(f, arguments)})" if f in self.complex else super().call(f, arguments)
 
     def assigned(self, target: Name | Entry, value: Expression) -> str:
         """In full."""
@@ -476,9 +489,7 @@ class Matlab(Plain):
     def main(self, lines: list[str]) -> list[str]:
         """The right-hand side itself, and the rates of states that relax."""
         n, kept = len(self.program.states), len(self.program.relaxing)
-        used = {_what(e) for e in parts((self.program.body, self.program.functions))}
-        real = [] if self.complex.isdisjoint(used) else ["  f(imag(f) ~= 0) = NaN;"]
-        return ["function [f, rates] = rhs(x, u, p)", *self._about(), f"  f = zeros({n + kept}, 1);", *lines, *real,
+        return ["function [f, rates] = rhs(x, u, p)", *self._about(), f"  f = zeros({n + kept}, 1);", *lines,
                 f"  rates = f({n + 1}:end);  f = f(1:{n});  % with which states that relax forget", "end"]  # fmt: skip
 
 
