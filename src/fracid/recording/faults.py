@@ -58,11 +58,12 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, stretches
 from fracid.findings import Finding, Words
+from fracid.recording.backwards import counted_backwards
 from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
 from fracid.recording.measures import FAMILIAR_COUNTS, GAP, is_pendulum
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import quickening, swing_count, swing_period
+from fracid.signals.swing import final_value, quickening, swing_count, swing_period
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -181,6 +182,10 @@ def signal_faults(
         findings += _saturated(s, x)
         findings += _set_clock(s, t, x) if pendulum else ()
         findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
+    pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
+    if len(pair) == 2 and np.isfinite(signals["alpha"]).all():
+        rest = pair["alpha"].rest if pair["alpha"].at_rest else final_value(signals["alpha"]) or 0.0
+        findings += counted_backwards(float(np.median(np.diff(time))), signals["theta"], signals["alpha"] - rest)
     return tuple(findings)
 
 
