@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from fracid.arrays import FloatArray
+    from fracid.bayes.result import Posterior
     from fracid.estimation.cost_plane import CostPlane
     from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
@@ -222,6 +223,12 @@ def of_comparison(comparison: Comparison, style: str = "screen") -> Figures:
 def plotted(name: str, result: Any) -> Figures:
     """The one figure of a result that plots itself."""
     yield name, result.plot()
+
+
+def of_posterior(drawn: Posterior) -> Figures:
+    """Each parameter and each pair, and the simulations that come of them."""
+    yield "posterior", drawn.plot()
+    yield "posterior-predictive", drawn.plot_predictive()
 
 
 def of_study(study: NoiseStudy | StudyBlock, style: str = "screen") -> Figures:

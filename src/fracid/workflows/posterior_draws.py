@@ -6,7 +6,7 @@ Every batch of simulations goes into the folder's journal as it ends, and the sa
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,16 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
-from fracid.errors import InputError, unknown_name, writing
+from fracid.errors import InputError, unknown_name
 from fracid.optimise.base import Outcome
-from fracid.report.index import write_study_page
 from fracid.runs.environment import versions
-from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.door import write_whole
 from fracid.safety.paths import refuse_mistaken
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.records import command_of, json_document, write_files
+from fracid.workflows.figures import of_posterior
+from fracid.workflows.records import command_of
 from fracid.workflows.study import Finished, begun, digest_of, folder_of
 
 DRAWN = "draws.npz"
@@ -112,10 +110,10 @@ def run_posterior(
             drawn = posterior(
                 saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
             )
-    record = drawn.to_json() | {"source": str(run)}
-    figures = _written(drawn, record, folder)
-    write_study_page(folder, FinishedPosterior.FILE)
-    return FinishedPosterior(folder, figures, record, drawn)
+    content = io.BytesIO()
+    np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
+    return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, of_posterior(drawn), watching,
+                                     {DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
 
 
 def header_of_run(saved: SavedRun, kind: str) -> dict[str, Any]:
@@ -133,16 +131,3 @@ def _fault(_key: str, values: Any) -> str:
     """What is wrong with a batch, as a line of the journal has it."""
     numbers = isinstance(values, list) and all(v is None or isinstance(v, float | int) for v in values)
     return "" if numbers else "expected a list of numbers"
-
-
-def _written(drawn: Posterior, record: Mapping[str, Any], folder: Path) -> tuple[Path, ...]:
-    """Write it; gives the figures."""
-    from fracid.plots import posterior_corner, posterior_predictive, save
-
-    write_files(folder, {FinishedPosterior.FILE: json_document(record)})
-    content = io.BytesIO()
-    np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
-    with writing(f"The folder {folder}"):
-        write_whole(folder / DRAWN, content.getvalue())
-    corner = save(posterior_corner(drawn), folder / FIGURES, "posterior")
-    return (*corner, *save(posterior_predictive(drawn), folder / FIGURES, "posterior-predictive"))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import writing
-from fracid.safety.door import write_text
+from fracid.safety.door import write_text, write_whole
 from fracid.safety.text import csv_cell
 
 
@@ -42,8 +42,8 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def write_files(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write texts under their names, each whole or not at all, into a folder that is made if need be.
+def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> None:
+    """Write texts and bytes under their names, each whole or not at all, into a folder that is made if need be.
 
     Raises
     ------
@@ -60,8 +60,9 @@ def write_files(folder: Path, texts: Mapping[str, str]) -> None:
     """
     with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            write_text(folder / name, text)
+        for name, content in contents.items():
+            write: Any = write_text if isinstance(content, str) else write_whole
+            write(folder / name, content)
 
 
 def command_of(command: str, place: Path, options: Mapping[str, object]) -> list[str]:

@@ -53,11 +53,11 @@ class Finished(CardDisplay):
     @classmethod
     def written(
         cls, folder: Path, record: Mapping[str, Any], figures: Figures, observer: Observer,
-        texts: Mapping[str, str] | None = None, **found: Any,
+        contents: Mapping[str, str | bytes] | None = None, **found: Any,
     ) -> Self:  # fmt: skip
-        """Write what was found: the JSON file and `texts` beside it, the figures, the page."""
+        """Write what was found: the JSON file and `contents` beside it, the figures, the page."""
         observer.stage("figures")
-        write_files(folder, {**(texts or {}), cls.FILE: json_document(record)})
+        write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
         drawn = saved(figures, folder)
         write_study_page(folder, cls.FILE)
         observer.stage("")
