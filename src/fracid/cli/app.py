@@ -321,12 +321,21 @@ def print_figures(console: Any, paths: Iterable[Path]) -> None:
         print_entry(console, "figures", f"{folder}: {', '.join(stems)}")
 
 
-def print_study(console: Any, files: Mapping[str, Path | None], figures: Iterable[Path]) -> None:
-    """Print where a study left what it found: heading → file, those of None left out; then its figures."""
-    for heading, path in files.items():
+def print_study(console: Any, finished: Any, *steps: tuple[str, str], **more: Path | None) -> None:
+    """Print where a study left what it found, and `more` beside it but for None; its figures; what to type next."""
+    for heading, path in {"result": finished.path, **more, "page": finished.page}.items():
         if path is not None:
             print_entry(console, heading, str(path))
-    print_figures(console, figures)
+    print_figures(console, finished.figures)
+    say_next(console, *steps)
+
+
+def warn(console: Any, *sentences: str) -> None:
+    """Print sentences, each with a mark."""
+    from rich.markup import escape
+
+    for sentence in sentences:
+        say(console, escape(sentence), "[yellow]![/yellow] ", 2)
 
 
 def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str] | None = None) -> None:

@@ -109,8 +109,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
             say(console, escape(sentence), "  ", 2)
     if comparison.verdict not in comparison.claim_reasons:  # those stand above the tables
         say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
-    print_study(console, {"result": finished.path, "table": finished.table, "best": finished.best,
-                          "page": finished.page}, finished.figures)  # fmt: skip
+    print_study(console, finished, table=finished.table, best=finished.best)
 
 
 def _print_structures(console: Console, comparison: Comparison) -> None:

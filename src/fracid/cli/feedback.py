@@ -16,8 +16,8 @@ from fracid.cli.app import (
     print_study,
     print_table,
     say,
-    say_next,
     typed,
+    warn,
 )
 from fracid.tasks.display import shown
 
@@ -91,8 +91,5 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
     if (trial := found.trials[found.worst_draw]) and not trial.holds:
         values = ", ".join(f"{n} = {v:.4g}" for n, v in found.worst.items())
         print_entry(console, "worst", f"lost after {trial.until:.3g} s: {values}")
-    for note in found.notes:
-        say(console, escape(note), "[yellow]![/yellow] ", 2)
-    files = {"result": finished.path, "code": finished.folder / "controller.c", "page": finished.page}
-    print_study(console, files, finished.figures)
-    say_next(console, (after, "the model as C"))
+    warn(console, *found.notes)
+    print_study(console, finished, (after, "the model as C"), code=finished.folder / "controller.c")

@@ -26,6 +26,7 @@ from fracid.cli.app import (
     say,
     say_next,
     typed,
+    warn,
 )
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
@@ -179,10 +180,9 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
     warnings = [w for w in unsaid(run.result) if w != PARTIAL]
     notes = _folded([n for n in (*warnings, *run.project.notes) if n not in told], fit.problem.outputs)
-    for note in notes[:SHOWN]:
-        say(console, escape(note), "[yellow]![/yellow] ", 2)
+    warn(console, *notes[:SHOWN])
     if len(notes) > SHOWN:
-        say(console, f"{len(notes) - SHOWN} more: on the page, and in result.json", "[yellow]![/yellow] ", 2)
+        warn(console, f"{len(notes) - SHOWN} more: on the page, and in result.json")
     if fit.discretisation is not None:
         say(console, f"discretisation: {escape(_discretisation(fit))}", "  ", 2)
     if fit.cut is not None and not fit.cut.warnings:

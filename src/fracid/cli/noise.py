@@ -16,7 +16,6 @@ from fracid.cli.app import (
     one_place,
     print_study,
     say,
-    say_next,
     typed,
 )
 from fracid.cli.app import table as new_table
@@ -103,9 +102,7 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
     for sentence in study.sentences():
         mark = "" if with_code([sentence], "believed") else "[yellow]![/yellow] "
         say(console, escape(sentence), mark, 2 if mark else 0)
-    files = {"result": finished.path, "table": finished.table, "page": finished.page}
-    print_study(console, files, finished.figures)
-    say_next(console, after)
+    print_study(console, finished, after, table=finished.table)
 
 
 def _row(name: str, s: Statistics) -> tuple[str, ...]:

@@ -13,7 +13,8 @@ from fracid.cli.app import (
     assigned,
     command,
     numbers,
-    print_study,
+    print_entry,
+    print_figures,
     print_table,
     say_next,
     typed,
@@ -148,6 +149,7 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
     if len(plan.alone or {}) > 1:
         alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
         console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
-    files = {"sheet": finished.folder / "sheet.txt", "page": finished.folder / "plan.html"}
-    print_study(console, files, finished.files)
+    print_entry(console, "sheet", str(finished.folder / "sheet.txt"))
+    print_entry(console, "page", str(finished.folder / "plan.html"))
+    print_figures(console, finished.files)
     say_next(console, after)

@@ -15,8 +15,8 @@ from fracid.cli.app import (
     print_study,
     print_table,
     say,
-    say_next,
     typed,
+    warn,
 )
 from fracid.errors import SMALLEST
 from fracid.tasks.display import shown
@@ -84,11 +84,8 @@ def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Co
     if (evidence := finished.result["log_evidence"]) is not None:
         error = finished.result["evidence_error"]
         console.print(f"log evidence {evidence:.2f} ± {error:.2g} nats, relative to the greatest likelihood.")
-    for note in drawn.notes:
-        console.print(f"[yellow]![/yellow] {escape(note)}", soft_wrap=True)
-    files = {"result": finished.path, "draws": finished.draws, "page": finished.page}
-    print_study(console, files, finished.figures)
-    say_next(console, *after)
+    warn(console, *drawn.notes)
+    print_study(console, finished, *after, draws=finished.draws)
 
 
 def _prior(prior: dict[str, Any]) -> str:

@@ -13,8 +13,8 @@ from fracid.cli.app import (
     print_study,
     print_table,
     say,
-    say_next,
     typed,
+    warn,
 )
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
@@ -82,14 +82,12 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
     print_table(console, ("", "value", "95 % by profile", "sandwich", "bootstrap", "unit", "profile"), rows)
     spread = analysis.result["spread"]
     few = "" if isinstance(analysis.bootstrap, Failure) else analysis.bootstrap.warning
-    for note in filter(None, (*analysis.profiles.notes, few, *(spread["sentences"] if spread else ()))):
-        say(console, escape(note), "[yellow]![/yellow] ", 2)
+    warn(console, *filter(None, (*analysis.profiles.notes, few, *(spread["sentences"] if spread else ()))))
     for name, verdict in analysis.verdicts.items():
         if verdict.kind != "forgotten" and (verdict.kind != "identifiable" or verdict.reason):
             mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
             say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
-    print_study(console, {"result": analysis.path, "page": analysis.page}, analysis.figures)
-    say_next(console, after)
+    print_study(console, analysis, after)
 
 
 def _half(ends: tuple[float, float] | None) -> str:

@@ -16,6 +16,7 @@ from fracid.cli.app import (
     print_table,
     say_next,
     typed,
+    warn,
 )
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
@@ -91,8 +92,7 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         for heading, text in _start_lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
-        for warning in filter(None, (f.belief, *f.warnings)):
-            console.print(f"[yellow]![/yellow] {escape(warning)}", soft_wrap=True)
+        warn(console, *filter(None, (f.belief, *f.warnings)))
     for note in results.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
     if out is not None:
@@ -101,7 +101,6 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
 
 
 def _print_constants(console: Console, f: Regression) -> None:
-    from rich.markup import escape
 
     rows = []
     for name, c in f.parameters.items():
@@ -115,7 +114,7 @@ def _print_constants(console: Console, f: Regression) -> None:
     doubted = [(n, c.verdict) for n, c in f.parameters.items() if _short(c.verdict) != c.verdict]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
         names = ", ".join(n for n, text in doubted if text == verdict)
-        console.print(f"[yellow]![/yellow] {escape(f'{names}: {verdict}')}", soft_wrap=True)
+        warn(console, f"{names}: {verdict}")
 
 
 def _short(verdict: str) -> str:

@@ -13,9 +13,9 @@ from fracid.cli.app import (
     command,
     print_figures,
     print_table,
-    say,
     say_next,
     typed,
+    warn,
 )
 from fracid.errors import DataError
 from fracid.tasks.display import shown
@@ -70,8 +70,7 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     headings = ("recording", "output", "rms", "steps", "correlated", "count", "PPCC")
     print_table(console, headings, map(_sizes, analysis.all), fold=("recording",))
     partial = [PARTIAL] if Outcome.of(analysis.run.outcome) is Outcome.INTERRUPTED else []
-    for note in (*partial, *analysis.run.notes):
-        say(console, escape(note), "[yellow]![/yellow] ", 2)
+    warn(console, *partial, *analysis.run.notes)
     told: set[str] = set()
     for a in analysis.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)

@@ -16,7 +16,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.search import searched
 from fracid.problem import Problem
-from fracid.problem.project import Project
 from fracid.runs.environment import versions
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
@@ -193,13 +192,11 @@ def _truth_of(source: Path, jobs: int, trust: bool, observer: Observer) -> _Trut
     """Values of a run; those that the search of a project comes to."""
     found = run_or_project(source, trust, observer)
     if isinstance(found, SavedRun):
-        return _truth(found.project, found.problem, found.x, found.optimiser)
-    observer.stage("search")
-    return _truth(found, found.problem, searched(found, "simulate", jobs), found.optimiser)
-
-
-def _truth(project: Project, problem: Problem, x: FloatArray, optimiser: str) -> _Truth:
-    return _Truth(problem, x, optimiser, project.starts, digest_of(project))
+        project, x = found.project, found.x
+    else:
+        observer.stage("search")
+        project, x = found, searched(found, "simulate", jobs)
+    return _Truth(found.problem, x, found.optimiser, project.starts, digest_of(project))
 
 
 # ------------------------------------------------------------------ the study

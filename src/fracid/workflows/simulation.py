@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from fracid._version import __version__
+from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, unknown_name
 from fracid.findings import Words
 from fracid.models import RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
-from fracid.problem.project import load_project
+from fracid.problem import Experiment, Problem
+from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import load_run
@@ -114,27 +116,28 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
 
 def _of_project(path: Path, recording: str | None, trust: bool) -> Twin:
     project = load_project(path, trust=trust)
-    experiment = _chosen({e.name: e for e in (*project.problem.experiments, *project.validation)}, recording, path)
-    problem = project.problem
-    if experiment in project.validation:
-        problem = problem.with_shared(problem.start, (experiment,))
+    problem, experiment = _with_one(project, project.problem, project.problem.start, recording, path)
     return Twin.of_problem(problem, problem.start, experiment)
 
 
 def _of_run(folder: Path, recording: str | None, trust: bool) -> Twin:
     run = load_run(folder, trust=trust)
-    problem, validation = run.problem, run.project.validation
-    experiment = _chosen({e.name: e for e in (*problem.experiments, *validation)}, recording, folder)
-    if experiment in validation:
-        problem = problem.with_shared(run.x, (experiment,))
+    problem, experiment = _with_one(run.project, run.problem, run.x, recording, folder)
     values = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
     return Twin.of_problem(problem, np.array(values), experiment)
 
 
-def _chosen(there: Mapping[str, Any], recording: str | None, where: Path) -> Any:
+def _with_one(
+    project: Project, problem: Problem, x: FloatArray, recording: str | None, where: Path
+) -> tuple[Problem, Experiment]:
+    """The recording that is named, or the first, and the problem that it is of."""
+    there = {e.name: e for e in (*problem.experiments, *project.validation)}
     if recording is not None and recording not in there:
         raise unknown_name(f"recording of {where}", recording, tuple(there))
-    return there[recording] if recording is not None else next(iter(there.values()))
+    experiment = there[recording or next(iter(there))]
+    if experiment in project.validation:
+        problem = problem.with_shared(x, (experiment,))
+    return problem, experiment
 
 
 def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:
