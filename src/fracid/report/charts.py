@@ -5,17 +5,16 @@ The SVG takes its colours from the classes of ``page.css``, so it follows the th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, floor, log10
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from fracid.arrays import FloatArray, extremes
+from fracid.report.drawing import drawn
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import number, raised
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 66.0, 6.0, 40.0
 """Room around the plot for ticks and labels [px]."""
@@ -121,6 +120,10 @@ class Axis:
         placed: FloatArray = self.start + (v - low) / (high - low) * (self.end - self.start)
         return placed
 
+    def within(self, value: float) -> float:
+        """The place of a value, or the end that it is beyond."""
+        return float(self.at(min(max(value, self.low), self.high)))
+
     def inside(self, value: float) -> bool:
         """Whether a value is on the axis."""
         return self.low <= value <= self.high
@@ -217,8 +220,8 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     Examples
     --------
     >>> t = np.linspace(0, 1, 5)
-    >>> drawn = still(Chart("<swing>", t, "time [s]", "α [°]", (Series("measured", np.sin(t), "measured"),)))
-    >>> drawn.startswith('<svg class="still"'), "<swing>" in drawn, "&lt;swing&gt;" in drawn
+    >>> text = still(Chart("<swing>", t, "time [s]", "α [°]", (Series("measured", np.sin(t), "measured"),)))
+    >>> text.startswith('<svg class="still"'), "<swing>" in text, "&lt;swing&gt;" in text
     (True, False, True)
     """
     right = RIGHT if chart.right else chart.room
@@ -226,69 +229,21 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
-    parts = [
-        *_grid(x, y), *_labels(chart, x, y, width),
+    lines = [
         *(_band(b, x, y) for b in chart.bands if b.kind != "band"),
         *(_path(chart.x, s, x, y, points) for s in chart.series),
         *(_band(b, x, y) for b in chart.bands if b.kind == "band"),
-        *_right(chart, y, width - right), *(_mark(m, x, y) for m in chart.marks), *_key(chart, width - right),
-    ]  # fmt: skip
-    name = escape(f"{chart.title}: {chart.ylabel} over {chart.xlabel or chart.xname}")
-    opened = f'<svg class="still" viewBox="0 0 {width} {chart.height}" role="img" aria-label="{name}">'
-    return Markup(opened + "".join(parts) + "</svg>")  # each part is escaped where it is made
-
-
-def _grid(x: Axis, y: Axis) -> Iterator[str]:
-    across = "".join(f"M{x.start:g} {y.at(v):.1f}H{x.end:g}" for v in y.ticks(30.0))
-    upward = "".join(f"M{x.at(v):.1f} {y.start:g}V{y.end:g}" for v in x.ticks(70.0))
-    yield f'<path class="grid" d="{across}{upward}"/>'
-
-
-def text_at(x: float, y: float, words: str, how: str = "", anchor: str = "middle") -> str:
-    """Some words at a place of an SVG.
-
-    Examples
-    --------
-    >>> text_at(1.0, 2.0, "t < 1 s")
-    '<text x="1.0" y="2.0" text-anchor="middle">t &lt; 1 s</text>'
-    """
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{how}>{escape(words)}</text>'
-
-
-def _labels(chart: Chart, x: Axis, y: Axis, width: int) -> Iterator[str]:
-    for v in x.ticks(70.0):
-        yield text_at(float(x.at(v)), y.start + 15, _tick(v, x.log))
-    for v in y.ticks(30.0):
-        yield text_at(x.start - 5, float(y.at(v)) + 4, _tick(v, y.log), anchor="end")
-    if chart.xlabel:
-        yield text_at((x.start + x.end) / 2, chart.height - 5, chart.xlabel)
-    middle = (y.start + y.end) / 2
-    yield text_at(13, middle, chart.ylabel, f' transform="rotate(-90 13 {middle:g})"')
-    if chart.rightlabel:
-        at = width - 6
-        yield text_at(at, middle, chart.rightlabel, f' transform="rotate(-90 {at} {middle:g})"')
-
-
-def _tick(value: float, log: bool) -> str:
-    """``0.5``; of a logarithmic axis ``10⁻⁴``."""
-    if log and abs(log10(value)) > 2.5:
-        return f"10{raised(round(log10(value)))}"
-    return number(value, ".6g")
-
-
-def _right(chart: Chart, y: Axis, end: float) -> Iterator[str]:
-    shown = [(at, text) for at, text in chart.right if y.inside(at)]
-    if shown:
-        d = "".join(f"M{LEFT:g} {y.at(at):.1f}H{end + 4:g}" for at, _ in shown)
-        yield f'<path class="steps" d="{d}"/>'
-    for at, text in shown:
-        if text:
-            yield text_at(end + 6, float(y.at(at)) + 4, text, anchor="start")
+    ]
+    return drawn(
+        "chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP,
+        lines=Markup("".join(lines)), steps=[(at, text) for at, text in chart.right if y.inside(at)],
+        marks=[_mark(m, x, y) for m in chart.marks if (x if m.axis == "x" else y).inside(m.at)],
+    )  # fmt: skip
 
 
 def _band(band: Band, x: Axis, y: Axis) -> str:
     axis = x if band.axis == "x" else y
-    low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in (band.low, band.high))
+    low, high = (axis.within(v) for v in (band.low, band.high))
     along, across = (
         (min(low, high), abs(high - low)),
         ((y.end, y.start - y.end) if axis is x else (x.start, x.end - x.start)),
@@ -309,8 +264,8 @@ def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
         dots = "".join(f"M{a} {b}h0" for a, b in zip(px.tolist(), py.tolist(), strict=True))
         return f'<path class="points" transform="scale(.1)" d="{dots}"/>'
     d, pen = [], None
-    for a, b, drawn in zip(px.tolist(), py.tolist(), finite[keep].tolist(), strict=True):
-        if not drawn:
+    for a, b, there in zip(px.tolist(), py.tolist(), finite[keep].tolist(), strict=True):
+        if not there:
             pen = None
             continue
         d.append(f"M{a} {b}l" if pen is None else f"{a - pen[0]} {b - pen[1]} ")
@@ -318,10 +273,9 @@ def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
     return f'<path class="{series.kind}" transform="scale(.1)" d="{"".join(d).replace(" -", "-").strip()}"/>'
 
 
-def _mark(mark: Mark, x: Axis, y: Axis) -> str:
+def _mark(mark: Mark, x: Axis, y: Axis) -> dict[str, Any]:
+    """Its line, and where its word stands."""
     axis = x if mark.axis == "x" else y
-    if not axis.inside(mark.at):
-        return ""
     at = float(axis.at(mark.at))
     left = mark.before and at > x.start + 60
     late = left or at > x.end - 60  # the word stands before or after an upright line
@@ -330,15 +284,5 @@ def _mark(mark: Mark, x: Axis, y: Axis) -> str:
         d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * row)
     else:
         d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.start + 0.6 * (x.end - x.start), at - 4)
-    word = text_at(*place, mark.text, ' class="word"', "end" if late and axis is x else "start") if mark.text else ""
-    return f'<path class="mark {mark.kind}" d="{d}"/>{word}'
-
-
-def _key(chart: Chart, end: float) -> Iterator[str]:
-    """What each of several lines is."""
-    at = end - 8
-    for s in reversed(chart.series if len(chart.series) > 1 else ()):
-        yield text_at(at, TOP + 9, s.label, ' class="key"', anchor="end")
-        at -= 7.4 * len(s.label) + 24
-        yield f'<path class="{s.kind}" d="M{at:.0f} {TOP + 5:g}h20"/>'
-        at -= 14
+    anchor = "end" if late and axis is x else "start"
+    return {"kind": mark.kind, "d": d, "text": mark.text, "x": place[0], "y": place[1], "anchor": anchor}

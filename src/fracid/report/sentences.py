@@ -134,6 +134,14 @@ def interval(estimate: Mapping[str, Any]) -> str:
     return " ".join(word if word in "±…" else typeset(word) for word in words)
 
 
+def said(e: Mapping[str, Any]) -> str:
+    """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
+    if half_width(e) is not None:
+        beside = interval(e)
+        return f"{digits(e)}{' ' if beside.startswith('±') else ', '}{beside}"
+    return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
+
+
 def with_error(value: float | None, error: float | None) -> str:
     """A value to the second digit of its error, and that error.
 

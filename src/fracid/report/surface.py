@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import cos, log, pi, sin
+from math import cos, inf, log, pi, sin
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from fracid.arrays import FloatArray
-from fracid.report.charts import Axis, text_at
+from fracid.report.charts import Axis
+from fracid.report.drawing import drawn
 from fracid.report.sentences import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
@@ -111,23 +112,22 @@ def surface_still(surface: Surface) -> Markup:
     --------
     >>> axis = np.linspace(0.8, 1.0, 9)
     >>> bowl = (axis[:, None] - 0.9) ** 2 + (axis - 0.9) ** 2
-    >>> drawn = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, cost_scale(bowl, True), (0.9, 0.9),
-    ...                               ([0.88, 0.92], None), tried=np.array([[0.85, 0.9], [0.9, 0.9]])))
-    >>> drawn.count('class="interval"'), 'class="tried"' in drawn, "order λ" in drawn
+    >>> text = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, cost_scale(bowl, True), (0.9, 0.9),
+    ...                              ([0.88, 0.92], None), tried=np.array([[0.85, 0.9], [0.9, 0.9]])))
+    >>> text.count('class="interval"'), 'class="tried"' in text, "order λ" in text
     (1, True, True)
     """
     x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT if surface.bar else WIDTH - 10)
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
-    parts = [*_colours(surface, x, y), *_integers(surface, x, y), *_axes(surface, x, y),
-             *(_bar(surface.scale, x.end + 10) if surface.bar else ()), *_dots(surface, x, y),
-             *_intervals(surface, x, y), _star(*_at(surface.best, x, y), 9)]  # fmt: skip
-    name = escape(f"{surface.what} over {surface.names[0]} and {surface.names[1]}")
-    opened = f'<svg class="still surface" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{name}">'
-    return Markup(opened + "".join(parts) + "</svg>")  # the names are escaped
-
-
-def _at(point: Any, x: Axis, y: Axis) -> tuple[float, float]:
-    return float(x.at(point[0])), float(y.at(point[1]))
+    thick = (y.start - y.end) / BANDS
+    shades = [(_colour((k + 0.5) / BANDS), y.start - (k + 1) * thick) for k in range(BANDS)]
+    points = () if surface.tried is None else surface.tried.tolist()
+    return drawn(
+        "surface.svg.j2", surface=surface, x=x, y=y, width=WIDTH, height=HEIGHT, shades=shades, thick=thick + 0.4,
+        colours=Markup("".join(_colours(surface, x, y))), levels=[*_levels(surface.scale, y)],
+        tried=[(a, b) for a, b in points if x.inside(a) and y.inside(b)],
+        star=Markup(_star(float(x.at(surface.best[0])), float(y.at(surface.best[1])), 9)),
+    )  # fmt: skip
 
 
 def _colour(share: float) -> str:
@@ -164,57 +164,14 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
             yield f'<path class="level" transform="scale(.1)" d="{"".join(map(_d, lines))}"/>'
 
 
-def _axes(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
-    for v in x.ticks(60.0):
-        yield text_at(float(x.at(v)), y.start + 16, number(v, ".6g"))
-    for v in y.ticks(60.0):
-        yield text_at(x.start - 6, float(y.at(v)) + 4, number(v, ".6g"), anchor="end")
-    middle = (y.start + y.end) / 2
-    yield text_at((x.start + x.end) / 2, HEIGHT - 8, surface.names[0])
-    yield text_at(14, middle, surface.names[1], how=f' transform="rotate(-90 14 {middle})"')
-
-
-def _bar(scale: Scale, left: float) -> Iterator[str]:
-    """What the colours mean."""
-    base, tall = HEIGHT - BOTTOM, HEIGHT - BOTTOM - TOP
-    for k in range(BANDS):
-        top = base - (k + 1) * tall / BANDS
-        place = f'x="{left}" y="{top:.1f}" width="12" height="{tall / BANDS + 0.4:.1f}"'
-        yield f'<rect fill="{_colour((k + 0.5) / BANDS)}" {place}/>'
-    last = float("inf")
-    for at, label in scale.levels:
-        y = base - tall * log(at / scale.low) / log(scale.high / scale.low)
-        if last - y >= 16:
-            yield f'<path class="axis" d="M{left + 12} {y:.1f}h3"/>{text_at(left + 17, y + 4, label, anchor="start")}'
-            last = y
-    middle = base - tall / 2
-    yield text_at(WIDTH - 8, middle, scale.title, how=f' transform="rotate(-90 {WIDTH - 8} {middle})"')
-
-
-def _dots(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
-    if surface.tried is None:
-        return
-    inside = [_at(p, x, y) for p in surface.tried if x.inside(p[0]) and y.inside(p[1])]
-    if inside:
-        yield f'<path class="tried" d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in inside)}"/>'
-
-
-def _integers(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
-    """Where an order is an integer."""
-    for value, axis in zip(surface.integers, (x, y), strict=True):
-        if value is not None and axis.low < value < axis.high:
-            at = float(axis.at(value))
-            d = f"M{at:.1f} {y.start:g}V{y.end:g}" if axis is x else f"M{x.start:g} {at:.1f}H{x.end:g}"
-            yield f'<path class="integer" d="{d}"/>'
-
-
-def _intervals(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
-    a, b = _at(surface.best, x, y)
-    for ends, axis in zip(surface.intervals, (x, y), strict=True):
-        if ends and None not in ends:
-            low, high = (float(axis.at(min(max(v, axis.low), axis.high))) for v in ends)
-            d = f"M{low:.1f} {b:.1f}H{high:.1f}" if axis is x else f"M{a:.1f} {low:.1f}V{high:.1f}"
-            yield f'<path class="interval" d="{d}"/>'
+def _levels(scale: Scale, y: Axis) -> Iterator[tuple[float, str]]:
+    """Where the words beside the colours stand: those that there is room for."""
+    last = inf
+    for level, label in scale.levels:
+        at = y.start - (y.start - y.end) * log(level / scale.low) / log(scale.high / scale.low)
+        if last - at >= 16:
+            yield at, label
+            last = at
 
 
 def _star(x: float, y: float, size: float) -> str:

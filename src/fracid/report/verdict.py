@@ -8,8 +8,17 @@ from typing import Any
 
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
-from fracid.report.sentences import counted, digits, half_width, joined, letter, number, search_sentence, state_letter
-from fracid.report.whiskers import said
+from fracid.report.sentences import (
+    counted,
+    digits,
+    half_width,
+    joined,
+    letter,
+    number,
+    said,
+    search_sentence,
+    state_letter,
+)
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
