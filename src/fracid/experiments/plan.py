@@ -302,7 +302,7 @@ def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = [(k, c) for k, c in enumerate(plan.experiments, 1) if c.arm == arm]
             if own:
-                texts[name] = "\n".join(_project(plan, own, clamped=arm == "clamped")) + "\n"
+                texts[name] = _project(plan, own, clamped=arm == "clamped")
         for name, text in texts.items():
             write_text(folder / name, text)
             files.append(folder / name)
@@ -340,60 +340,67 @@ def _sheet(plan: Plan) -> str:
 # --- the project file --------------------------------------------------------------------------------------
 
 
-def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: bool) -> Iterator[str]:
-    """The lines of a project for recordings that are not there yet."""
+def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: bool) -> str:
+    """A project for recordings that are not there yet."""
     subject, p = plan.subject, plan.subject.problem
     table = subject.table.get("model", {})
     own = {k: table[k] for k in ("name", "rig", "zero", "actuation") if k in table}
     actuation = {"actuation": p.model.inputs[0]} if p.model.name == "rotary-pendulum" and p.model.inputs else {}
     head = own or {"name": p.model.name, **({"zero": p.model.zero} if p.model.zero else {}), **actuation}
-    yield f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."
-    yield "[model]"
-    yield from (f"{k} = {toml_value(v)}" for k, v in head.items())
-    if ".py:" in str(head["name"]):
-        yield "# copy that file beside this one"
-    yield "\n[model.parameters]"
     values: dict[str, Given] = {n: v for n, v in p.parameters.items()}
     if not own.get("rig"):
         values = {q.name: q.value for q in p.model.parameters} | values
     if clamped:
         values["J_theta"] = 1e3
-    yield from (f"{n} = {_value(v)}" for n, v in values.items())
-    yield "\n[model.orders]"
-    yield from (f"{n} = {_value(v)}" for n, v in p.orders.items())
-    outputs = tuple(plan.space.sensors) or p.outputs
-    known = subject.table.get("recording", {})
-    for k, c in experiments:
-        yield f"\n[[recording]]  # {c}"
-        yield f'name = "{k}: {f"{c.release:g}°" if c.release else c.voltage}"\nfile = "recording-{k}.csv"'
-        if hidden := {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs}:
-            yield f"initial = {toml_value(hidden)}"
-        if own_constants := {**p.experiments[0].constants, **dict(c.constants)}:
-            yield f"parameters = {toml_value(own_constants)}"
-        signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
-        missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
-        time = {} if "time" in signals else {"time": {"column": 0}}
-        yield from (f"{n} = {toml_value(v)}" for n, v in {**time, **signals, **missing}.items())
-        if c.voltage is not None:
-            name = driven(p)
-            column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
-            between = "line" if name in p.model.input_rates.values() else "hold"
-            yield f"{name} = {toml_value({**column, 'between': between})}"
-            if "amplifier" in known:
-                yield f"amplifier = {toml_value(known['amplifier'])}"
-        else:
-            yield 'from = "release"'
-            if moment := plan.space.moment:
-                yield f"release_time = {toml_value({'start': 0.0, 'lower': -moment, 'upper': moment})}"
-    yield f'\n[fit]\noutputs = {toml_value(list(outputs))}\ninitial_state = "{plan.space.initial_state}"'
-    yield f"weights = {toml_value(p.weights)}\nmethod = {toml_value(p.method)}"
+    fit = {"outputs": _outputs(plan), "initial_state": plan.space.initial_state, "weights": p.weights,
+           "method": p.method}  # fmt: skip
     if p.per_recording:
-        yield f"per_recording = {toml_value(list(p.per_recording))}"
+        fit["per_recording"] = list(p.per_recording)
+    said = f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."
+    copied = "\n# copy that file beside this one" * (".py:" in str(head["name"]))
+    return "\n\n".join((
+        f"{said}\n{_table('[model]', head)}{copied}",
+        _table("[model.parameters]", {n: _plain(v) for n, v in values.items()}),
+        _table("[model.orders]", {n: _plain(v) for n, v in p.orders.items()}),
+        *(_table(f"[[recording]]  # {c}", _recording(plan, k, c)) for k, c in experiments),
+        _table("[fit]", fit),
+    )) + "\n"  # fmt: skip
 
 
-def _value(value: Given) -> str:
+def _outputs(plan: Plan) -> list[str]:
+    return list(plan.space.sensors or plan.subject.problem.outputs)
+
+
+def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
+    """The table of one experiment, with what the recording so far says of its signals."""
+    p, known, outputs = plan.subject.problem, plan.subject.table.get("recording", {}), _outputs(plan)
+    entries: dict[str, Any] = {
+        "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
+        "initial": {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs},
+        "parameters": {**p.experiments[0].constants, **dict(c.constants)},
+    }  # fmt: skip
+    signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
+    missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
+    entries |= {**({} if "time" in signals else {"time": {"column": 0}}), **signals, **missing}
+    if c.voltage is not None:
+        name = driven(p)
+        column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
+        between = "line" if name in p.model.input_rates.values() else "hold"
+        entries |= {name: {**column, "between": between}, "amplifier": known.get("amplifier", {})}
+    else:
+        moment = plan.space.moment
+        sought = {"start": 0.0, "lower": -moment, "upper": moment} if moment else {}
+        entries |= {"from": "release", "release_time": sought}
+    return {n: v for n, v in entries.items() if v != {}}
+
+
+def _table(heading: str, entries: Mapping[str, Any]) -> str:
+    return "\n".join([heading, *(f"{name} = {toml_value(value)}" for name, value in entries.items())])
+
+
+def _plain(value: Given) -> Any:
     """A number, a range, or another's name."""
     if isinstance(value, Free):
         ends = {"start": value.start, "lower": value.lower, "upper": value.upper}
-        return toml_value({k: v for k, v in ends.items() if math.isfinite(v)})
-    return toml_value(start_of(value)) if isinstance(value, float | int) else toml_value(value.to)
+        return {k: v for k, v in ends.items() if math.isfinite(v)}
+    return start_of(value) if isinstance(value, float | int) else value.to

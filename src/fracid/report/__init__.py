@@ -6,8 +6,8 @@
     verdict    the claim, and what speaks for and against it; sentences: numbers as text
     equations  the model as MathML
     samples    a recording thinned and packed; traces: what is drawn of it
-    charts     a chart as data and as SVG; whiskers: a value with its interval
-    rig        how large the moving pendulum is drawn, and its still
+    charts     a chart as data and as SVG; surface: a cost over two values; whiskers: a value with its interval
+    drawing    these by templates; scene: the bodies of the model, and their still
     page       all of it into page.html.j2, with page.css and the scripts inline; frame: what every page is made with
     study      what compare, design, posterior, profile and noise found, from their records
     index      all runs of a folder side by side, and the links between their pages
