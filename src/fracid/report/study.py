@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from math import log10
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,8 @@ from markupsafe import Markup
 
 from fracid.errors import InputError, writing
 from fracid.experiments.plan import PlanBlock
+from fracid.report.charts import Axis
+from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, interval, letter, number
@@ -328,9 +329,11 @@ def ladder_of(compared: Mapping[str, Any]) -> dict[str, Any]:
         {**s, "best": s["name"] in best, "errors": [s[kind].get(recording) for kind, _, recording in columns],
          "means": {kind: _mean(s[kind]) for kind, _ in kinds}} for s in compared["structures"]
     ]  # fmt: skip
-    logs = [log10(v) for row in rows for v in row["means"].values() if v]
+    errors = [v for row in rows for v in row["means"].values() if v] or [1.0]
+    aside = 10.0 if min(errors) == max(errors) else 1.0  # a lone one stands in the middle
+    axis = Axis(min(errors) / aside, max(errors) * aside, 8, LADDER_WIDTH - 8, log=True)
     for row in rows:
-        row["drawn"] = _errors_drawn(row["means"], min(logs, default=0.0), max(logs, default=0.0))
+        row["drawn"] = drawn("ladder.svg.j2", means=row["means"], axis=axis, width=LADDER_WIDTH)
     judged_by = "the error on held-out recordings" if first["held_out"] else "BIC"
     return {**compared, "columns": columns, "rows": rows, "judged_by": judged_by}
 
@@ -339,16 +342,6 @@ def _mean(scores: Mapping[str, Any]) -> float | None:
     """The geometric mean over recordings and outputs; None where one fails, or there is none."""
     values = [v for s in scores.values() for v in s["rmse"].values()]
     return float(np.exp(np.mean(np.log(values)))) if values and all(v and v > 0 for v in values) else None
-
-
-def _errors_drawn(means: Mapping[str, float | None], low: float, high: float) -> Markup:
-    """The mean errors of a structure on a logarithmic axis that all structures share."""
-    parts = [f'<path class="axis" d="M6 11H{LADDER_WIDTH - 6}"/>']
-    for kind, value in means.items():
-        if value:
-            x = 8 + (LADDER_WIDTH - 16) * ((log10(value) - low) / (high - low) if high > low else 0.5)
-            parts.append(f'<circle class="dot{" hollow" * (kind == "in_sample")}" cx="{x:.1f}" cy="11" r="5"/>')
-    return Markup(f'<svg class="whisker" width="{LADDER_WIDTH}" height="22" aria-hidden="true">{"".join(parts)}</svg>')
 
 
 def _shown(record: Mapping[str, Any]) -> Callable[[str, float, str], str]:

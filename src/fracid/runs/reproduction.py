@@ -22,14 +22,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field, computed_field
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.runs.folder import RunState
 from fracid.runs.saved import SavedRun
-from fracid.safety.json_files import json_number
-from fracid.safety.schema import fault_of, read_as
+from fracid.safety.schema import Infinite, Listed, Record, fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 
 ELSEWHERE = 1e-9
@@ -46,16 +47,16 @@ FOUND = (("orders", "parameters", "cost", "recordings", "structures", "truth"), 
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Record):
     """One place where two results are not the same."""
 
     where: str
     """``orders.mu.value``, as jq takes it."""
     before: Any
     after: Any
-    size: float
+    size: Infinite
     """|after − before| over the larger of both; infinite for what is no number in both."""
-    of_interval: float
+    of_interval: Infinite
     """Of an unknown: the same over half its interval; infinite without one."""
     found: bool
     """Whether it is something that was found, and not derived from it."""
@@ -67,28 +68,31 @@ class Difference:
 
 
 @dataclass(frozen=True, repr=False)
-class Reproduction(CardDisplay):
+class Reproduction(CardDisplay, Record):
     """What :func:`reproduce` gives."""
 
-    result: Mapping[str, Any]
+    result: Annotated[Mapping[str, Any], Field(exclude=True)]
     """The new one."""
     values: int
     """How many were compared."""
-    differences: tuple[Difference, ...]
+    differences: Listed[Difference]
     """The largest first, what was found before what was derived."""
     changed: Mapping[str, tuple[str, str]]
     """What is not as it was, versions, machine, own code → before and now."""
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def identical(self) -> bool:
         """Whether no value differs in its last bit."""
         return not self.differences
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def reproduced(self) -> bool:
         """Whether it came out as it should: the same to the bit, or with other versions or elsewhere nearly so."""
         return self.identical or (bool(self.changed) and all(d.excused for d in self.differences))
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def verdict(self) -> str:
         """In words."""
@@ -115,21 +119,6 @@ class Reproduction(CardDisplay):
             by_interval > 0
         )
         return f"what was found by {' or '.join(far)} at most" if far else "none of those that were found"
-
-    def to_json(self) -> dict[str, Any]:
-        """As plain JSON values."""
-        return {
-            "identical": self.identical,
-            "reproduced": self.reproduced,
-            "verdict": self.verdict,
-            "values": self.values,
-            "changed": {what: list(pair) for what, pair in self.changed.items()},
-            "differences": [
-                {"where": d.where, "before": d.before, "after": d.after, "found": d.found, "size": json_number(d.size),
-                 "of_interval": json_number(d.of_interval)}
-                for d in self.differences
-            ],
-        }  # fmt: skip
 
 
 def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **options: Any) -> Reproduction:
