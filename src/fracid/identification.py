@@ -58,6 +58,7 @@ from fracid.estimation.long_records import (
     on_every_sample,
     own_substeps,
     part_of,
+    some_of,
 )
 from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
@@ -73,7 +74,7 @@ from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
 from fracid.selection.claim import FLOOR, NO_RUN, Claim, claim_of, orders_found
 from fracid.selection.fractional_element import fractional_element
-from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
@@ -222,7 +223,7 @@ def identify(
                 work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs)
                 result, attempts = refined(work, at, jobs, watch), ()
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
-        analysis = _Findings(work, entry, seed, result, attempts, seen=[*seen], first=tuple(seen),
+        analysis = _Findings(work, entry, seed, result, attempts, searched=watch.work, seen=[*seen], first=tuple(seen),
                              alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
                              sampled=problem, window=window, check=checked)  # fmt: skip
         if result.interrupted:
@@ -332,6 +333,8 @@ class _Findings:
     """The cost within those."""
     window: float | None = None
     """Seconds of a window, where the recordings are fitted in windows."""
+    searched: int = 0
+    """The work of the search."""
 
     @property
     def opened(self) -> tuple[OpenedBound, ...]:
@@ -553,15 +556,17 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
         } if end.cost < goal else {}  # fmt: skip
     if not values:
         return None
-    lower = uninterrupted(refined(problem, embedded(problem, values), jobs, Watch())).best
+    as_found = {u.name: v for u, v in zip(problem.unknowns, best.point, strict=True) if u.target not in values}
+    lower = uninterrupted(refined(problem, embedded(problem, {**as_found, **values}), jobs, Watch())).best
     return lower if lower.cost < goal else None
 
 
 def _claim(analysis: _Findings, given: _Given) -> None:
     """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
     problem, best, jobs = analysis.problem, analysis.result.best, given.jobs
-    part = part_of(problem)
-    beside = best if part is problem else uninterrupted(refined(part, best.point, jobs, Watch())).best
+    part = some_of(part_of(problem))
+    x = embedded(part, problem.named(best.point))
+    beside = best if part is problem else uninterrupted(refined(part, x, jobs, Watch())).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     analysis.fits = all(e.fits for e in left.values())
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
@@ -571,7 +576,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     nearest = integer_alternatives(
         part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
         own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
-        starts=analysis.multi_start, seed=analysis.seed,
+        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(most=max(TIMES * analysis.searched, LEAST)),
     )  # fmt: skip
     element = None if all(e.noise for e in left.values()) else fractional_element(
         part, beside, goal=nearest.cost if nearest else None, jobs=jobs
@@ -583,8 +588,9 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     if nearest is not None and analysis.claim.claim == "integer":
         analysis.warnings.append(nearest.warning)
     if nearest is not None and part is not problem:
+        few, many = len(part.recordings), len(problem.recordings)
         end = max(float(e.time[-1]) for e in part.experiments)
-        reason = f"Models of integer order were compared on the first {end:.3g} s."
+        reason = SAYS("compared", end=end) if few == many else SAYS("compared-on", few=few, many=many, end=end)
         analysis.claim = replace(analysis.claim, reasons=(*analysis.claim.reasons, reason))
 
 
@@ -612,7 +618,9 @@ WHERE_IT_BEGINS: tuple[str, str, Step] = ("where the record begins", "cut", _whe
 
 
 def _beside(other: Problem, problem: Problem) -> Problem:
-    """Another model of the same recordings, with as many steps and on as many samples."""
+    """Another model of the same recordings, or some of them, with as many steps and on as many samples."""
+    same = tuple(e for e in other.experiments if e.recording.name in problem.recordings)
+    other = replace(other, experiments=same)
     every = max(e.means for e in problem.experiments)
     if every == 1:
         return replace(other, substeps=problem.substeps)

@@ -72,6 +72,15 @@ class Watch:
     count: int = 0
     best: Evaluation | None = None
     """The lowest on the whole record."""
+    work: int = 0
+    """Of all runs, steps times states: the same on every machine, as no clock is."""
+    most: float = np.inf
+    """The work at which a search ends where it is."""
+
+    @property
+    def spent(self) -> bool:
+        """Whether nothing is left of it."""
+        return self.work > self.most
 
     def lowest(self, best: Evaluation, part: str) -> Evaluation:
         """What the callback gets: costs of a part of the record are lower, and would make the best so far rise."""
@@ -103,17 +112,21 @@ def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options:
 def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, part: str = "") -> Result:
     """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
     before, abreast = watch.count, problem.simulator.abreast
+    begun, each = watch.work, problem.simulator.work
 
     def callback(best: Evaluation, evaluations: int) -> None:
+        watch.work = begun + evaluations * each
         if watch.callback is not None:
             watch.callback(watch.lowest(best, part), before + evaluations)
 
     result = minimise(
         problem.evaluate, optimiser, jobs=jobs,
         log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
+        stop=lambda: watch.spent,
         together=(abreast, problem.evaluate_all) if abreast > 1 else None,
     )  # fmt: skip
     watch.count += result.evaluations
+    watch.work = begun + result.evaluations * each
     return result
 
 

@@ -69,6 +69,9 @@ ROUGHLY = (32, 0, 1000)
 PART = 16_000
 """Coarse samples of a recording on which other models are compared with the fit."""
 
+ENOUGH = 8_000
+"""Samples of many recordings on which they are."""
+
 TELLING = 30
 """Swings that such a part has at least."""
 
@@ -233,6 +236,25 @@ def part_of(problem: Problem) -> Problem:
     if not is_coarse(problem) or rows <= 1.5 * PART or swings * PART / rows < TELLING:
         return problem
     return problem.until(PART * problem.experiments[0].step)
+
+
+def some_of(problem: Problem) -> Problem:
+    """Of many recordings as many, evenly picked, as tell models apart.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> swings = tuple(Experiment(f"swing {k}", 1e-3, np.zeros((4000, 2)), np.zeros((1, 1))) for k in range(9))
+    >>> problem = Problem(fracid.rotary_pendulum(), swings, {"lambda": 1.0, "mu": 1.0}, initial_state="held")
+    >>> [e.name for e in some_of(problem).experiments]
+    ['swing 0', 'swing 4', 'swing 8']
+    """
+    wholes, rows = [*problem.recordings.values()], sum(len(e.measured) for e in problem.experiments)
+    every = min(round(rows / ENOUGH), math.ceil(len(wholes) / 2))
+    if every <= 1:
+        return problem
+    picked = [e for _, at in wholes[::every] for e in problem.experiments[at]]
+    return replace(problem, experiments=tuple(picked))
 
 
 def to_compare(problem: Problem, others: Sequence[Experiment]) -> tuple[Problem, tuple[Experiment, ...]]:

@@ -228,6 +228,7 @@ def _scattered(
         for (origin, x), e in zip(points, ends, strict=True)
     )
     watch.count += sum(s.evaluations for s in starts)
+    watch.work += sum(s.evaluations for s in starts) * problem.simulator.work
     best = min(ends, key=lambda e: e.cost)
     return Result(portable.problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
 

@@ -74,10 +74,16 @@ class Simulator:
     """Has what was simulated before, and keeps what will be."""
 
     @cached_property
+    def work(self) -> int:
+        """Of a run of all recordings: steps times states."""
+        p = self.parametrisation
+        return len(p.model.states) * sum(self.steps(e) for e in p.experiments)
+
+    @cached_property
     def abreast(self) -> int:
         """Points to ask for at once: 1 where no runs go together, or they are short, or errors take too much room."""
         p = self.parametrisation
-        size, steps = sum(e.measured.nbytes for e in p.experiments), sum(self.steps(e) for e in p.experiments)
+        size, steps = sum(e.measured.nbytes for e in p.experiments), self.work / len(p.model.states)
         worth = steps >= WORTH and RUNS * size <= MOST
         return RUNS if worth and go_together(p.model.rhs, self.method) else 1
 

@@ -196,6 +196,8 @@ def claim_of(
         return _undecided(against, *contradictions, f"To decide: refit after fixing {without}.")
     if alternative is None:
         return _undecided(SAYS("not-compared", orders=orders_off))
+    if alternative.cut:
+        return _undecided(SAYS("cut", orders=orders_off), SAYS("decide-all"))
     memories = alternative.memories
     if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
         return _no_more_than(memories[-1], orders_off, coloured)

@@ -86,7 +86,7 @@ AT_END = 1e-2
 
 
 def finite_memories(
-    problem: Problem, best: Evaluation, off: Sequence[str], *, jobs: int = 1
+    problem: Problem, best: Evaluation, off: Sequence[str], *, jobs: int = 1, watch: Watch | None = None
 ) -> tuple[FiniteMemory, ...]:
     """Fit one, two, three relaxations in the place of orders, until they do as well.
 
@@ -99,6 +99,8 @@ def finite_memories(
         The free orders that are off their integers, those of springpots among them.
     jobs : int
         Threads.
+    watch : Watch, optional
+        Counts the work, and ends it.
 
     Examples
     --------
@@ -120,6 +122,7 @@ def finite_memories(
     >>> [(m.relaxations, m.as_well) for m in finite_memories(problem, best, ["q"])]
     [(1, True)]
     """
+    watch = watch or Watch()
     groups, about = _groups(problem, off), thinned(problem, best.point)
     far, own = FAR * about.cost(best.point), _parameters(problem, best.point, set(), jobs)
     memories: list[FiniteMemory] = []
@@ -130,26 +133,28 @@ def finite_memories(
         nearly = rival if about is problem else _relaxing(about, best, groups, count)
         starts = [values | _begun(about, best, groups, count, place) for place in PLACES]
         starts += [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
-        end = _lowest(nearly, starts, jobs, FINE if nearly is rival else FAIR)
+        end = _lowest(nearly, starts, jobs, watch, FINE if nearly is rival else FAIR)
         fewer = nearly.named(end.point)
         more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, jobs) - own
         if nearly is not rival:
             far_off, end = end.cost > far, rival.evaluate(embedded(rival, fewer))
             for steps in () if far_off else (SOME, FINE):
-                found = uninterrupted(refined(rival, end.point, jobs, Watch(), **steps))
+                found = uninterrupted(refined(rival, end.point, jobs, watch, **steps))
                 end = found.best
                 if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more) > HOPELESS:
                     break
         memories.append(_judged(rival, end, count, _gain(rival, end, problem, best, more)))
-        if memories[-1].as_well:
+        if memories[-1].as_well or watch.spent:
             break
     return tuple(memories)
 
 
-def _lowest(rival: Problem, starts: Sequence[Mapping[str, float]], jobs: int, last: Mapping[str, Any]) -> Evaluation:
-    ends = [uninterrupted(refined(rival, embedded(rival, x), jobs, Watch(), **ROUGH)).best for x in starts]
+def _lowest(
+    rival: Problem, starts: Sequence[Mapping[str, float]], jobs: int, watch: Watch, last: Mapping[str, Any]
+) -> Evaluation:
+    ends = [uninterrupted(refined(rival, embedded(rival, x), jobs, watch, **ROUGH)).best for x in starts]
     end = min(ends, key=lambda e: e.cost)
-    return end if end.residuals is None else uninterrupted(refined(rival, end.point, jobs, Watch(), **last)).best
+    return end if end.residuals is None else uninterrupted(refined(rival, end.point, jobs, watch, **last)).best
 
 
 def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, more: int) -> float:

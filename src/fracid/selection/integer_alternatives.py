@@ -82,6 +82,9 @@ FINE = {"tolerance": 1e-4, "budget": 12}
 FAR, NEARER = 2.0, 0.9
 """Times the cost of the fractional fit, and of the integer-order model before: who is above both is left."""
 
+TIMES, LEAST = 2.0, 3e8
+"""The work that all this may take beside a fit: so many times that of its search, but for the least, some seconds."""
+
 SAME = 5e-3
 """A cost that is higher by this part is as good: so much do solvers, clocks and encoders differ."""
 
@@ -200,7 +203,7 @@ ELEMENTS: tuple[Change, ...] = (
 
 def integer_alternatives(
     problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1,
-    own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1,
+    own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1, watch: Watch | None = None,
 ) -> Alternative | None:  # fmt: skip
     """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.
 
@@ -219,6 +222,8 @@ def integer_alternatives(
         Models of integer order that are tried too, by name, on the same recordings.
     starts, seed : int
         Of their search.
+    watch : Watch, optional
+        Counts the work, and ends it.
 
     Returns
     -------
@@ -241,21 +246,22 @@ def integer_alternatives(
     >>> [(trial.name, trial.as_well) for trial in nearest.trials]
     [('friction', True)]
     """
-    here = integer_rival(problem, best, widths, jobs=jobs)
+    watch = watch or Watch()
+    here = integer_rival(problem, best, widths, jobs=jobs, watch=watch)
     if here is None:
         return None
     n, gain = gain_over(here, problem, best)
     trials = [here.trial(gain, _as_well(gain, here.evaluation.cost, best.cost))]
-    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs)]
+    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs, watch)]
     trials += [trial for _, trial in others]
     settled, base = any(t.as_well for t in trials), here
     for change in ELEMENTS:
         for element in () if settled else change(base.problem):
-            if not element.possible or (element.slow and not slow):
+            if not element.possible or (element.slow and not slow) or watch.spent:
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
             beside = _on_the_same_samples(problem, best, element)
-            there = None if beside is None else fitted_with(element, base, beside.cost, jobs=jobs)
+            there = None if beside is None else fitted_with(element, base, beside.cost, jobs=jobs, watch=watch)
             if there is None or beside is None:
                 continue
             samples, gain_there = gain_over(there, problem, beside)
@@ -271,14 +277,17 @@ def integer_alternatives(
         if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
             here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
     as_well = any(t.as_well for t in trials)
-    memories = () if as_well or not slow else finite_memories(problem, best, [*here.off], jobs=jobs)
+    memories = () if as_well or not slow or watch.spent else finite_memories(
+        problem, best, [*here.off], jobs=jobs, watch=watch
+    )  # fmt: skip
     warning = warning_of(here, best.cost, gain) if as_well else ""
-    return here.beside(problem, gain, n, warning, trials, memories)
+    return here.beside(problem, gain, n, warning, trials, memories, cut=watch.spent)
 
 
 def _of_the_project(
-    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, jobs: int
-) -> Iterator[tuple[Rival, Trial]]:
+    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, jobs: int,
+    watch: Watch,
+) -> Iterator[tuple[Rival, Trial]]:  # fmt: skip
     """The models that a project names at their minima; not one whose runs fail.
 
     One that is larger than the fractional model must earn its further unknowns by Schwarz's criterion, however low its
@@ -287,7 +296,9 @@ def _of_the_project(
     """
     for name, alternative in own.items():
         rng = np.random.default_rng(seed)
-        end = uninterrupted(search(alternative, OPTIMISERS["multistart"], rng, jobs=jobs, starts=starts)[0]).best
+        end = uninterrupted(
+            search(alternative, OPTIMISERS["multistart"], rng, jobs=jobs, starts=starts, watch=watch)[0]
+        ).best
         if end.residuals is not None:
             rival = Rival(alternative, end, name, here.off, nested=False)
             _, gain = gain_over(rival, problem, best)
@@ -300,7 +311,9 @@ def _as_well(gain: float, cost: float, fractional: float) -> bool:
     return gain <= STRONG or cost <= (1 + SAME) * fractional
 
 
-def fitted_with(element: Element, here: Rival, goal: float, *, jobs: int = 1) -> Rival | None:
+def fitted_with(
+    element: Element, here: Rival, goal: float, *, jobs: int = 1, watch: Watch | None = None
+) -> Rival | None:
     """Least squares from the best integer-order model so far, with the element at each of its entries.
 
     Parameters
@@ -312,23 +325,25 @@ def fitted_with(element: Element, here: Rival, goal: float, *, jobs: int = 1) ->
         A cost; what is far from it, and hardly nearer than before, is left there.
     jobs : int
         Threads.
+    watch : Watch, optional
+        Counts the work, and ends it.
 
     Returns
     -------
     Rival or None
         None where its run fails.
     """
-    problem = element.problem
+    problem, watch = element.problem, watch or Watch()
     kinds = [n for n in element.names if n in problem.model.friction] if element.slow else []
     values = {**shared_values(here.problem, here.evaluation.point), **here.values}
     starts = [embedded(problem, values | entry) for entry in entries(problem, kinds)]
     if not problem.names:
         end = problem.evaluate(problem.start)
     else:
-        ends = [uninterrupted(refined(problem, x, jobs, Watch(), **ROUGH)).best for x in starts]
+        ends = [uninterrupted(refined(problem, x, jobs, watch, **ROUGH)).best for x in starts]
         end = min(ends, key=lambda e: e.cost)
         if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
-            end = uninterrupted(refined(problem, end.point, jobs, Watch(), **FINE)).best
+            end = uninterrupted(refined(problem, end.point, jobs, watch, **FINE)).best
     if end.residuals is None:
         return None
     return Rival(problem, end, here.integers, here.off, (*here.own, *element.names), (*here.elements, element.name))

@@ -93,7 +93,7 @@ class FiniteMemory(Record):
     gain: Annotated[Infinite, GAIN]
     """BIC of it minus that of the fractional fit."""
     settles: bool = True
-    """Whether no time constant is at its limit, and nothing but noise is left."""
+    """Whether no time constant is at its limit, and nothing but noise is left; asked only of who comes near."""
 
     @property
     def as_well(self) -> bool:
@@ -128,6 +128,8 @@ class Alternative(Record):
     memories: Listed[FiniteMemory] = ()
     """One relaxation, two, three in the place of the orders, up to the first that does as well; empty where something
     else does, or contradicts the orders."""
+    cut: bool = False
+    """Whether it was not all tried, for that takes too long beside the search."""
 
 
 def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Alternative:
@@ -194,13 +196,13 @@ class Rival:
 
     def beside(
         self, problem: Problem, gain: float, samples: float, warning: str, trials: Sequence[Trial],
-        memories: tuple[FiniteMemory, ...] = (),
+        memories: tuple[FiniteMemory, ...] = (), *, cut: bool = False,
     ) -> Alternative:  # fmt: skip
         """What it says of the fractional problem."""
         return Alternative(
             self.structure, (*self.off, *(n for n, to in problem.ties.items() if to in self.off)),
             self.evaluation.cost, self.parameters, gain, samples, warning, tuple(trials), self.nested_in(problem),
-            self.settles, memories,
+            self.settles, memories, cut,
         )  # fmt: skip
 
     def nested_in(self, problem: Problem) -> dict[str, float]:
@@ -260,7 +262,9 @@ def integer_alternative(
     return rival.beside(problem, gain, n, warning_of(rival, best.cost, gain), [rival.trial(gain, gain <= STRONG)])
 
 
-def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1) -> Rival | None:
+def integer_rival(
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1, watch: Watch | None = None
+) -> Rival | None:
     """Fit the problem with integer orders and its friction free; None as :func:`integer_alternative` has it."""
     values = {problem.unknowns[i].target: float(best.point[i]) for i in claimable(problem)}
     off = {n: v for n, v in values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
@@ -272,7 +276,7 @@ def integer_rival(problem: Problem, best: Evaluation, widths: Mapping[str, float
     best_values = problem.named(best.point)
     as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
-        integer = uninterrupted(growing(rival, rival.start, jobs, Watch(), also=(as_found,))).best
+        integer = uninterrupted(growing(rival, rival.start, jobs, watch or Watch(), also=(as_found,))).best
     else:
         integer = rival.evaluate(rival.start)
     if integer.residuals is None:
