@@ -9,8 +9,9 @@ from __future__ import annotations
 import base64
 import json
 import shlex
+import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -27,7 +28,7 @@ from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, interval, letter, number
-from fracid.safety.door import bytes_of, text_of, write_text
+from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
@@ -70,13 +71,13 @@ class Found:
 class Study:
     """What the page of a file is made of."""
 
-    heading: str
-    command: str
     record: type[Block | Record]
     found: Callable[[Mapping[str, Any]], Found]
+    heading: str
+    command: str
     figures: Mapping[str, str]
     """File names without their ending, * for any text → captions."""
-    texts: tuple[str, ...] = ()
+    texts: Sequence[str] = ()
     """Files that the page shows."""
 
 
@@ -174,27 +175,16 @@ def _controlled(record: Mapping[str, Any]) -> Found:
                  notes=tuple(record["notes"]), tables={"Controllers, the last over all draws": rows})  # fmt: skip
 
 
+_SAID = tomllib.loads(own_text("report/studies.toml"))
+
 STUDIES = {
-    "control.json": Study("Control", "control", ControlRecord, _controlled, {
-        "control": "Open loop, margins of each draw, and the motion of the worst",
-    }),
-    "compare.json": Study("Comparison of structures", "compare", Comparison, _compared, {
-        "ladder": "RMSE by friction model", "amplitude-*": "Orders over the amplitude of the swing",
-    }, ("best.toml",)),
-    "plan.json": Study("Plan of the next experiments", "design", PlanBlock, _planned, {
-        "expected": "Expected curves with their 95 % band", "intervals": "Expected interval over release and duration",
-    }, ("sheet.txt", "next.toml", "next-clamped.toml")),
-    "posterior.json": Study("Posterior", "posterior", PosteriorBlock, _drawn, {
-        "posterior": "Posterior of each parameter and each pair",
-        "posterior-predictive": "Simulations with draws of the posterior",
-    }),
-    "profiles.json": Study("Profile likelihood", "profile", ProfilesBlock, _profiled, {
-        "profiles": "Rise of the cost where a value is held and all others are refitted",
-    }),
-    "noise.json": Study("Effect of noise and encoder", "noise", StudyBlock, _disturbed, {
-        "noise": "Bias, spread and coverage over the level of noise",
-    }),
-}  # fmt: skip
+    "control.json": Study(ControlRecord, _controlled, **_SAID["control.json"]),
+    "compare.json": Study(Comparison, _compared, **_SAID["compare.json"]),
+    "plan.json": Study(PlanBlock, _planned, **_SAID["plan.json"]),
+    "posterior.json": Study(PosteriorBlock, _drawn, **_SAID["posterior.json"]),
+    "profiles.json": Study(ProfilesBlock, _profiled, **_SAID["profiles.json"]),
+    "noise.json": Study(StudyBlock, _disturbed, **_SAID["noise.json"]),
+}
 """By the file that the command writes; its page is called like that, with .html."""
 
 
@@ -310,7 +300,7 @@ def _figures(folder: Path, captions: Mapping[str, str]) -> Iterator[dict[str, st
                     break
 
 
-def _texts(folder: Path, names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+def _texts(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str]]:
     for name in names:
         with suppress(OSError, ValueError):
             yield name, text_of(folder / name)
