@@ -10,6 +10,7 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
+from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording.loading import resampled
@@ -217,3 +218,34 @@ def test_signals_without_names_are_refused_in_a_line(signals):
 def test_a_table_with_words_in_it_is_refused():
     with pytest.raises(InputError, match="swing: measured is no array of real numbers"):
         Experiment("swing", H, np.array([["a"], ["b"]]), np.zeros((1, 1)))
+
+
+def test_the_unit_that_an_array_brings_is_heeded():
+    swing = Labelled(np.arange(5.0), ())
+    swing.attrs = {"units": "V"}
+    assert fracid.Recording.of("swing", H * np.arange(5), {"alpha": swing}).units == {"alpha": "V"}
+    swing.attrs = {"units": "deg"}
+    with pytest.raises(InputError, match="deg"):
+        fracid.Recording.of("swing", H * np.arange(5), {"alpha": swing})
+
+
+def test_a_step_of_another_float_is_a_step():
+    assert type(Experiment("swing", np.float32(0.5), np.zeros((5, 1)), np.zeros((1, 1))).step) is float
+
+
+@pytest.mark.parametrize("load", [fracid.load_project, fracid.load_run, fracid.load_recording])
+def test_a_table_is_no_path(load):
+    with pytest.raises(InputError, match="A dict is no path; expected e"):
+        load({"alpha": [1.0, 2.0]})
+
+
+def fades(t, x, u, p, out):
+    out[0] = -p[0] * x[0]
+
+
+@pytest.mark.parametrize("substeps", [1, 2])
+def test_a_model_without_inputs_may_have_columns_of_none(substeps):
+    model = Model("fades", fades, ("x",), (1.0,), {"x": 0}, (), (Parameter("k", "1/s", 1.0, "rate"),), "", "a test")
+    fading = Experiment("fading", 0.1, np.exp(-0.1 * np.arange(50))[:, None], np.zeros((50, 0)), initial={"x": 1.0})
+    problem = Problem(model, (fading,), {}, {"k": Free(1.0, 0.1, 5.0)}, initial_state="held", substeps=substeps)
+    assert problem.evaluate(problem.start).cost < 1e-3

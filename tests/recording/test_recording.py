@@ -790,7 +790,7 @@ def test_a_part_that_begins_at_the_release_still_knows_it():
 
 @pytest.mark.parametrize("what", [np.ones((9, 2)), {"t": [1.0]}, 3, None])
 def test_what_is_no_path_is_called_by_its_kind_and_not_quoted(what):
-    with pytest.raises(InputError, match=f"A {type(what).__name__} is no path of a file; expected e.g. 'release.csv'"):
+    with pytest.raises(InputError, match=f"A {type(what).__name__} is no path; expected e.g. 'release.csv'"):
         load_recording(what)
 
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -101,10 +102,11 @@ class Experiment(CardDisplay):
             if values is not None:
                 refuse_masked(f"{self.name}: {name}", values)
                 object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
-        if not (isinstance(self.step, int | float) and 0.0 < self.step < math.inf):
+        if not (isinstance(self.step, Real) and 0.0 < self.step < math.inf):
             raise InputError(
                 f"{self.name}: step = {brief(self.step)} is not possible; expected a number of seconds above 0."
             )
+        object.__setattr__(self, "step", float(self.step))
         if (at := self.times) is not None and (at.shape != self.measured.shape[:1] or not np.all(np.diff(at) > 0.0)):
             raise InputError(f"{self.name}: times do not increase from sample to sample; expected one [s] for each.")
 

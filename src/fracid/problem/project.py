@@ -71,7 +71,7 @@ from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
 from fracid.safety.door import text_of
-from fracid.safety.paths import refuse_mistaken
+from fracid.safety.paths import path_of, refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import is_own, refuse_untrusted
@@ -318,7 +318,7 @@ def load_project(path: str | Path, *, preset: str | None = None, trust: bool = F
     >>> project.problem.outputs, project.problem.names[:2]
     (('alpha',), ('lambda', 'mu'))
     """
-    path = Path(path)
+    path = path_of(path, "'rig.toml'")
     return project_from_text(_text(path), path, preset=preset, trust=trust)
 
 

@@ -271,8 +271,7 @@ class Simulator:
         if len(u) == 1:
             return u
         if e.release_time != 0.0:
-            at = release * self.substeps / e.step + np.arange(count)
-            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+            return _at(u, release * self.substeps / e.step + np.arange(float(count)))
         more = e.steps * self.substeps + 1
         return u if count == more else np.vstack([u, np.repeat(u[-1:], count - more, axis=0)])
 
@@ -283,8 +282,7 @@ class Simulator:
         def refined(u: FloatArray) -> FloatArray:
             if self.substeps == 1 or len(u) == 1:
                 return np.ascontiguousarray(u)
-            at = np.arange((len(u) - 1) * self.substeps + 1) / self.substeps
-            return np.column_stack([np.interp(at, np.arange(len(u)), column) for column in u.T])
+            return _at(u, np.arange((len(u) - 1.0) * self.substeps + 1) / self.substeps)
 
         return {e.name: refined(e.all_inputs)[self._first(e) :] for e in self.parametrisation.experiments}
 
@@ -369,3 +367,9 @@ def _evenly(y: FloatArray, times: FloatArray, run: Trajectory) -> tuple[slice, F
     count = max(0, min(count, len(times) - begin))
     values = sum(w * y[first + k :: every][:count] for k, w in enumerate(weights))
     return slice(begin, begin + count), np.asarray(values)
+
+
+def _at(u: FloatArray, at: FloatArray) -> FloatArray:
+    """Inputs between their samples, in straight lines; of no inputs none."""
+    columns = [np.interp(at, np.arange(len(u)), column) for column in u.T]
+    return np.ascontiguousarray(np.array(columns).reshape(-1, len(at)).T)

@@ -14,7 +14,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from numbers import Real
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +32,7 @@ from fracid.recording.readers.table import Table, read_table
 from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 from fracid.safety.door import opened
+from fracid.safety.paths import path_of
 
 
 def load_recording(
@@ -152,12 +152,7 @@ def inspect_recording(
     >>> inspect_recording(file).report.level
     'unfit'
     """
-    if not isinstance(path, str | PathLike):
-        raise InputError(
-            f"A {type(path).__name__} is no path of a file; expected e.g. 'release.csv'. Of arrays: "
-            "fracid.Recording.of(name, time, signals)."
-        )
-    path = Path(path)
+    path = path_of(path, "'release.csv'. Of arrays: fracid.Recording.of(name, time, signals)")
     before = _state(path)
     table = read_table(path, variable)
     clock, rows, source = read_clock(table, time)

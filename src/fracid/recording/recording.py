@@ -294,7 +294,7 @@ class Recording(CardDisplay):
         signals : mapping
             Name to samples, shape (n_samples,).
         units : mapping, optional
-            Name to unit; rad where it says nothing.
+            Name to unit; where it says nothing that of an array's own ``attrs["units"]``, as xarray has it, or rad.
 
         Raises
         ------
@@ -317,7 +317,9 @@ class Recording(CardDisplay):
             raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
         if not np.all(np.isfinite(time)):
             raise InputError(f"{name}: {np.count_nonzero(~np.isfinite(time))} time stamps are not finite.")
-        for n, unit in (units or {}).items():
+        own = {n: given["units"] for n, x in signals.items() if "units" in (given := getattr(x, "attrs", {}))}
+        units = own | dict(units or {})
+        for n, unit in units.items():
             if n not in arrays or unit not in {of for _, of in UNITS.values()}:
                 raise InputError(SAYS("other-unit", name=name, unit=unit, n=n, arrays=', '.join(arrays),
                                       units=', '.join(dict.fromkeys(of for _, of in UNITS.values()))))  # fmt: skip
@@ -326,12 +328,12 @@ class Recording(CardDisplay):
                 raise InputError(
                     f"{name}: {n} has shape {x.shape} and time {time.shape}; expected (n_samples,) for both."
                 )
-        signal_units = {n: (units or {}).get(n, "rad") for n in arrays}
+        signal_units = {n: units.get(n, "rad") for n in arrays}
         digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
         report = measure(time, arrays, signal_units)
         return cls(
             name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report,
-            assumed=frozenset(arrays.keys() - (units or {}).keys()),
+            assumed=frozenset(arrays.keys() - units.keys()),
         )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
-from fracid.safety.paths import refuse_mistaken
+from fracid.safety.paths import path_of, refuse_mistaken
 from fracid.safety.schema import fault_of, record_of
 from fracid.safety.text import ascii_short
 from fracid.selection.opened_bounds import reopened
@@ -163,7 +163,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
     wrote.
     """
-    folder = Path(folder)
+    folder = path_of(folder, "'runs/swing'")
     refuse_mistaken(folder, "run")
     refuse_links(folder)
     result = _read(folder / "result.json")

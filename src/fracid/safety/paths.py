@@ -20,6 +20,7 @@ import os
 import shlex
 import tomllib
 from itertools import islice
+from os import PathLike
 from os.path import exists, isdir, isfile
 from pathlib import Path
 from typing import Literal
@@ -42,6 +43,25 @@ INSTEAD = tomllib.loads(own_text("safety/paths.toml"))
 
 NAMED = 1000
 """Names among which the one that was meant is looked for."""
+
+
+def path_of(given: str | PathLike[str], example: str) -> Path:
+    """The path that a caller of the library gave.
+
+    Raises
+    ------
+    InputError
+        If it is none, but a table, say.
+
+    Examples
+    --------
+    >>> path_of([1, 2], "'rig.toml'")
+    Traceback (most recent call last):
+    fracid.errors.InputError: A list is no path; expected e.g. 'rig.toml'.
+    """
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"A {type(given).__name__} is no path; expected e.g. {example}.")
+    return Path(given)
 
 
 def kind_of(path: Path) -> Kind | None:
