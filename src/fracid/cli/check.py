@@ -143,9 +143,7 @@ def _in_doubt(recording: Recording, options: Mapping[str, Any]) -> list[str]:
             columns, _ = guess_file(recording.path, time=time, variable=options["--variable"])
         except InputError:  # nothing moves
             return []
-        given = [",".join([f"{name}={fields['column']}", *(f"{k}={v}" for k, v in ({"unit": "rad"} | fields).items()
-                                                           if k != "column")])
-                 for name, fields in columns.items()]  # fmt: skip
+        given = [f"{name}={text_of_column({'unit': 'rad'} | fields)}" for name, fields in columns.items()]
     return [_with_unit(text, doubted.get(text.partition("=")[0])) for text in given]
 
 
@@ -174,6 +172,11 @@ def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
     if not name or not column:
         raise InputError(f"--column {text!r} is not possible; expected NAME=COLUMN, e.g. --column alpha=2,unit=deg.")
     return name, {"column": _number(column)} | each_once(f"--column {text!r}", map(_field, fields))
+
+
+def text_of_column(fields: Mapping[str, Any]) -> str:
+    """``2,unit=rad``: as :func:`column_from_text` reads it."""
+    return ",".join([str(fields["column"]), *(f"{k}={v}" for k, v in fields.items() if k != "column")])
 
 
 def columns_from_texts(texts: list[str] | None) -> dict[str, dict[str, Any]] | None:

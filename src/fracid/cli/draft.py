@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from fracid.cli.app import command, new_console, say_next, typed
-from fracid.cli.check import column_from_text, columns_from_texts, time_from_text
+from fracid.cli.check import column_from_text, columns_from_texts, text_of_column, time_from_text
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
@@ -76,7 +76,7 @@ def _asked(
         answer = typer.prompt(
             f"Which column is {signal}, {what}? By name or place, fields after commas"
             + ("" if signal == "alpha" else "; - for none"),
-            default=_as_text(proposed) if proposed else "-",
+            default=text_of_column(proposed) if proposed else "-",
         )
         if answer.strip() not in ("-", ""):
             columns[signal] = column_from_text(f"{signal}={answer}")[1]
@@ -85,8 +85,3 @@ def _asked(
 
 
 SIGNALS = {"alpha": "the pendulum's angle", "theta": "the arm's angle", "voltage": "the motor's voltage"}
-
-
-def _as_text(fields: dict[str, Any]) -> str:
-    """``2,unit=rad``: as :func:`column_from_text` reads it."""
-    return ",".join([str(fields["column"]), *(f"{k}={v}" for k, v in fields.items() if k != "column")])
