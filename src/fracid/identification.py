@@ -212,7 +212,8 @@ def identify(
         seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
         clock.begin("search", "search")
         window = None if entry.keeps_its_own else chosen_window(problem)
-        work = problem if entry.keeps_its_own else beginning(problem, window) if window else coarse_problem(problem)
+        work = beginning(problem, window, fixed_step) if window else problem
+        work = work if window or entry.keeps_its_own else coarse_problem(problem)
         problem = windowed(problem, window) if window else problem
         checked: Discretisation | None = None
         with _counted(work, entry, watching, callback) as tell:

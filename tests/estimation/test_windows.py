@@ -71,6 +71,28 @@ def test_a_rod_that_stands_is_predicted_for_a_time_and_one_that_hangs_to_the_end
     assert chosen_window(stand) == PARTS * found.window
 
 
+def test_jitter_of_an_angle_hardly_makes_windows_shorter():
+    """A quick angle beside a wide one is no pace at which the wide one starts."""
+    t, noise = np.arange(0, 20, STEP), np.random.default_rng(5).standard_normal(2000)
+
+    def window(alpha):
+        seen = np.column_stack([0.25 * np.sin(0.9 * t), alpha])
+        e = fracid.Experiment("held", STEP, seen, np.sin(t)[:, None])
+        rig = fracid.rotary_pendulum("qube-servo2", zero="upright")
+        problem = fracid.Problem(rig, (e,), {"lambda": 1.0, "mu": 1.0})
+        return prediction(problem, problem.start).window
+
+    jitter = 0.002 * np.sin(5 * t) + 0.003 * np.sin(80 * t) + 3e-3 * noise
+    assert window(jitter) > 0.7 * window(0.02 * np.sin(5 * t))
+
+
+def test_the_steps_of_a_window_are_fine_unless_they_are_fixed(stand):
+    assert beginning(stand, 0.6).substeps == 8
+    assert beginning(stand, 0.6, fixed_step=True).substeps == 1
+    assert beginning(replace(stand, substeps=16), 0.6).substeps == 16
+    assert beginning(stand, 12.0).substeps == 1
+
+
 def test_windows_hold_every_sample_once_and_share_all_but_their_starts(stand):
     e, pieces = stand.experiments[0], windowed(stand, 1.0)
     np.testing.assert_array_equal(np.concatenate([w.measured for w in pieces.experiments]), e.measured)

@@ -38,7 +38,6 @@ from fracid.errors import InputError, brief
 from fracid.problem import Experiment, Problem
 from fracid.problem.unknowns import Free
 from fracid.signals.resolution import noise_level, resolution
-from fracid.signals.swing import common_period
 from fracid.tasks.simulation_cache import Recent
 
 SWINGS = 3
@@ -52,6 +51,10 @@ GROWTH = 10.0
 
 PARTS = 3
 """Of a window, on which its search begins."""
+
+STEPS = 100
+"""Of the solver in a part of a window, at least: a controller's noise drives a joint over the bend of its dry friction
+within a sample; coarser steps smear that, and find for the slip speed what the rate changes by in a step."""
 
 LOST = 1e3
 """A growth that no fit of a start makes up for."""
@@ -146,18 +149,17 @@ def _growth(problem: Problem) -> tuple[float, float, float]:
     """When what the start of the one recording is off by has grown by :data:`GROWTH`, when by its square [s], and the
     growth at which its noise is a third of the motion.
 
-    In parts of the motion's size, of outputs that are states; the rates of these count by the pace of the motion.
+    In parts of the motion's size, of outputs that are states, and of the size of their rates.
     """
     e, x, states = problem.experiments[0], problem.start, problem.model.output_states
     seen = [k for k, n in enumerate(problem.outputs) if n in states]
     columns, measured = [states[problem.outputs[k]] for k in seen], e.measured[:, seen]
     size = np.maximum(np.std(measured, axis=0), 1e-300)
     noise = np.array([max(noise_level(y), (resolution(y) or 0.0) / math.sqrt(12.0)) for y in measured.T])
-    pace = 2 * math.pi / (e.step * common_period(e.measured))
+    reach = _reach(e)
+    rate = np.std((e.measured[reach:, seen] - e.measured[:-reach, seen]) / (reach * e.step), axis=0)
     offsets = {problem.model.states[i]: s for i, s in zip(columns, size, strict=True)}
-    offsets |= {
-        problem.model.states[j]: pace * size[columns.index(i)] for i, j in problem.parametrisation.rates.items()
-    }
+    offsets |= {problem.model.states[j]: rate[columns.index(i)] for i, j in problem.parametrisation.rates.items()}
     run = problem.simulate(x, e)
     growth = np.zeros(len(run.time))
     for k, u in enumerate(problem.unknowns):
@@ -195,13 +197,15 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
 
 
-def beginning(problem: Problem, seconds: float) -> Problem:
+def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Problem:
     """Where the search of a problem in windows begins: on parts of them, where any start leads to the minimum.
 
-    Their orders stay as they begin, so that no part needs a past.
+    Their orders stay as they begin, so that no part needs a past.  Their step is fine enough, unless it is fixed.
     """
     orders = {n: v.start if isinstance(v, Free) else v for n, v in problem.orders.items()}
-    return windowed(replace(problem, orders=orders), seconds, PARTS)
+    steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
+    substeps = 1 if fixed_step else 2 ** max(0, math.ceil(math.log2(steps)))
+    return windowed(replace(problem, orders=orders, substeps=max(problem.substeps, substeps)), seconds, PARTS)
 
 
 def lengthened(parts: Problem, x: FloatArray, whole: Problem) -> FloatArray:
@@ -321,10 +325,15 @@ def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, r
 
 def _begun(e: Experiment, first: int) -> tuple[FloatArray, FloatArray]:
     """Outputs and slopes at a sample, from a cubic through those on both sides of it."""
-    reach = max(5, round(0.04 / e.step))
+    reach = _reach(e)
     at = np.arange(max(0, first - reach), min(len(e.measured), first + reach + 1))
     cubic = np.polynomial.polynomial.polyfit((at - first) * e.step, e.measured[at], 3)
     return cubic[0], cubic[1]
+
+
+def _reach(e: Experiment) -> int:
+    """Samples over which a slope is taken."""
+    return max(5, round(0.04 / e.step))
 
 
 def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
