@@ -81,7 +81,7 @@ def table(name: str, project: Project) -> str:
     spent, fit = stages(project)
     unit, whole = bare_run(fit.problem, fit.x), sum(spent.values())
     rows = [*[(s, v) for s, v in spent.items() if v > SMALL], ("all", whole)]
-    lines = [f"| {name}: {len(fit.problem.names)} unknowns | seconds | part | bare runs |", "|---|--:|--:|--:|"]
+    lines = [f"| {name}: {len(fit.problem.names)} free parameters | seconds | part | bare runs |", "|---|--:|--:|--:|"]
     return "\n".join([*lines, *(f"| {s} | {v:.2f} | {100 * v / whole:.0f} % | {v / unit:,.0f} |" for s, v in rows)])
 
 

@@ -125,7 +125,7 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         cells += [f"{row.log_odds:+.1f}" if isfinite(row.log_odds) else "–"] * len(odds)
         near = _scores(comparison, [*row.in_sample.values()])
         rows.append([*cells, *near, *[""] * (len(scores) - len(near))])
-    headings = ["", "orders", *orders, "unknowns", "BIC", *odds, *scores]
+    headings = ["", "orders", *orders, "free", "BIC", *odds, *scores]
     if not print_table(console, headings, rows, fold=(), spare=len(scores)):
         _print_scores(console, comparison, [*comparison.rows[0].in_sample], "in_sample")
     unit = _one_unit(comparison)
