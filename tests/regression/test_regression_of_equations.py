@@ -50,6 +50,7 @@ def test_constants_come_out_of_the_equations(name, free, options):
         assert constant.identified, (n, constant.verdict)
     assert found.to_json()["estimator"] == "huber"
     assert "J" not in str(found.warnings)
+    assert "nan" not in f"{found}{found.left_over}{found._repr_html_()}".lower()
 
 
 def test_what_is_not_linear_is_named_and_held():

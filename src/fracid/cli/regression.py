@@ -128,8 +128,7 @@ def _lines(f: Regression) -> list[tuple[str, str]]:
     together = [("together", f"{name} = {value:.4g}") for name, value in f.combinations.items()]
     orders = ", ".join(f"{n} = {v:.4g}{_searched(f, n)}" for n, v in f.orders.items())
     fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in f.fit_percent.items())
-    noise = f"residual variance {f.noise_ratio:.3g} times what noise explains"
-    return [*together, ("orders", orders), ("fit", f"{fit}; {noise}"),
+    return [*together, ("orders", orders), ("fit", "; ".join(filter(None, (fit, f.left_over)))),
             ("low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}")]  # fmt: skip
 
 

@@ -112,7 +112,7 @@ class Regression(CardDisplay):
     fit_percent: Mapping[str, float]
     """100 (1 − rms(residual)/rms(largest term)) of each equation; not of the trajectory."""
     noise_ratio: float
-    """Residual variance against that of noise in the columns (total least squares): 1 if noise were all."""
+    """Residual variance against that of noise in the columns (total least squares), 1 if noise were all; or NaN."""
     condition_number: float
     """Condition number of the columns used, each of unit length."""
     samples: int
@@ -136,10 +136,16 @@ class Regression(CardDisplay):
         return Card(f"Regression by {self.estimator}", (
             ("constants", listed(constants)),
             ("orders", brief(self.orders)),
-            ("noise ratio", brief(self.noise_ratio)),
+            ("left over", self.left_over),
             ("credibility", self.belief),
             ("warnings", listed(self.warnings)),
         ))  # fmt: skip
+
+    @property
+    def left_over(self) -> str:
+        """The residual beside what noise in the columns explains, in words; "" where that noise is not known."""
+        known = math.isfinite(self.noise_ratio)
+        return f"residual variance {self.noise_ratio:.3g} times what noise explains" if known else ""
 
     @property
     def belief(self) -> str:
@@ -162,8 +168,7 @@ class Regression(CardDisplay):
         orders = ", ".join(f"{n} = {v:.4g}" for n, v in self.orders.items())
         rows.append(f"{self.estimator}; {orders}; {self.samples} rows; condition number {self.condition_number:.3g}")
         rows.append(f"cut-off {self.cutoff:.3g} Hz: {self.cutoff_reason}")
-        rows.append(f"residual variance {self.noise_ratio:.3g} times what noise in the columns explains")
-        return "\n".join([*rows, self.belief, *self.warnings])
+        return "\n".join([*rows, *filter(None, (self.left_over, self.belief)), *self.warnings])
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the rows, as plain JSON values, SI; null where something was not found or has no end."""
