@@ -282,3 +282,6 @@ def test_what_cannot_be_explored_is_said_in_one_sentence(material):
         assert words in not_explored(changed)
         assert explore(changed) is None
         assert explore_scripts(changed) == []
+    windows = replace(material, result=material.result | {"window": 0.5})
+    assert "fitted in windows, each with a start of its own" in not_explored(windows)
+    assert explore(windows) is None
