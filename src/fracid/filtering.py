@@ -38,6 +38,9 @@ TUNED_ON = 3000
 UNSEEN = 0.98
 """Where the sensors leave so much of a standard deviation, they do not see it."""
 
+TOGETHER = 0.1
+"""Of a direction that is not seen, what a constant must have of it to be named."""
+
 
 @dataclass(frozen=True)
 class Track:
@@ -371,16 +374,28 @@ class _Made:
         sizes = np.ptp(self.simulated, axis=0)
         wide = dict(zip(self.problem.model.states, (0.05 * sizes).tolist(), strict=True))
         doubts = {n: v for n, v in self.initial.items() if n in self.slow}
-        still = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts).observer(0.0)
+        made = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts)
+        still = made.observer(0.0)
         start = dict(zip((*wide, *self.slow), np.sqrt(np.diag(still.covariance)), strict=True))
         for n in self.slow:
             if start[n] == 0.0:
                 raise InputError(f"{n} is 0, of which no tenth can be taken: say how uncertain it is at the start, "
                                  f"initial={{{n!r}: standard deviation}}.")  # fmt: skip
-        seen = still.run(y, u).deviations
+        # the model's own samples: a filter that moves its constants believes that it sees what it does not
+        deaf = replace(made, noise={n: 1e9 * v for n, v in self.noise.items()}).observer(0.0)
+        seen = still.run(-deaf.run(0 * y, u).innovations, u).deviations
         for n, doubt in start.items():
             if doubt > 0.0 and seen[n].min() > UNSEEN * doubt:
                 raise InputError(
                     f"{n} cannot be observed from {' and '.join(self.sensors)}: along the recording its uncertainty "
                     "never falls. Add a sensor, or leave it out of slow."
+                )
+        if self.slow:  # each may be seen and yet only their ratio: a direction that stays as uncertain as it was
+            doubt = np.array([start[n] for n in self.slow])
+            values, directions = np.linalg.eigh(still.covariance[-len(doubt) :, -len(doubt) :] / np.outer(doubt, doubt))
+            if values[-1] > UNSEEN**2:
+                names = [n for n, d in zip(self.slow, directions[:, -1], strict=True) if abs(d) > TOGETHER]
+                raise InputError(
+                    f"{' and '.join(names)} cannot be told apart from {' and '.join(self.sensors)}: along the "
+                    "recording they change it together. Leave one of them out of slow, or drive the rig."
                 )

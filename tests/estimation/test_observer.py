@@ -151,6 +151,7 @@ REFUSED = {
     "'C9'": {"slow": {"C9": 0.0}},
     "coulomb_angle is 0, of which no tenth": {"slow": {"coulomb_angle": 0.0}},
     "slip_speed cannot be observed from angle": {"slow": {"slip_speed": 0.0}},
+    "J and gravity and b_angle cannot be told apart": {"slow": dict.fromkeys(("J", "gravity", "b_angle"), 0.0)},
 }
 
 
@@ -158,6 +159,14 @@ REFUSED = {
 def test_what_it_cannot_do_is_refused_in_a_sentence(words):
     with pytest.raises(InputError, match=words):
         observer(fit_of(twin(1)[1]), **REFUSED[words])
+
+
+def test_the_derivative_of_a_state_is_refused_as_a_sensor():
+    fit = fit_of(twin(1)[1])
+    outputs = {**MODEL.outputs, "angle_rate": MODEL.outputs["angle"]}
+    fit.problem = replace(fit.problem, model=replace(MODEL, outputs=outputs, derived={"angle_rate": ("angle", 1)}))
+    with pytest.raises(InputError, match="angle_rate is the derivative of a state"):
+        observer(fit, ("angle_rate",))
 
 
 def test_an_arm_that_nothing_holds_is_not_observed_from_the_pendulum():
