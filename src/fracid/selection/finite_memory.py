@@ -16,7 +16,7 @@ and states that share an order share its relaxations.  One of the amplitudes say
 constants are given, s^(q-1) against 1, and another may be a spring that the model has: as parameters count the
 directions in which the constants, but for one amplitude, move the recordings.
 
-An order is worth as many relaxations as it takes to come within 10 of its BIC.  Enough of them imitate any kernel, so
+An order is worth as many relaxations as it takes to come within 12 of its BIC.  Enough of them imitate any kernel, so
 what is claimed is that it is worth more than two, and that three, for all their constants, are no better.
 """
 
@@ -41,8 +41,7 @@ from fracid.models.base import RightHandSide
 from fracid.models.joints import Complement
 from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
-from fracid.selection.bic import STRONG
-from fracid.selection.integer_rival import FEW, FiniteMemory, Rival, gain_over
+from fracid.selection.integer_rival import FEW, WORTH, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
 
 MOST = FEW + 1
@@ -167,7 +166,7 @@ def _judged(rival: Problem, end: Evaluation, count: int, gain: float) -> FiniteM
     at = dict(zip(rival.unknowns, end.point.tolist(), strict=True))
     limited = any(not u.range.lower + AT_END < v < u.range.upper - AT_END for u, v in at.items()
                   if u.target.startswith("ln_tau"))  # fmt: skip
-    settles = gain <= STRONG and not limited and all(left.noise for left in leftovers(rival, end.point).values())
+    settles = gain <= WORTH and not limited and all(left.noise for left in leftovers(rival, end.point).values())
     return FiniteMemory(count, end.cost, gain, settles)
 
 
