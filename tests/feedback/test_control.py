@@ -223,12 +223,13 @@ def test_a_pid_and_a_fopid_have_the_responses_of_their_formulas():
 
 
 @pytest.mark.broad
-def test_a_fopid_has_no_more_than_the_effort_of_its_pid_and_says_what_it_brings():
+def test_a_fopid_has_no_more_than_the_effort_of_its_pid_nor_less_of_its_robustness_and_says_what_it_brings():
     loops = fracid.control(fit_of(twin()), kind="pid", limit=0.3, draws=2, seconds=2.0)
     plain, other = loops.tried
     assert [plain.controller.kind, other.controller.kind] == ["PID", "FOPID"]
     assert plain.held == other.held == 2
     first, second = (loops.loop.trial(loops.loop.x, d.controller, 1) for d in (plain, other))
     assert second["effort"] <= 1.01 * first["effort"]
+    assert other.distance >= 0.99 * plain.distance
     assert second["error"] <= 1.01 * first["error"]
     assert "times the PID's" in loops.notes[-1]

@@ -6,7 +6,8 @@ of one output, with orders 1 a PID.  Fractional operators are the sums of :mod:`
 e held.  At a limit the states are those of an e that would not have met it (Hanus' conditioning).
 
 A PID minimises the mean of :math:`(y/\bar y)^2 + (u/\bar u)^2` over a simulation; a FOPID of each of
-:data:`ORDERS` the same, with no more than the PID's effort (rms of u), which is what makes the two comparable.
+:data:`ORDERS` the same, with no more than the PID's effort (rms of u) and an open loop no nearer to −1 (the same
+maximum sensitivity), which is what makes the two comparable.
 """
 
 from __future__ import annotations
@@ -82,16 +83,16 @@ def pid(
 
 
 def both(
-    judge: Callable[[Controller, float], float], effort: Callable[[Controller], float], scale: float, period: float,
-    place: int, outputs: int, seed: int,
+    judge: Callable[[Controller, float, float], float], spent: Callable[[Controller], tuple[float, float]],
+    scale: float, period: float, place: int, outputs: int, seed: int,
 ) -> list[Controller]:  # fmt: skip
-    """A PID, and a FOPID of no more than its effort.
+    """A PID, and a FOPID of no more than its effort and no nearer to −1.
 
     Parameters
     ----------
-    judge : function (controller, most effort) -> float
+    judge : function (controller, most effort, least distance from −1) -> float
         Less is better.
-    effort : function (controller) -> float
+    spent : function (controller) -> (effort, distance)
     scale : float
         A gain of the right sign and size.
     period, place, outputs
@@ -103,13 +104,15 @@ def both(
         first, second, third = (scale * 10**z * np.array([1.0, 1.0, 0.1])).tolist()
         return pid((first, second, third), orders, period, place, outputs, kind)
 
-    def refined(z: FloatArray, most: float, *fractional: Any) -> Any:
-        return minimize(lambda z: judge(make(z, *fractional), most), z, method="Nelder-Mead", options={"maxfev": TRIES})
+    def refined(z: FloatArray, bounds: tuple[float, float], *fractional: Any) -> Any:
+        return minimize(
+            lambda z: judge(make(z, *fractional), *bounds), z, method="Nelder-Mead", options={"maxfev": TRIES}
+        )
 
-    rough = differential_evolution(lambda z: judge(make(z), np.inf), RANGES, maxiter=GENERATIONS, popsize=PEOPLE,
+    rough = differential_evolution(lambda z: judge(make(z), np.inf, 0.0), RANGES, maxiter=GENERATIONS, popsize=PEOPLE,
                                    rng=seed, polish=False)  # fmt: skip
-    plain = refined(rough.x, np.inf).x
-    most = effort(make(plain))
-    found = {orders: refined(plain, most, orders, "FOPID") for orders in ORDERS}
+    plain = refined(rough.x, (np.inf, 0.0)).x
+    bounds = spent(make(plain))
+    found = {orders: refined(plain, bounds, orders, "FOPID") for orders in ORDERS}
     best = min(ORDERS, key=lambda orders: found[orders].fun)
     return [make(plain), make(found[best].x, best, "FOPID")]

@@ -439,11 +439,12 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
 
 
 def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
-    """A PID of the output that begins off, and a FOPID of the same effort."""
+    """A PID of the output that begins off, and a FOPID of the same effort and distance from −1."""
     c = loop.conditions
     name = next(iter(c.off))
     place, off, most = c.outputs.index(name), c.off[name], min(c.most - c.at_rest, c.at_rest - c.least)
-    early = loop.plant(loop.x).linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
+    plant = replace(loop.plant(loop.x), delay=c.delay)
+    early = plant.linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
 
     def ran(controller: Controller) -> tuple[float, float, float]:
         """How long it held, the error's and the input's rms."""
@@ -451,13 +452,14 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
         error, effort = (float(np.sqrt(np.mean(v**2))) for v in (y[:, place], u - c.at_rest))
         return float(time[-1]), error, effort
 
-    def judged(controller: Controller, allowed: float) -> float:
+    def judged(controller: Controller, allowed: float, distance: float) -> float:
         held, error, effort = ran(controller)
-        short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1)
+        near = max(0.0, 1 - margins(plant, controller)[2] / distance) if distance else 0.0
+        short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
         return (error / off) ** 2 + (effort / most) ** 2 + 10 * short
 
-    return both(judged, lambda found: ran(found)[2], math.copysign(most / abs(off), early), c.period, place,
-                len(c.outputs), seed)  # fmt: skip
+    return both(judged, lambda found: (ran(found)[2], margins(plant, found)[2]), math.copysign(most / abs(off), early),
+                c.period, place, len(c.outputs), seed)  # fmt: skip
 
 
 KINDS = {"lqr": _regulators, "pid": _loops}
