@@ -396,6 +396,6 @@ class _Made:
             if values[-1] > UNSEEN**2:
                 names = [n for n, d in zip(self.slow, directions[:, -1], strict=True) if abs(d) > TOGETHER]
                 raise InputError(
-                    f"{' and '.join(names)} cannot be told apart from {' and '.join(self.sensors)}: along the "
+                    f"{' and '.join(names)} cannot be distinguished from {' and '.join(self.sensors)}: along the "
                     "recording they change it together. Leave one of them out of slow, or drive the rig."
                 )

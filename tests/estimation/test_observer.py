@@ -151,7 +151,7 @@ REFUSED = {
     "'C9'": {"slow": {"C9": 0.0}},
     "coulomb_angle is 0, of which no tenth": {"slow": {"coulomb_angle": 0.0}},
     "slip_speed cannot be observed from angle": {"slow": {"slip_speed": 0.0}},
-    "J and gravity and b_angle cannot be told apart": {"slow": dict.fromkeys(("J", "gravity", "b_angle"), 0.0)},
+    "J and gravity and b_angle cannot be distinguished": {"slow": dict.fromkeys(("J", "gravity", "b_angle"), 0.0)},
 }
 
 

@@ -136,7 +136,7 @@ class Regression(CardDisplay):
         return Card(f"Regression by {self.estimator}", (
             ("constants", listed(constants)),
             ("orders", brief(self.orders)),
-            ("left over", self.left_over),
+            ("residual", self.left_over),
             ("credibility", self.belief),
             ("warnings", listed(self.warnings)),
         ))  # fmt: skip
