@@ -153,6 +153,31 @@ def test_the_report_of_a_folder_of_a_study_is_its_page(tmp_path, capsys):
     assert (tmp_path / "noise.html").exists()
 
 
+def ticks(page):
+    """Name of a row of a page → where the tick of its interval stands [px]."""
+    rows = re.findall(
+        r'<span class="point[^>]*></span>([^<]*)</span>.*?class="zero" d="M([\d.]+)', page.read_text(), re.DOTALL
+    )
+    return {name: float(x) for name, x in rows}
+
+
+def test_the_tick_of_an_order_is_at_its_integer_which_is_the_runs_own_where_there_is_one(tmp_path, monkeypatch):
+    assert ticks(written(tmp_path, "profiles.json"))["μ"] > 90  # 1, right of 0.9123
+    (tmp_path / "result.json").touch()
+    monkeypatch.setattr(fracid.report.study, "read_if_whole", lambda *_: {"orders": {"mu": {"integer": 0.0}}})
+    assert ticks(written(tmp_path, "profiles.json"))["μ"] < 90
+
+
+def test_on_paper_are_no_controls_and_no_column_is_cut(browser, tmp_path):
+    (tmp_path / "curves.json").write_text(json.dumps(curves()), encoding="utf-8")
+    browser.open(written(tmp_path, "compare.json"), width=720)
+    browser.media("print")
+    assert (
+        browser.run("[...document.querySelectorAll('input, select, canvas')].filter(e => e.offsetParent).length") == 0
+    )
+    assert browser.run("[...document.querySelectorAll('td, th')].every(e => e.getBoundingClientRect().right <= 720)")
+
+
 def test_a_comparison_without_curves_or_with_those_of_other_samples_has_its_table_alone(tmp_path):
     assert 'name="structure"' not in written(tmp_path, "compare.json").read_text(encoding="utf-8")
     content = curves()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
 from fracid.plots import appearance
-from fracid.units import SHOWN_UNITS, shown_unit
+from fracid.units import SHOWN_UNITS, shown_unit, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +73,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
         _unknown(left, right, study, name)
     for axes in panels[-1]:
         axes.set_xlabel(f"noise, standard deviation [{shown_unit(study.cells[0].unit)[0] or '–'}]")
-    more = f" (the first {len(rows)} of {len(names)} unknowns)" if len(names) > len(rows) else ""
+    more = f" (the first {len(rows)} of {len(names)} free parameters)" if len(names) > len(rows) else ""
     cost = appearance.cost_label(study.cost_name)[0]
     appearance.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
     return figure
@@ -100,7 +100,7 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str)
     title, _, recording = name.partition(" [")
     if recording:
         appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {appearance.symbol(title)} [{appearance.plain(display_unit)}]")
+    left.set_ylabel(f"bias of {appearance.symbol(title)} [{appearance.plain(typeset_unit(display_unit))}]")
     right.set_ylabel("coverage [%]")
 
 

@@ -23,6 +23,7 @@ from markupsafe import Markup
 
 from fracid.errors import InputError, writing
 from fracid.experiments.plan import PlanBlock
+from fracid.fit import ResultBlock
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
@@ -36,7 +37,7 @@ from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
-from fracid.units import GREEK, shown_unit, with_unit
+from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH
 from fracid.validation.study_records import StudyBlock, label_of
 
@@ -149,13 +150,13 @@ def _profiled(record: Mapping[str, Any]) -> Found:
 
 def _disturbed(record: Mapping[str, Any]) -> Found:
     rows = [
-        {"noise and encoder": label_of(c["level"], c["resolution"], c.get("unit", "rad")), "unknown": letter(n),
+        {"noise and encoder": label_of(c["level"], c["resolution"], c.get("unit", "rad")), "parameter": letter(n),
          "truth": number(s["truth"]), "bias": number(s["bias"], ".2g"), "spread": number(s["spread"], ".2g"),
-         "standard error": number(s["claimed"], ".2g"), "unit": s["unit"],
+         "standard error": number(s["claimed"], ".2g"), "unit": typeset_unit(s["unit"]),
          "intervals with the truth": f"{s['held']} of {s['intervals']}"}
         for c in record["cells"] for n, s in c["unknowns"].items()
     ]  # fmt: skip
-    first, *others = record["sentences"] or ["No unknown was estimated."]
+    first, *others = record["sentences"] or ["No parameter was estimated."]
     good = not record["findings"] and record["seeds"] >= ENOUGH
     facts = (record["optimiser"], f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
     return Found(first, good, model=record["model"], said=tuple(others), facts=facts,
@@ -165,7 +166,7 @@ def _disturbed(record: Mapping[str, Any]) -> Found:
 def _controlled(record: Mapping[str, Any]) -> Found:
     c = record["conditions"]
     rows = [
-        {"controller": d["controller"]["kind"], **{n: number(w) for n, w in d["controller"]["weights"].items()},
+        {"controller": d["controller"]["kind"], **{letter(n): number(w) for n, w in d["controller"]["weights"].items()},
          "holds": f"{d['held']} of {d['draws']} draws", "gain margin [dB]": number(d["gain_margin"], ".3g"),
          "phase margin [°]": number(d["phase_margin"], ".3g")} for d in (*record["tried"], record["design"])
     ]  # fmt: skip
@@ -263,8 +264,15 @@ def _record(folder: Path, file: str) -> dict[str, Any]:
 
 def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:
     found, environment = study.found(record), read_if_whole(folder / ENVIRONMENT, EnvironmentBlock)
-    words = environment.get("command") or []
-    command = words if words[:1] == [study.command] else [study.command, record.get("source") or _source(folder)]
+    words, run = environment.get("command") or [], _run(folder)
+    integers = _integers(run)
+    for row in (row for rows in found.values.values() for row in rows if row["name"] in integers):
+        row["integer"] = integers[row["name"]]
+    command = (
+        words
+        if words[:1] == [study.command]
+        else [study.command, record.get("source") or (run.name if run else "PROJECT")]
+    )
     ladder = ladder_of(record) if file == "compare.json" else None
     data = _curves(folder, record) if ladder else None
     scripts = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
@@ -277,10 +285,15 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
     )  # fmt: skip
 
 
-def _source(folder: Path) -> str:
-    """The run that a study without a command of its own is of."""
-    of_run = (place for place in (folder, folder.resolve().parent) if (place / "result.json").exists())
-    return next((place.name for place in of_run), "PROJECT")
+def _run(folder: Path) -> Path | None:
+    """The run that a study is of, where the study lies in it."""
+    return next((place for place in (folder, folder.resolve().parent) if (place / "result.json").exists()), None)
+
+
+def _integers(run: Path | None) -> dict[str, float | None]:
+    """Of each order its integer; of a study apart from its run, those of the library's models."""
+    result = read_if_whole(run / "result.json", ResultBlock) if run else {}
+    return {n: e.get("integer", 1.0) for n, e in result.get("orders", {"lambda": {}, "mu": {}}).items()}
 
 
 def in_script(content: Any) -> Markup:
