@@ -800,3 +800,14 @@ def test_of_hundreds_of_columns_that_nobody_named_some_are_looked_at(tmp_path):
     recording = inspect_recording(tmp_path / "bus.csv")
     assert len(recording.signals) == 200
     assert "Left out as beyond 200 signals: 60 columns; name those that are meant." in recording.report.reading
+
+
+def test_counts_in_a_header_lack_the_counts_of_a_turn_and_not_a_unit(tmp_path):
+    t = np.arange(2000) / 200
+    file = tmp_path / "swing.csv"
+    alpha = np.rint(600 * np.exp(-0.2 * t) * np.cos(6.5 * t))
+    np.savetxt(
+        file, np.column_stack([t, alpha]), delimiter=",", header="time [s],alpha [counts]", comments="", fmt="%g"
+    )
+    said = "\n".join(inspect_recording(file, guess_units=True).report.notes)
+    assert "alpha [counts] says no counts a turn: taken to be counts of 4096 a turn" in said

@@ -246,7 +246,7 @@ def _guesses(
     for n, (fields, why) in guessed_units(recording, named=named).items():
         header = table.units[table.find(channels[n].column)]
         if fields.get("unit") != recording.units[n] and (not header or header.lower() in COUNTING):
-            guesses[n] = fields, f"{n} has no unit: taken to be {why}."
+            guesses[n] = fields, f"{n} {'says no counts a turn' if header else 'has no unit'}: taken to be {why}."
         elif "fill" in fields and channels[n].fill is None:
             guesses[n] = {"fill": fields["fill"]}, f"{n} is taken to be {why}."
     return guesses
