@@ -14,18 +14,20 @@ from hashlib import sha256
 from io import BytesIO
 from string import Template
 from typing import Literal
-from xml.etree import ElementTree
 
 from fracid._version import __version__
 from fracid.errors import unknown_name
 from fracid.export.c import c_model, initialiser
 from fracid.export.compilers import PLATFORMS, here, library_of
 from fracid.export.identified import Identified, Quantity, one_line
+from fracid.export.markup import xml
 from fracid.models.written.equations import dimension
 from fracid.safety.door import own_text
 
 Version = Literal["2", "3"]
 
+
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 LOCAL = "FRACID_LOCAL struct parameters"
 """In place of constants: each thread's own, into which the parameters of the instance that steps are put."""
@@ -114,64 +116,19 @@ def description(model: Identified, version: Version, token: str) -> str:
     >>> description.__name__
     'description'
     """
-    two, every = version == "2", variables(model)
-    root = ElementTree.Element("fmiModelDescription", {
-        "fmiVersion": f"{version}.0", "modelName": model.identifier, "guid" if two else "instantiationToken": token,
-        "description": one_line(f"{model.problem.model.name}, identified by fracid {__version__} from {model.run}"),
-        "generationTool": f"fracid {__version__}", "variableNamingConvention": "flat",
-    })  # fmt: skip
-    state = "state" if two else "State"
-    unit = ElementTree.SubElement(root, "CoSimulation", {
-        "modelIdentifier": model.identifier, "canHandleVariableCommunicationStepSize": "true",
-        f"canGetAndSetFMU{state}": "true", f"canSerializeFMU{state}": "true",
-        **({"canInterpolateInputs": "true", "canNotUseMemoryManagementFunctions": "true"} if two
-           else {"fixedInternalStepSize": repr(model.case.step)}),
-    })  # fmt: skip
-    if two:
-        ElementTree.SubElement(ElementTree.SubElement(unit, "SourceFiles"), "File", name="fmu.c")
-    _units(root, sorted({v.quantity.unit for v in every} - {""}))
-    categories = ElementTree.SubElement(root, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError", description="why a call failed")
-    ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=repr(model.case.step),
-                           stopTime=repr(model.case.steps * model.case.step))  # fmt: skip
-    table = ElementTree.SubElement(root, "ModelVariables")
-    for v in every:
-        value = {"start": repr(v.quantity.value)} if v.causality not in ("independent", "output") else {}
-        value |= {"unit": one_line(v.quantity.unit)} if v.quantity.unit else {}
-        common = {"name": v.name, "valueReference": str(v.reference), "causality": v.causality,
-                  "variability": v.variability, **({"initial": v.initial} if v.initial else {}),
-                  **({"description": one_line(text)} if (text := v.quantity.description) else {})}  # fmt: skip
-        if two:
-            ElementTree.SubElement(ElementTree.SubElement(table, "ScalarVariable", common), "Real", value)
-        else:
-            ElementTree.SubElement(table, "Float64", common | value)
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    for kind in ("Output", "InitialUnknown"):
-        listed = ElementTree.SubElement(structure, f"{kind}s") if two else structure
-        for place, v in enumerate(every, 1):
-            if v.causality == "output" and two:
-                ElementTree.SubElement(listed, "Unknown", index=str(place))
-            elif v.causality == "output":
-                ElementTree.SubElement(listed, kind, valueReference=str(v.reference))
-    return _xml(root)
+    every = variables(model)
+    units = {unit: _powers(unit) for unit in sorted({v.quantity.unit for v in every} - {""})}
+    about = f"{model.problem.model.name}, identified by fracid {__version__} from {model.run}"
+    return DECLARATION + xml("description.xml.in", version=version, two=version == "2", token=token, model=model,
+                             about=about, fracid=__version__, units=units, variables=every)  # fmt: skip
 
 
-def _units(root: ElementTree.Element, units: Sequence[str]) -> None:
-    if not units:
-        return
-    table = ElementTree.SubElement(root, "UnitDefinitions")
-    for name in units:
-        entry = ElementTree.SubElement(table, "Unit", name=one_line(name))
-        powers = {"rad": 1.0} if name == "rad" else {} if "rad" in name else dict(
-            zip(("kg", "m", "s", "A", "K", "mol"), dimension(name) or (), strict=False))  # fmt: skip
-        if any(power % 1 for power in powers.values()) or not powers:
-            continue  # of a unit that is no whole power the description has the name alone
-        ElementTree.SubElement(entry, "BaseUnit", {n: f"{power:.0f}" for n, power in powers.items() if power})
-
-
-def _xml(root: ElementTree.Element) -> str:
-    ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+def _powers(unit: str) -> dict[str, float] | None:
+    """Of a unit in those of the SI; None where one is not whole: the description has its name alone."""
+    if "rad" in unit:
+        return {"rad": 1.0} if unit == "rad" else None
+    powers = dict(zip(("kg", "m", "s", "A", "K", "mol"), dimension(unit) or (), strict=False))
+    return None if any(power % 1 for power in powers.values()) else powers or None
 
 
 def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()) -> tuple[bytes, list[str]]:
@@ -206,13 +163,7 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     files["modelDescription.xml"] = description(model, version, token).encode()
     files |= {f"sources/{name}": text.encode() for name, text in texts.items()}
     if version == "3":
-        build = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-        built = ElementTree.SubElement(build, "BuildConfiguration", modelIdentifier=model.identifier)
-        ElementTree.SubElement(
-            ElementTree.SubElement(built, "SourceFileSet", language="C11"), "SourceFile", name="fmu.c"
-        )
-        ElementTree.SubElement(built, "Library", name="m")
-        files["sources/buildDescription.xml"] = _xml(build).encode()
+        files["sources/buildDescription.xml"] = (DECLARATION + xml("build.xml.in", model=model)).encode()
     notes = []
     for name in platforms or [here()]:
         if name not in PLATFORMS and platforms:

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from fracid._version import __version__
 from fracid.errors import InputError
-from fracid.export.identified import Identified, one_line
+from fracid.export.identified import Identified
+from fracid.export.markup import xml
 from fracid.models.rigs import STANDARD_GRAVITY
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Expression, Name, Number, mentioned
@@ -57,6 +57,11 @@ class Link:
     """Input → torque or force for one of its unit."""
     limit: float
     """Largest input; 0 for none."""
+
+    @property
+    def least_inertia(self) -> tuple[float, ...]:
+        """What MuJoCo takes: it wants moments above 0."""
+        return tuple(max(v, 1e-12) for v in self.inertia)
 
 
 @dataclass(frozen=True)
@@ -200,46 +205,12 @@ def mjcf(rig: Rig, heading: Sequence[str] = ()) -> str:
     >>> mjcf.__name__
     'mjcf'
     """
-    root = ElementTree.Element("mujoco", model=rig.model.identifier)
-    for text in heading:
-        root.append(ElementTree.Comment(f" {_plain(text)} "))
-    ElementTree.SubElement(root, "compiler", angle="radian")
-    option = {"timestep": repr(min(rig.model.case.step, 2e-3)), "gravity": _numbers((0.0, 0.0, -STANDARD_GRAVITY)),
-              "integrator": "RK4"}  # fmt: skip
-    ElementTree.SubElement(ElementTree.SubElement(root, "option", option), "flag", contact="disable")
-    world = ElementTree.SubElement(root, "worldbody")
-    bodies, motors = {"": world}, ElementTree.Element("actuator")
-    for link in rig.links:
-        body = ElementTree.SubElement(bodies[link.parent], "body", name=f"{link.joint}_link", pos=_numbers(link.place))
-        bodies[link.joint] = body
-        spring = {"stiffness": repr(link.stiffness), "springref": repr(link.rest)} if link.stiffness else {}
-        ElementTree.SubElement(body, "joint", {
-            "name": link.joint, "type": link.kind, "axis": _numbers(link.axis), "ref": repr(link.zero),
-            "damping": _numbers(link.damping), "frictionloss": repr(link.friction), **spring,
-        })  # fmt: skip
-        ElementTree.SubElement(body, "inertial", pos=_numbers(link.com), mass=repr(link.mass),
-                               diaginertia=_numbers(tuple(max(v, 1e-12) for v in link.inertia)))  # fmt: skip
-        for name, gear in link.drive.items():
-            limit = {"ctrlrange": _numbers((-link.limit, link.limit)), "ctrllimited": "true"} if link.limit else {}
-            motor = {"name": name, "joint": link.joint, "gear": repr(gear)} | limit
-            ElementTree.SubElement(motors, "motor", motor)
-    if rig.shaft:
-        joints, stiffness, damping = rig.shaft
-        between = ElementTree.SubElement(ElementTree.SubElement(root, "tendon"), "fixed", {
-            "name": "shaft", "stiffness": repr(stiffness), "damping": repr(damping), "springlength": "0",
-        })  # fmt: skip
-        for joint, coefficient in zip(joints, ("1", "-1"), strict=True):
-            ElementTree.SubElement(between, "joint", joint=joint, coef=coefficient)
-    if len(motors):
-        root.append(motors)
-    key = ElementTree.SubElement(ElementTree.SubElement(root, "keyframe"), "key", name="start")
-    at = dict(zip(rig.model.problem.model.states, rig.model.case.past[-1].tolist(), strict=True))
-    rates = rig.model.problem.model.rates
-    for name, offset in (("qpos", 0), ("qvel", 1)):
-        states = [rig.model.problem.model.output_states[link.joint] for link in rig.links]
-        values = [list(at.values())[rates.get(i, i + 1) if offset else i] for i in states]
-        key.set(name, _numbers(values))
-    return _xml(root)
+    model, case = rig.model.problem.model, rig.model.case
+    angles = [model.output_states[link.joint] for link in rig.links]
+    at = case.past[-1].tolist()
+    places, speeds = (tuple(at[i] for i in states) for states in (angles, [model.rates.get(i, i + 1) for i in angles]))
+    return xml("mujoco.xml.in", rig=rig, heading=heading, step=min(case.step, 2e-3), places=places, speeds=speeds,
+               gravity=(0.0, 0.0, -STANDARD_GRAVITY))  # fmt: skip
 
 
 def urdf(rig: Rig, heading: Sequence[str] = ()) -> str:
@@ -250,27 +221,7 @@ def urdf(rig: Rig, heading: Sequence[str] = ()) -> str:
     >>> urdf.__name__
     'urdf'
     """
-    root = ElementTree.Element("robot", name=rig.model.identifier)
-    for text in heading:
-        root.append(ElementTree.Comment(f" {_plain(text)} "))
-    ElementTree.SubElement(root, "link", name="base")
-    for link in rig.links:
-        body = ElementTree.SubElement(root, "link", name=f"{link.joint}_link")
-        inertial = ElementTree.SubElement(body, "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=_numbers(link.com), rpy="0 0 0")
-        ElementTree.SubElement(inertial, "mass", value=repr(link.mass))
-        moments = dict(zip(("ixx", "iyy", "izz"), map(repr, link.inertia), strict=True))
-        ElementTree.SubElement(inertial, "inertia", moments | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
-        slides = link.kind == "slide"
-        joint = ElementTree.SubElement(root, "joint", name=link.joint, type="prismatic" if slides else "continuous")
-        ElementTree.SubElement(joint, "parent", link=f"{link.parent}_link" if link.parent else "base")
-        ElementTree.SubElement(joint, "child", link=f"{link.joint}_link")
-        ElementTree.SubElement(joint, "origin", xyz=_numbers(link.place), rpy="0 0 0")
-        ElementTree.SubElement(joint, "axis", xyz=_numbers(link.axis))
-        if slides:
-            ElementTree.SubElement(joint, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
-        ElementTree.SubElement(joint, "dynamics", damping=repr(link.damping[0]), friction=repr(link.friction))
-    return _xml(root)
+    return xml("robot.urdf.in", rig=rig, heading=heading)
 
 
 def lost_in_urdf(rig: Rig) -> list[str]:
@@ -336,17 +287,3 @@ def error_in_mujoco(rig: Rig, text: str) -> str:
         for link, v, w in zip(rig.links, off, np.ptp(ours, axis=0), strict=True)
     )
     return f"Along the recording {case.name!r}, MuJoCo {mujoco.__version__} is off fracid by {parts} rms."
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(f"{float(v):.12g}" for v in values)
-
-
-def _plain(text: str) -> str:
-    """What a comment of XML can hold."""
-    return one_line(text).replace("--", "- -")
-
-
-def _xml(root: ElementTree.Element) -> str:
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
