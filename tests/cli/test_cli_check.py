@@ -45,6 +45,19 @@ def test_an_angle_in_doubt_is_shown_as_in_the_file_with_the_command_that_names_i
     assert f"fracid check {tmp_path / 'swing.csv'} {command} --rate 100" in out
 
 
+def test_the_columns_of_a_joint_are_checked_as_init_takes_them(capsys, tmp_path):
+    file, t = tmp_path / "joint.csv", np.arange(0, 8, 4e-3)
+    table = np.column_stack([t, 5 * np.sin(t), 5 * np.cos(t), 0.6 * np.sin(2 * t)])
+    np.savetxt(file, table, "%.5f", ",", header="t,q,qd,tau", comments="")
+    code, out, _ = run(capsys, "check", str(file))
+    assert code == 0
+    assert "angle is taken from 'q', in radians, as nothing says otherwise." in out
+    assert "torque  -0.6 … 0.6 N m" in out
+    assert [word for word in ("pendulum", "alpha", "theta", "qd") if word in out] == []
+    next_ = out.replace("\n", " ").split("next")[1]
+    assert "writes a project of the model joint" in " ".join(next_.split())
+
+
 def test_json_is_all_that_stands_on_standard_output(capsys, swing):
     code, out, err = run(
         capsys, "check", swing, "--column", "alpha=1,unit=deg,sign=-1,zero=rest", "--time", 0, "--json"

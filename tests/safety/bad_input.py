@@ -391,7 +391,7 @@ SAMPLES = [
     Row("two samples", "log.csv", text(columns=(T[:2], THETA[:2], ALPHA[:2])),
         "2 samples are too few to identify a model from", 3),
     Row("no clock", "log.csv", text(head="theta,alpha", columns=(THETA, ALPHA)),
-        "log.csv: no column increases like time. … Give the rate [Hz] or the time column.", 2),
+        "log.csv: no column increases like time. … Give the rate [Hz] or the time column: --rate HZ, --time COLUMN.", 2),
     Row("a row twice", "log.csv", text(change=lambda lines: lines.insert(51, lines[50])),
         "1 row repeats the one before and was left out: the same time and the same values.", 0),
     Row("a time stamp twice", "log.csv",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from math import pi
 from pathlib import Path
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from fracid.recording import Recording, Report
+    from fracid.recording.guess import Columns
 
 
 @command
@@ -54,10 +55,12 @@ def check(
         from fracid.recording import inspect_recording
         from fracid.workflows.overview import write_overview
 
+        clock = time_from_text(time, rate)
+        own, notes = ({}, []) if column else _columns_of_model(file, clock, variable)
         recording = inspect_recording(
             file,
-            columns_from_texts(column),
-            time=time_from_text(time, rate),
+            own or columns_from_texts(column),
+            time=clock,
             start=start_from_text(start),
             stop=stop,
             variable=variable,
@@ -69,15 +72,34 @@ def check(
     if json_:
         _print_json(recording, figure)
     else:
-        print_check(recording, figure)
+        print_check(recording, figure, notes)
     if not recording.report.faults and not json_:
         options = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
-        _say_next(recording, options)
+        _say_next(recording, options, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 
 
-def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
+def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Columns, list[str]]:
+    """The columns of a table of one model, as ``fracid init`` takes them, and notes; none of a rotary pendulum's."""
+    from fracid.problem.roles import ROTARY, likely_models
+    from fracid.recording import inspect_recording
+
+    raw = inspect_recording(file, time=clock, variable=variable)
+    likely = likely_models([*raw.signals])
+    if len(likely) != 1 or ROTARY in likely:
+        return {}, []
+
+    from fracid.models import model
+    from fracid.problem.model_draft import channel_of
+
+    ((name, roles),) = likely.items()
+    found = {signal: channel_of(model(name), signal, raw, column) for signal, column in roles.items()}
+    notes = [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
+    return {signal: fields for signal, (fields, _) in found.items()}, notes
+
+
+def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) -> None:
     found = {f.code: f for f in recording.report.findings}
     again, why = dict(options), ""
     if "still" in found:
@@ -87,20 +109,20 @@ def _say_next(recording: Recording, options: Mapping[str, Any]) -> None:
         return
     if "wrong-clock" in found and options["--time"] is options["--rate"] is None:
         again["--time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"
-    if columns := _in_doubt(recording, options):
+    if columns := _in_doubt(recording, options, own):
         again["--column"] = columns
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
     steps = [(typed("check", recording.path, *_again(again)), why)] if why else []
     words = _again(again if "wrong-clock" in found else options)
-    steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording)]
+    steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording, own)]
     say_next(new_console(), *steps)
 
 
-def _models_for(recording: Recording) -> list[tuple[tuple[str, ...], str]]:
+def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
     """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
     from fracid.problem.roles import ROTARY, likely_models, nameless
 
-    columns = list(recording.signals)
+    columns = [str(c["column"]) for c in own.values()] if own else list(recording.signals)
     likely = likely_models(columns)
     if ROTARY in likely or (not likely and nameless(columns)):
         return [((), "writes a project of it, which runs as it is")]
@@ -130,14 +152,16 @@ def _doubted(recording: Recording) -> dict[str, str]:
     return unsaid | {f.where: MISREAD[f.code] for f in report.findings if f.code in MISREAD}
 
 
-def _in_doubt(recording: Recording, options: Mapping[str, Any]) -> list[str]:
+def _in_doubt(recording: Recording, options: Mapping[str, Any], own: Columns) -> list[str]:
     """The columns as ``--column`` takes them, with the units to try; none where no unit is in doubt."""
     from fracid.problem.draft import guess_file
 
     doubted, given = _doubted(recording), options["--column"]
     if not doubted:
         return []
-    if given is None:
+    if own:
+        given = [f"{name}={text_of_column(fields)}" for name, fields in own.items()]
+    elif given is None:
         try:
             time = time_from_text(options["--time"], options["--rate"])
             columns, _ = guess_file(recording.path, time=time, variable=options["--variable"])
@@ -230,7 +254,7 @@ def _print_json(recording: Recording, figure: Path | None) -> None:
     echo_json(content)
 
 
-def print_check(recording: Recording, figure: Path | None) -> None:
+def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] = ()) -> None:
     """Show what a recording is worth."""
     from rich.markup import escape
 
@@ -243,7 +267,7 @@ def print_check(recording: Recording, figure: Path | None) -> None:
         f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"
     })  # fmt: skip
     print_sketches(console, recording)
-    for note in _folded(report.notes)[:MOST]:
+    for note in [*notes, *_folded(report.notes)][:MOST]:
         say(console, escape(note), "  • ", 4)
     _print_rest(console, len(_folded(report.notes)), "notes")
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]

@@ -91,6 +91,28 @@ def draft_of_model(
     return _Page(name, [Path(file), *more], columns, time, variable, zero, Path(folder)).draft()
 
 
+def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
+    """The channel of a model's signal, and what its unit is taken from.
+
+    Examples
+    --------
+    >>> raw = Recording.of("log", np.arange(9.0), {"q": np.arange(9.0)}, units={"q": "rad"})
+    >>> channel_of(model("joint"), "angle", raw, "q")
+    ({'column': 'q'}, 'whose unit the header says')
+    """
+    place, unit = column.removeprefix("column "), _own_unit(model, name)
+    fields, why = {}, "whose unit the header says"
+    if column in raw.assumed:
+        fields, why = (
+            unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
+        )
+    return {"column": int(place) if place.isdigit() else column} | fields, why
+
+
+def _own_unit(model: Model, name: str) -> str:
+    return model.output_unit(name) if name in model.outputs else model.input_units.get(name, "1")
+
+
 class _Page:
     """The text, from top to bottom."""
 
@@ -174,9 +196,7 @@ class _Page:
                                   signals=', '.join(raw.signals)))  # fmt: skip
         columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
         for name, column in roles.items():
-            place = column.removeprefix("column ")
-            fields, why = self._unit(raw, column, name)
-            columns[name] = {"column": int(place) if place.isdigit() else column} | fields
+            columns[name], why = channel_of(self.model, name, raw, column)
             self.notes.append(f"{name} is taken from {column!r}, {why}.")
         if given is None and not {*columns} & {*self.model.outputs}:
             columns |= self._of_sensors(raw)
@@ -185,7 +205,12 @@ class _Page:
                                   signals=', '.join(raw.signals), first=next(iter(self.model.outputs))))  # fmt: skip
         for name, fields in columns.items():
             said = fields["column"] in raw.signals and fields["column"] not in raw.assumed  # by the header
-            if "unit" not in fields and given is not None and not said and (unit := self._own_unit(name)) != "rad":
+            if (
+                "unit" not in fields
+                and given is not None
+                and not said
+                and (unit := _own_unit(self.model, name)) != "rad"
+            ):
                 fields["unit"] = unit
         taken = [*roles.values(), *(c["column"] for c in columns.values())]
         unused = [c for c in raw.signals if c not in taken]
@@ -211,16 +236,6 @@ class _Page:
             self.notes.append(f"{name} is taken from {column!r}, whose unit the header says: a sensor of {output}.")
             return {name: fields}
         return {}
-
-    def _own_unit(self, name: str) -> str:
-        return self.model.output_unit(name) if name in self.model.outputs else self.model.input_units.get(name, "1")
-
-    def _unit(self, raw: Recording, column: str, name: str) -> tuple[dict[str, Any], str]:
-        """The fields of a column's unit, and what they are taken from."""
-        unit = self._own_unit(name)
-        if column not in raw.assumed:
-            return {}, "whose unit the header says"
-        return unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
 
     def _first_values(self, model: Model) -> FirstValues:
         rows = self.table["model"]["parameters"]
@@ -317,7 +332,7 @@ class _Page:
         yield toml_line("use", "fit", '# or "validate": held out for validation')
 
     def _fit(self) -> list[str]:
-        units = {self._own_unit(n) for n in self._outputs}
+        units = {_own_unit(self.model, n) for n in self._outputs}
         weights = [toml_line("weights", "noise", "# outputs of different units count by their noise")]
         special = [toml_line(key, text, "") for key, text in self.special.get("fit", {}).items()]
         return ["[fit]", f"outputs = {json.dumps(self._outputs)}", *(weights if len(units) > 1 else []), *special]

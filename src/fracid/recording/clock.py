@@ -202,7 +202,8 @@ def _guess_time(table: Table) -> int:
         header = f" The header says: {short_text(' | '.join(table.header))}." if table.header else ""
         sideways = " It has more columns than rows: should it be turned?" if _is_wide(table) else ""
         raise InputError(
-            f"{table.source}: no column increases like time.{header}{sideways} Give the rate [Hz] or the time column."
+            f"{table.source}: no column increases like time.{header}{sideways} Give the rate [Hz] or the time column: "
+            "--rate HZ, --time COLUMN."
         )
     return min(evenness, key=lambda j: evenness[j])
 

@@ -319,7 +319,7 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     --------
     >>> t = np.linspace(0, 4, 401)
     >>> release_time(t, np.sin(6 * t))
-    (None, 'the pendulum is not held still before its fastest motion')
+    (None, 'it is not held still before its fastest motion')
     """
     finite = np.isfinite(signal)
     if np.count_nonzero(finite) < 10 or np.ptp(signal[finite]) == 0:
@@ -331,7 +331,7 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
         return None, "its noise hides whether the pendulum is held before its fastest motion"
     fastest = int(np.argmax(speed >= 0.95 * speed.max() - scatter))  # the first, should many be alike
     slow = np.flatnonzero(speed[:fastest] < max(0.05 * speed[fastest], scatter))
-    mid_swing = "the pendulum is not held still before its fastest motion"
+    mid_swing = "it is not held still before its fastest motion"
     if not slow.size:
         return None, mid_swing
     last = int(slow[-1])
