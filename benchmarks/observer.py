@@ -5,10 +5,11 @@ know constants, order and the intensity of the torque.  NEES is the squared erro
 the end of each twin, NIS the same of the innovations; a consistent filter has 2 and 1, with the bands of 95 % beside.
 Filters of the kind that is published hold the order as a Grünwald-Letnikov sum over 50 or 100 samples.  A second table
 has the errors of all where friction and order are not those that the filters begin with, which the first estimates, and
-after a second without the sensor.
+after a second without the sensor; friction also walks while a pendulum swings.
 """
 
 import argparse
+import math
 import time
 from types import SimpleNamespace
 
@@ -22,6 +23,8 @@ from fracid import observer
 MU, STEP, N, NOISE, TORQUE = 0.93, 0.01, 2000, 1e-3, 2e-3
 MODEL = fracid.model("pendulum")
 INTENSITY = (TORQUE / MODEL.parameter("J").value) ** 2 * STEP
+WALK = 1e-4
+"""By which friction walks in a second [N m s/rad]."""
 SPREAD = {"angle": 0.01, "rate": 0.05}
 
 
@@ -36,6 +39,28 @@ def twin(seed, mu=MU, **constants):
     p = problem(np.zeros((N, 1)), TORQUE * random.standard_normal((N, 1)), initial, mu, **constants)
     states = p.simulate(p.start, p.experiments[0]).states
     return states, states[:, :1] + NOISE * random.standard_normal((N, 1))
+
+
+def worn_rhs(t, x, u, p, out):  # noqa: ARG001
+    out[0] = x[1]
+    out[1] = (u[0] - p[1] * math.sin(x[0]) - u[1] * x[1]) / p[0]
+
+
+WORN = fracid.Model("worn pendulum", worn_rhs, ("angle", "rate"), ("mu", "mu"), {"angle": 0}, ("torque", "friction"),
+                    tuple(MODEL.parameter(n) for n in ("J", "gravity")), "", "a twin")  # fmt: skip
+"""The pendulum, with its friction for an input."""
+
+
+def worn_twin(seed):
+    """One whose friction walks at random while it swings: states, what is measured, and the friction."""
+    random = np.random.default_rng(20_000 + seed)
+    walk = WALK * np.sqrt(STEP) * np.cumsum(random.standard_normal(N))
+    friction = np.abs(MODEL.parameter("b_angle").value + 1e-4 * random.standard_normal() + walk)
+    initial = {n: (n == "angle") + s * random.standard_normal() for n, s in SPREAD.items()}
+    inputs = np.column_stack([TORQUE * random.standard_normal(N), friction])
+    run = fracid.simulate(WORN, orders={"mu": MU}, initial=initial, step=STEP, end=STEP * (N - 1), inputs=inputs,
+                          between="hold")  # fmt: skip
+    return run.states, run.states[:, :1] + NOISE * random.standard_normal((N, 1)), friction
 
 
 def of_fracid(**more):
@@ -143,11 +168,11 @@ def consistency(count):
 
 def changes(count):
     """Friction and an order that are not those the filter begins with, a sensor that drops out for 1 s."""
-    rows = {"friction": [], "order": [], "dropped out": []}
+    rows = {"friction": [], "order": [], "friction that walks": [], "dropped out": []}
     errors = {(what, n): [] for what in ("constants that are others", "dropped out") for n in ("exponentials", 50, 100)}
     made = of_fracid(slow={"b_angle": 1e-4, "mu": 1e-3}, initial={"b_angle": 2e-4, "mu": 0.03})
     modes = len(made.start.z)
-    watch = of_fracid()
+    watch, wears = of_fracid(), of_fracid(slow={"b_angle": WALK}, initial={"b_angle": 1e-4})
     for seed in range(1, count + 1):
         random = np.random.default_rng(10_000 + seed)
         states, y = twin(
@@ -159,6 +184,16 @@ def changes(count):
         for n, truth in (("friction", b), ("order", mu)):
             name = {"friction": "b_angle", "order": "mu"}[n]
             rows[n].append(((track.states[name][-1] - truth) / track.deviations[name][-1], track.deviations[name][-1]))
+        _, y, friction = worn_twin(seed)
+        wears.reset()
+        track = wears.run(y)
+        rows["friction that walks"] += [
+            (
+                (track.states["b_angle"][n] - friction[n]) / track.deviations["b_angle"][n],
+                track.deviations["b_angle"][n],
+            )
+            for n in range(N // 4 - 1, N, N // 4)
+        ]
         states, y = twin(seed)
         y[1000:1100] = np.nan
         watch.reset()
@@ -169,7 +204,7 @@ def changes(count):
     print(f"\n{modes + 2} states, {count} twins: share of errors within 1.96 deviations, their rms, and the deviation")
     for name, found in rows.items():
         z, deviation = np.array(found).T
-        print(f"{name:12s} {np.mean(np.abs(z) < 1.96):.3f}  {np.sqrt(np.mean(z**2)):.2f}  {np.mean(deviation):.3g}")
+        print(f"{name:19s} {np.mean(np.abs(z) < 1.96):.3f}  {np.sqrt(np.mean(z**2)):.2f}  {np.mean(deviation):.3g}")
     print("\n| what happens | memory | rms of the angle [mrad] | of the rate [rad/s^0.93] |\n|---|---|---|---|")
     for (what, memory), found in errors.items():
         rms = np.sqrt(np.mean(np.square(found), axis=0))
