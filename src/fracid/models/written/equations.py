@@ -6,6 +6,7 @@ Units are checked as far as they are given: what has none, and a number, may be 
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
@@ -35,6 +36,7 @@ from fracid.models.written.tree import (
     Statement,
     mentioned,
 )
+from fracid.safety.door import own_text
 
 
 @dataclass(frozen=True)
@@ -223,13 +225,7 @@ def _output(
 Dimension = tuple[float, ...]
 """Powers of kg, m, s, A, K and mol; an angle has none."""
 
-UNITS: dict[str, Dimension] = {
-    "1": (0,) * 6, "-": (0,) * 6, "rad": (0,) * 6, "kg": (1, 0, 0, 0, 0, 0), "m": (0, 1, 0, 0, 0, 0),
-    "s": (0, 0, 1, 0, 0, 0), "A": (0, 0, 0, 1, 0, 0), "K": (0, 0, 0, 0, 1, 0), "mol": (0, 0, 0, 0, 0, 1),
-    "Hz": (0, 0, -1, 0, 0, 0), "N": (1, 1, -2, 0, 0, 0), "Pa": (1, -1, -2, 0, 0, 0), "J": (1, 2, -2, 0, 0, 0),
-    "W": (1, 2, -3, 0, 0, 0), "C": (0, 0, 1, 1, 0, 0), "V": (1, 2, -3, -1, 0, 0), "Ohm": (1, 2, -3, -2, 0, 0),
-    "S": (-1, -2, 3, 2, 0, 0), "F": (-1, -2, 4, 2, 0, 0), "H": (1, 2, -2, -2, 0, 0),
-}  # fmt: skip
+UNITS: dict[str, Dimension] = {n: tuple(d) for n, d in tomllib.loads(own_text("models/written/units.toml")).items()}
 
 NONE = UNITS["1"]
 SECOND = UNITS["s"]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import keyword
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar
 
@@ -33,9 +34,13 @@ from fracid.models.written.tree import (
     mentioned,
     parts,
 )
+from fracid.safety.door import own_text
 
 PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
 """Function or operation → what stands for it where a language has none of the same meaning."""
+
+LANGUAGES = tomllib.loads(own_text("models/written/languages.toml"))
+"""Language → what it has otherwise than C."""
 
 LEVELS = {"or": 1, "and": 1, "not": 7, **dict.fromkeys(COMPARISONS, 3), "+": 5, "-": 5, "*": 6, "/": 6, "neg": 7}
 """How tightly each binds; what binds less than its place asks for stands in brackets."""
@@ -55,17 +60,22 @@ class Writer:
     functions: ClassVar[dict[str, str]] = {}
     """Function → its name in the language, where that is another."""
     lacks: ClassVar[dict[str, str]] = PORTABLE
-    never: ClassVar[frozenset[str]] = frozenset()
+    never: ClassVar[Sequence[str]] = ()
     """Functions that the language has not and that are not portable."""
     words: ClassVar[str] = ""
     """That a variable cannot be called."""
-    comment: ClassVar[tuple[str, str]] = ("/* ", " */")
-    ends: ClassVar[tuple[str, str]] = (";", "}")
+    comment: ClassVar[Sequence[str]] = ("/* ", " */")
+    ends: ClassVar[Sequence[str]] = (";", "}")
     """Of a statement, and of a block."""
     indent: ClassVar[str] = "    "
     real: ClassVar[str] = "double"
     cast: ClassVar[str] = ""
     """Before an integer that is used as a number."""
+
+    def __init_subclass__(cls) -> None:
+        """What the table of languages says of one."""
+        for name, value in LANGUAGES.get(cls.__name__, {}).items():
+            setattr(cls, name, value)
 
     def __init__(
         self, program: Program, taken: Sequence[str] = (), title: str = "", called: str = "static void right_hand_side"
@@ -79,7 +89,7 @@ class Writer:
 
     def text(self, beside: Writer | None = None) -> str:
         """The functions that are called, but for those that stand `beside` already, then the right-hand side."""
-        if unknown := self.never.intersection(self.program.calls):
+        if unknown := {*self.never}.intersection(self.program.calls):
             raise Untranslatable(f"{type(self).__name__} has no {min(unknown)}, which the right-hand side calls.")
         there = (*beside.program.functions, *beside._borrowed()) if beside else ()
         if clash := {f.name for f in there} & {f.name for f in self.program.functions if f not in there}:
@@ -313,16 +323,6 @@ class Writer:
 class C(Writer):
     """C99 with ``math.h``: ``right_hand_side(x, u, f)``, its constants in a struct ``p``."""
 
-    functions: ClassVar[dict[str, str]] = {"abs": "fabs", "gamma": "tgamma"}
-    lacks: ClassVar[dict[str, str]] = {n: f for n, f in PORTABLE.items() if n != "copysign"}
-    words: ClassVar[str] = (
-        "auto break case char const continue default do double else enum extern float for goto if inline int long "
-        "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
-        "S T D KNOTS fabs pow j0 j1 jn y0 y1 yn tgamma right_hand_side NAN INFINITY"
-    )
-
-    cast: ClassVar[str] = "(double)"
-
     def number(self, v: float) -> str:
         """An integer would divide as one."""
         return super().number(float(v))
@@ -334,9 +334,6 @@ class C(Writer):
 
 class SingleC(C):
     """C99 in single precision, for processors without a double unit."""
-
-    real: ClassVar[str] = "float"
-    cast: ClassVar[str] = "(float)"
 
     def number(self, v: float) -> str:
         """With its suffix."""
@@ -350,17 +347,7 @@ class SingleC(C):
 class JavaScript(Writer):
     """A function from the constants ``p`` to ``right_hand_side(x, u, f)``."""
 
-    signs: ClassVar[dict[str, str]] = {**Writer.signs, "True": "true", "False": "false"}
     functions: ClassVar[dict[str, str]] = {n: f"Math.{n}" for n in (*FUNCTIONS, "abs", "pow")}
-    never: ClassVar[frozenset[str]] = frozenset(("erf", "erfc", "gamma", "lgamma"))
-    comment: ClassVar[tuple[str, str]] = ("// ", "")
-    indent: ClassVar[str] = "  "
-    words: ClassVar[str] = (
-        "await break case catch class const continue debugger default delete do else enum export extends false finally "
-        "for function if implements import in instanceof interface let new null package private protected public "
-        "return static super switch this throw true try typeof undefined var void while with yield arguments eval "
-        "Math Infinity NaN model Fracid right_hand_side"
-    )
 
     def number(self, v: float) -> str:
         """As Python writes it."""
@@ -412,20 +399,7 @@ class Plain(Writer):
 class Matlab(Plain):
     """MATLAB and Octave: ``[f, rates] = rhs(x, u, p)``."""
 
-    signs: ClassVar[dict[str, str]] = {"and": "&&", "or": "||", "not": "~", "neg": "-", "!=": "~=", "True": "true",
-                                       "False": "false"}  # fmt: skip
-    functions: ClassVar[dict[str, str]] = {"trunc": "fix", "lgamma": "gammaln", "fmod": "rem"}
-    lacks: ClassVar[dict[str, str]] = {n: f for n, f in PORTABLE.items() if n != "sign"} | {"Choice": "choice"}
-    comment: ClassVar[tuple[str, str]] = ("% ", "")
-    ends: ClassVar[tuple[str, str]] = (";", "end")
-    indent: ClassVar[str] = "  "
-    words: ClassVar[str] = (
-        "break case catch classdef continue else elseif end for function global if otherwise parfor persistent return "
-        "spmd switch try until do endif endwhile endfor endfunction end_try_catch unwind_protect while value rates rhs "
-        "fix gammaln rem nthroot imag real_or_nan zeros NaN Inf i j e pi eps ans abs min max sign true false"
-    )
-    complex: ClassVar[frozenset[str]] = frozenset(("sqrt", "log", "log2", "log10", "log1p", "asin", "acos", "acosh",
-                                                   "atanh"))  # fmt: skip
+    complex: ClassVar[Sequence[str]]
     """What may be complex here, where others say that there is no value."""
     REAL: ClassVar[str] = (
         "function value = real_or_nan(value)\n% A number that is complex is none.\n"
@@ -496,11 +470,7 @@ class Matlab(Plain):
 class Python(Plain):
     """Python in Numba's language: ``rhs(t, x, u, p, out)``, with the constants at their places in p."""
 
-    signs: ClassVar[dict[str, str]] = {"neg": "-", "True": "True", "False": "False"}
     functions: ClassVar[dict[str, str]] = {n: f"math.{n}" for n in FUNCTIONS}
-    lacks: ClassVar[dict[str, str]] = {"sign": "signum"}
-    comment: ClassVar[tuple[str, str]] = ("# ", "")
-    ends: ClassVar[tuple[str, str]] = ("", "")
     words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math range"))
 
     def entry(self, e: Entry) -> str:
