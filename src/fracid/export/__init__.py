@@ -25,6 +25,7 @@ Nothing is written outside of the folder that is given.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -137,14 +138,47 @@ def export_run(
         folder.mkdir(parents=True, exist_ok=True)
         for name in wanted:
             before = len(files)
-            for thing in FORMATS[name](run, folder, options):
-                if isinstance(thing, Path):
-                    files.append(thing)
-                else:
-                    notes.append(thing)
+            try:
+                for thing in FORMATS[name](run, folder, options):
+                    if isinstance(thing, str):
+                        notes.append(thing)
+                    else:
+                        files.append(thing if isinstance(thing, Path) else _file(folder, *thing))
+            except _NotThere as error:
+                notes.append(str(error))
             if formats and len(files) == before:  # nothing of what was asked for
                 raise InputError(notes[-1])
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
+
+
+Written = Iterator[Path | tuple[str, str | bytes] | str]
+"""Files that are there, names and contents of those to be written, and sentences."""
+
+
+class _NotThere(Exception):
+    """Why a format cannot be written."""
+
+
+@contextmanager
+def _needed_for(what: str) -> Iterator[None]:
+    """What cannot be is no error of the export: there is no such file then."""
+    try:
+        yield
+    except InputError as error:
+        raise _NotThere(f"{error} There is no {what}.") from None
+
+
+def _refuse(reason: str, what: str) -> None:
+    if reason:
+        raise _NotThere(f"{reason} There is no {what}.")
+
+
+def _file(folder: Path, name: str, content: str | bytes) -> Path:
+    if isinstance(content, str):
+        write_text(folder / name, content)
+    else:
+        write_whole(folder / name, content)
+    return folder / name
 
 
 def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
@@ -166,39 +200,32 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
         yield "In MATLAB and JavaScript inputs are straight lines; where one jumps, give it the mean of both values."
 
 
-def _matlab(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+def _matlab(run: SavedRun, folder: Path, options: Options) -> Written:
     from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
     from fracid.export.recursion import Recursion
     from fracid.export.state_space import integer_model
 
     write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
-    if reason := no_program(run, "matlab"):
-        yield f"{reason} There is no model.m; results.mat has values and curves."
-        return
+    _refuse(no_program(run, "matlab"), "model.m; results.mat has values and curves")
     case = of_recording(run, run.problem.experiments[0].name)
-    write_text(folder / "model.m", matlab_model(Recursion.of(run.problem, run.x, options.steps), case, run.folder.name))
-    yield folder / "model.m"
+    yield "model.m", matlab_model(Recursion.of(run.problem, run.x, options.steps), case, run.folder.name)
     if run.problem.per_recording:
         yield f"model.m has the constants of the recording {case.name!r}; each other's are in results.mat."
 
 
-def _c(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c import c_model, error_of_single
     from fracid.export.matlab import no_program, of_recording
     from fracid.export.recursion import Recursion
 
-    if reason := no_program(run, "c"):
-        yield f"{reason} There is no C function."
-        return
+    _refuse(no_program(run, "c"), "C function")
     first = run.problem.experiments[0]
     case = of_recording(run, first.name)
     tables = Recursion.of(run.problem, run.x, options.steps or HOURS)
     single = options.precision == "single"
     error = error_of_single(tables, case) if single else ""
-    for name, text in c_model(tables, case, run.folder.name, single=single, error=error).items():
-        write_text(folder / name, text)
-        yield folder / name
+    yield from c_model(tables, case, run.folder.name, single=single, error=error).items()
     yield from filter(None, [error])
     yield from _of_first(run, "fracid_model.c")
 
@@ -212,131 +239,105 @@ def _of_first(run: SavedRun, file: str) -> Iterator[str]:
         yield f"{file} starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
-def _fmu(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+def _fmu(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.fmu import fmu
     from fracid.export.identified import Identified
     from fracid.export.matlab import no_program
 
-    if reason := no_program(run, "c"):
-        yield f"{reason} There is no FMU."
-        return
+    _refuse(no_program(run, "c"), "FMU")
     model = Identified.of_run(run, options.steps or HOURS)
     archive, notes = fmu(model, options.fmi, options.platforms)
-    path = folder / f"{model.identifier}.fmu"
-    write_whole(path, archive)
-    yield path
+    name = f"{model.identifier}.fmu"
+    yield name, archive
     yield from notes
-    yield from _of_first(run, path.name)
+    yield from _of_first(run, name)
 
 
-def _rigid(target: str, run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _rigid(target: str, run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export import simulators
     from fracid.export.identified import Identified
 
     model = Identified.of_run(run)
-    try:
+    with _needed_for(f"file for {target}"):
         rig = simulators.rig_of(model, target)
-    except InputError as error:
-        yield f"{error} There is no file for {target}."
-        return
     said = list(rig.lost)
     if target == "MuJoCo":
-        path, write = folder / f"{model.identifier}.xml", simulators.mjcf
+        name, write = f"{model.identifier}.xml", simulators.mjcf
         said.append(simulators.error_in_mujoco(rig, write(rig)))
     else:
-        path, write = folder / f"{model.identifier}.urdf", simulators.urdf
+        name, write = f"{model.identifier}.urdf", simulators.urdf
         said += simulators.lost_in_urdf(rig)
-    write_text(path, write(rig, simulators.heading(rig, said)))
-    yield path
+    yield name, write(rig, simulators.heading(rig, said))
     yield from said
 
 
-def _bam(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+def _bam(run: SavedRun, _folder: Path, options: Options) -> Written:
     import json
 
     from fracid.export.identified import Identified
     from fracid.export.simulators import bam
 
     model = Identified.of_run(run)
-    try:
+    with _needed_for("file for BAM"):
         values, lost = bam(model, options.actuator)
-    except InputError as error:
-        yield f"{error} There is no file for BAM."
-        return
-    path = folder / f"{model.identifier}.json"
-    write_text(path, json.dumps(values, indent=2, allow_nan=False) + "\n")
-    yield path
+    name = f"{model.identifier}.json"
+    yield name, json.dumps(values, indent=2, allow_nan=False) + "\n"
     yield from lost
     if not options.actuator:
-        yield f'BAM asks for the servo\'s name: write it as "actuator" into {path.name}, or give --actuator xl330.'
+        yield f'BAM asks for the servo\'s name: write it as "actuator" into {name}, or give --actuator xl330.'
     if run.problem.per_recording:
-        yield f"{path.name} has the constants of the recording {run.problem.experiments[0].name!r}."
+        yield f"{name} has the constants of the recording {run.problem.experiments[0].name!r}."
 
 
-def _observer(run: SavedRun, folder: Path, options: Options) -> Iterator[Path | str]:
+def _observer(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c_observer import c_observer, error_of_observer
     from fracid.filtering import first_samples, observer
 
-    try:
+    with _needed_for("observer.c"):
         watch, single = observer(run, slow=options.slow), options.precision == "single"
         samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
         text = c_observer(watch, *samples, run.folder.name, single=single)
-    except InputError as error:
-        yield f"{error} There is no observer.c."
-        return
-    write_text(folder / "observer.c", text)
-    yield folder / "observer.c"
+    yield "observer.c", text
     yield error_of_observer(text, watch, *samples, single=single)
 
 
-def _javascript(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _javascript(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.javascript import javascript_model, no_javascript
 
-    if reason := no_javascript(run.problem):
-        yield f"{reason} There is no fracid_model.mjs."
-        return
+    _refuse(no_javascript(run.problem), "fracid_model.mjs")
     first = run.problem.experiments[0]
-    text = javascript_model(run.problem, run.x, first, run.folder.name)
-    write_text(folder / "fracid_model.mjs", text)
-    yield folder / "fracid_model.mjs"
+    yield "fracid_model.mjs", javascript_model(run.problem, run.x, first, run.folder.name)
     if run.problem.per_recording or len(run.problem.experiments) > 1:
         yield f"fracid_model.mjs has the start and the constants of the recording {first.name!r}."
     if first.past is not None:
         yield f"fracid_model.mjs starts without a past; {first.name!r} was fitted with the one that was measured."
 
 
-def _toml(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _toml(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.equations import toml_model
     from fracid.export.matlab import of_recording
 
     first, model = run.problem.experiments[0], run.problem.model
     values = dict(zip(model.parameter_names, of_recording(run, first.name).parameters.tolist(), strict=True))
     orders = {n: run.result["orders"][n]["value"] for n in model.order_names}
-    try:
+    with _needed_for("model.toml"):
         text = toml_model(model, values, orders, run.folder.name)
-    except InputError as error:
-        yield f"{error} There is no model.toml."
-        return
-    write_text(folder / "model.toml", text)
-    yield folder / "model.toml"
+    yield "model.toml", text
 
 
-def _csv(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _csv(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.table import csv_tables
 
-    for name, text in csv_tables(run).items():
-        write_text(folder / name, text)
-        yield folder / name
+    yield from csv_tables(run).items()
 
 
-def _json(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _json(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.table import json_text
 
-    write_text(folder / "export.json", json_text(run))
-    yield folder / "export.json"
+    yield "export.json", json_text(run)
 
 
-def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Path | str]:
+def _state_space(run: SavedRun, folder: Path, _options: Options) -> Written:
     import json
 
     from fracid.export.state_space import integer_model, sentences
@@ -344,16 +345,14 @@ def _state_space(run: SavedRun, folder: Path, _options: Options) -> Iterator[Pat
     from fracid.plots.writing import save
 
     system = integer_model(run)
-    text = json.dumps(system.to_json(), ensure_ascii=False, allow_nan=False)
-    write_text(folder / "state_space.json", text + "\n")
-    yield folder / "state_space.json"
+    yield "state_space.json", json.dumps(system.to_json(), ensure_ascii=False, allow_nan=False) + "\n"
     for posture, linear in system.linear.items():
         if linear.inputs and linear.outputs and linear.G.any():
             yield from save(linear_response(system, posture), folder, f"linear-{posture}")
     yield from sentences(run, system)
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, Options], Iterator[Path | str]]] = {
+FORMATS: dict[str, Callable[[SavedRun, Path, Options], Written]] = {
     "matlab": _matlab, "c": _c, "fmu": _fmu, "mjcf": partial(_rigid, "MuJoCo"), "urdf": partial(_rigid, "URDF"),
     "bam": _bam, "observer": _observer, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
     "state-space": _state_space,
