@@ -62,8 +62,8 @@ bench: $(READY)
 orders: $(READY)
 	$(BIN)/python benchmarks/orders.py --write
 
-# How often a 95 % interval holds the truth, on twins of all rigs: half an hour on two cores; goes on where it was cut
-# short.  Writes its part of docs/uncertainty.md.
+# Coverage of the 95 % intervals, on twins of all rigs: half an hour on two cores; resumes where it was
+# interrupted.  Writes its part of docs/uncertainty.md.
 coverage: $(READY)
 	$(BIN)/python benchmarks/intervals.py --write
 
@@ -71,7 +71,7 @@ coverage: $(READY)
 designs: $(READY)
 	$(BIN)/python benchmarks/designs.py
 
-# What fracid claims of rigs of known truth, made without its solver: hours; goes on where it was cut short.
+# What fracid claims of rigs of known truth, made without its solver: hours; resumes where it was interrupted.
 claims: $(READY)
 	$(BIN)/python benchmarks/claims.py --draws 3
 
@@ -89,7 +89,7 @@ $(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
 	touch $@
 
 # Whose intervals hold, and who claims what is not so?  fracid, SciPy and MuJoCo on the same files; MuJoCo lives in a
-# venv of its own.  Goes on where it was cut short.  Writes its part of docs/honesty.md.
+# venv of its own.  Resumes where it was interrupted.  Writes its part of docs/honesty.md.
 rivals: $(RIVALS)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 .venv-rivals/bin/python benchmarks/rivals.py --write
 

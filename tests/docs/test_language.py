@@ -131,8 +131,17 @@ def test_messages_and_help_have_no_phrase_of_the_list():
     assert found == []
 
 
-def test_the_report_has_no_phrase_of_the_list():
-    assert [*phrases((SOURCE / "report" / "page.html.j2").read_text(encoding="utf-8"))] == []
+@pytest.mark.parametrize("template", sorted((SOURCE / "report").glob("*.html.j2")), ids=lambda path: path.name)
+def test_a_page_of_results_has_no_phrase_of_the_list(template):
+    assert [*phrases(template.read_text(encoding="utf-8"))] == []
+
+
+def test_docstrings_and_comments_of_the_source_have_none_of_the_worst_phrases():
+    worst = re.compile(
+        r"hangs? together|holds? the truths?\b|turned round|gone on with|\bcut short|asks nobody|\bbe it\b"
+    )
+    found = [f"{m.relative_to(ROOT)}: {w}" for m in SOURCE.rglob("*.py") for w in worst.findall(m.read_text("utf-8"))]
+    assert found == []
 
 
 def test_public_docstrings_have_no_phrase_of_the_list():

@@ -7,7 +7,7 @@ unknown i is :math:`V_i(v) = \min_{x:\,x_i = v} V(x)`, and its *rise*
            κ_i = \frac{[A^{-1} S A^{-1}]_{ii}}{[A^{-1}]_{ii}} .
 
 κ puts the threshold where the data put it: by Kent [K]_ twice the rise is :math:`κ_i χ^2_1` in the long run, whatever
-the cost and however the residuals hang together in time, since S is their long-run covariance.  So the 95 % interval
+the cost and however the residuals are correlated in time, since S is their long-run covariance.  So the 95 % interval
 is where W < 3.84.  For white Gaussian residuals κ is σ² in the cost's unit and W the likelihood ratio's statistic; for
 residuals that are correlated κ is larger by n/n_eff.  The same holds for ``iae``, ``itae`` and ``huber``, whose V is
 no likelihood's.  A user's own cost has no S: its profile is drawn until the cost has doubled, without an interval.

@@ -23,9 +23,9 @@ influence :math:`q_t = v_i' M_t v_i` and :math:`K_{ts} = 1 - |t - s|/(B + 1)` wi
 
 the fit takes the part f of the variance out of the residuals [BM]_, and what is left is known as a variance of ν
 degrees of freedom is [Sa]_.  So standard errors are widened by :math:`t_{0.975}(ν)/1.96/\sqrt{1 - f}` [IK]_: 1.96 of
-them to each side hold the truth in 95 %.  For white noise f is 0.02 to 0.2 and ν 10 to 200.
+them to each side contain the true value in 95 %.  For white noise f is 0.02 to 0.2 and ν 10 to 200.
 
-How often a 95 % interval of λ and of μ holds the truth, on twins of 4 s at 500 Hz, 150 seeds
+How often a 95 % interval of λ and of μ contains the true value, on twins of 4 s at 500 Hz, 150 seeds
 (``benchmarks/evidence.py`` prints it again; ``make coverage`` for all rigs, docs/uncertainty.md):
 
 ====================================== ============== ==========================
@@ -38,7 +38,7 @@ AR(1), ρ = 0.98, and as much white     91 %, 95 %     19 %, 31 %
 
 Where errors are slow beside the record and few unknowns are free, as in the last row, it still promises a little
 too much; with many it is up to twice as wide as it need be.  A bandwidth of the whitened scores comes closer for
-AR(1), and holds the truth in but 83 to 93 % for the last row, so it is that of the scores themselves.
+AR(1), and contains the true value in but 83 to 93 % for the last row, so it is that of the scores themselves.
 
 It does not know of model error: an interval says where the best value *of this model* lies.
 
@@ -568,7 +568,7 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
 
     Examples
     --------
-    A mean of 10 samples, of 1000, and of 1000 that hang together over 100:
+    A mean of 10 samples, of 1000, and of 1000 with a correlation time of 100:
 
     >>> few, many = np.ones((10, 1, 1)), np.ones((1000, 1, 1))
     >>> [widening([r], np.array([[1 / len(r)]]), B).round(3).item() for r, B in ((few, 0), (many, 0), (many, 99))]

@@ -1,4 +1,4 @@
-"""Bias and spread of each unknown against the level of noise, and how often its interval holds the truth."""
+"""Bias and spread of each unknown against the level of noise, and how often its interval contains the true value."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
     matplotlib.figure.Figure
         A row for each unknown.  Left the bias, with the spread of the estimates as a bar and the claimed standard error
         as a pale one beside it: a claim that is shorter than the spread promises too much.  Right the share of the 95 %
-        intervals that hold the truth, with its binomial interval.
+        intervals that contain the true value, with its binomial interval.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The report: one HTML file that says what a run found, opens offline, and asks nobody for anything.
+"""The report: one HTML file that says what a run found, opens offline, and loads nothing from the network.
 
 ::
 
@@ -14,7 +14,7 @@
 
 Each chart, and the rig, is there as SVG: on paper, in an archive and without a script the page shows all that it says.
 
-What comes from a file, be it a recording's name, is escaped: texts by Jinja's autoescape, data as JSON without ``<``.
+What comes from a file, a recording's name for one, is escaped: texts by Jinja's autoescape, data as JSON without ``<``.
 The page's own scripts and styles are allowed by their hashes in a Content-Security-Policy, and nothing else is: a
 script that got in by some way would not run, and nothing can be fetched.
 

@@ -136,7 +136,7 @@ def open_run(
     resume : bool
         Go on with the run there, which must be the same.
     command : sequence of str
-        What environment.json says was typed; of a run that is gone on with it stays.
+        What environment.json says was typed; of a resumed run it stays.
 
     Raises
     ------

@@ -370,7 +370,7 @@ def _with_own(problem: Problem, rungs: tuple[Structure, ...]) -> tuple[Structure
 
 
 def _marked(structures: tuple[Structure, ...], given: Problem) -> tuple[Structure, ...]:
-    """The same, the one that is the project as it stands being said to be it."""
+    """The same, the one that is the project as it is being marked."""
     return tuple(replace(s, given=_same(given, s.problem)) for s in structures)
 
 

@@ -1,4 +1,4 @@
-r"""The history sum of a fractional system: kept whole, cut short, or compressed.
+r"""The history sum of a fractional system: kept whole, truncated, or compressed.
 
 Every scheme of :mod:`fracid.solver.schemes` needs, at each step n and for each state, one sum over the
 whole past,

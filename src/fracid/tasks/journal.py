@@ -1,4 +1,4 @@
-"""An append-only log of what a long study has done, so that nothing is lost when it is cut short.
+"""An append-only log of what a long study has done, so that nothing is lost when it is interrupted.
 
 ::
 

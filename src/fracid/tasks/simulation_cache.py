@@ -2,7 +2,7 @@
 
 All that an identification spends its time on is simulations, and a simulation is a function of some twenty numbers
 (orders, constants, initial state) and of what stays (the right-hand side, inputs, step, method).  So the
-file maps a hash of these onto the simulated outputs, and a run that is gone on with, :mod:`fracid.cli.resume`, simply
+file maps a hash of these onto the simulated outputs, and a resumed run, :mod:`fracid.cli.resume`, simply
 begins again: what was simulated is read instead, until it comes to where it was killed.  Every number
 being the same to the bit, so is the way there, and the result.
 

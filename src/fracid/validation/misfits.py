@@ -16,7 +16,7 @@ POOR = 20.0
 """A fit of less than this [%] is called poor."""
 
 MISFIT = 3.0
-"""Times the encoder's rounding, from which on what is left over and hangs together is said."""
+"""Times the encoder's rounding, from which on an autocorrelated residual is reported."""
 
 WORSE = 3.0
 """Times what is left over of the recordings that were fitted, from which on one that was not is missed."""

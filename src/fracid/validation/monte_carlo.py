@@ -16,8 +16,8 @@ bias           mean of the estimates less the truth; known to spread/√n
 spread         their standard deviation: what the standard error ought to be
 claimed        root mean square of the standard errors that were claimed
 coverage       in how many of the 95 % intervals the truth lies, with the exact binomial interval of that
-               share [CP]_: of 50 intervals that keep their word 45 to 50 hold the truth, mostly;
-               2 of 4 do not keep it: by chance so few hold the truth in 1.4 % of studies
+               share [CP]_: of 50 intervals that keep their word 45 to 50 contain the true value, mostly;
+               2 of 4 do not keep it: by chance so few contain it in 1.4 % of studies
 failed         repetitions without a minimum: the run at the best point found fails
 stopped short  repetitions whose search ended at a higher cost than that of the truth itself: there is
                a lower minimum, which it missed

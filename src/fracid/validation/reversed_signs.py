@@ -1,8 +1,8 @@
-"""Is the sign of an angle wrong?  Two swings of each recording, fitted as given and with one angle turned round.
+"""Is the sign of an angle wrong?  Two swings of each recording, fitted as given and with one sign reversed.
 
 A wrong sign leaves most of the motion over, whatever the constants are; the right one leaves little, even after a
 search of a few steps.  What is asked of so short a fit is which of the two it is, no value.  Undriven, one of two
-angles turned round is the same as the other turned round.
+angles reversed is the same as the other reversed.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ class Reversal:
 
     recording: str
     angles: tuple[str, ...]
-    """Of which either, turned round, explains them."""
+    """Of which either, reversed, explains them."""
     given: float
     """Part of the motion that is left over as given."""
     turned: float
-    """That is left over with the best of them turned round."""
+    """The residual with the best of them reversed."""
 
 
 def reversals(problem: Problem, jobs: int) -> list[Reversal]:
@@ -75,7 +75,7 @@ def reversals(problem: Problem, jobs: int) -> list[Reversal]:
 
 
 def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
-    """One finding for all recordings with the same angle turned round, with the numbers of the clearest.
+    """One finding for all recordings with the same angle reversed, with the numbers of the clearest.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def _most_moved(problem: Problem) -> list[Experiment]:
 
 
 def _reversal(problem: Problem, jobs: int) -> Reversal | None:
-    """Of the one recording; None where it fits as it is, or turned round no better."""
+    """Of the one recording; None where it fits as it is, or reversed no better."""
     early = _two_swings(problem)
     angles = [] if early is None else _signed(early)
     if early is None or not angles or (given := _left_over(early, jobs)) < BAD:
@@ -132,7 +132,7 @@ def _two_swings(problem: Problem) -> Problem | None:
 
 
 def _signed(problem: Problem) -> list[str]:
-    """The angles whose sign matters: turned round all together, the equations are the same."""
+    """The angles whose sign matters: reversed all together, the equations are the same."""
     e = problem.experiments[0]
     travel = np.ptp(e.measured, axis=0)
     moves = [o for o, far in zip(problem.outputs, travel, strict=True) if far > 1e-2 * travel.max()]
@@ -140,7 +140,7 @@ def _signed(problem: Problem) -> list[str]:
 
 
 def _turned(problem: Problem, output: str) -> Problem:
-    """The same with the sign of one output, and of what is known of its start, turned round."""
+    """The same with the sign of one output, and of what is known of its start, reversed."""
     e, i = problem.experiments[0], problem.model.output_states.get(output)
     own = set() if i is None else {problem.model.states[j] for j in (i, problem.model.rates.get(i, i))}
     sign = np.where(np.array(problem.outputs) == output, -1.0, 1.0)

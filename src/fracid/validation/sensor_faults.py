@@ -220,7 +220,7 @@ def _stacked(parts: list[FloatArray]) -> FloatArray:
 
 
 def _scatter(products: FloatArray, outputs: int) -> float:
-    """The standard deviation of their sum, as it would be over other noise that hangs together as long."""
+    """The standard deviation of their sum, as it would be over other noise of the same correlation time."""
     scores = products.reshape(-1, outputs).sum(axis=1)[:, None]
     return max(1e-300, math.sqrt(float(bartlett_long_run(scores, sokal_bandwidth(scores))[0, 0])))
 

@@ -31,12 +31,12 @@ class Statistics(Record):
     intervals: int
     """Repetitions that gave a 95 % interval."""
     held: int
-    """Those whose interval holds the truth."""
+    """Those whose interval contains the true value."""
 
     @computed_field  # type: ignore[prop-decorator]
     @property
     def coverage(self) -> float | None:
-        """The share of intervals that hold the truth."""
+        """The share of intervals that contain the true value."""
         return self.held / self.intervals if self.intervals else None
 
     @computed_field  # type: ignore[prop-decorator]

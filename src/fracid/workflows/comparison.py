@@ -253,5 +253,5 @@ def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> No
         with FolderLock(folder):
             result.unlink()
             journal.unlink()
-    if not journal.exists():  # else environment.json keeps the command that is gone on with
+    if not journal.exists():  # else environment.json keeps the command that is resumed
         open_folder(folder, command)

@@ -1,6 +1,6 @@
-"""What a folder that was cut short holds, and how it is gone on with.
+"""What a folder of an interrupted run holds, and how it is resumed.
 
-Two kinds of run can be gone on with.
+Two kinds of run can be resumed.
 
 *   What has a ``run.json``, a fit, names itself, with all its options.  It begins again, but reads what it simulated
     before (:mod:`fracid.tasks.simulation_cache`), so it takes the same way and ends the same: :func:`resume_run`.
