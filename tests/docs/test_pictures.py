@@ -1,6 +1,8 @@
 """Pictures of the pages are those that the program draws now."""
 
 import importlib.util
+import re
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -24,3 +26,17 @@ def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
     shown, drawn = (Image.open(p).convert("L") for p in (figures.IMAGES / f"figure-{name}.png", tmp_path / "drawn.png"))
     assert shown.size == drawn.size
     assert np.abs(np.asarray(shown, float) - np.asarray(drawn, float)).mean() < SAME
+
+
+def test_of_every_picture_stands_what_makes_it():
+    table = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("## Pictures")[1]
+    rows = [
+        (re.findall(r"`([^`]+)`", pictures), command)
+        for pictures, command in re.findall(r"^\| (`.*?) \| (.*) \|$", table, re.M)
+    ]
+    pictures = sorted(p.name for p in (ROOT / "docs" / "images").iterdir())
+    found = {name: sum(any(fnmatch(name, p) for p in patterns) for patterns, _ in rows) for name in pictures}
+    assert {name: times for name, times in found.items() if times != 1} == {}
+    assert [p for patterns, _ in rows for p in patterns if not any(fnmatch(name, p) for name in pictures)] == []
+    scripts = [s for _, command in rows for s in re.findall(r"[\w/-]+\.(?:py|toml)", command)]
+    assert [s for s in scripts if not (ROOT / s).is_file()] == []
