@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.models import Model
 from fracid.models.joints import Complement
@@ -25,6 +26,8 @@ from fracid.signals.noise import noise_floor, white_noise
 from fracid.solver.kalman import HIGHEST, LOWEST, Filter, run_filter, weights
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
+
+SAYS = Words("filtering.toml")
 
 SPACING = 1.0
 """Δ, between the logarithms of the rates: the memory is right within 10⁻⁴."""
@@ -222,16 +225,13 @@ def observer(
         if n not in (*model.parameter_names, *model.order_names):
             raise unknown_name("slow constant or order", n, (*model.parameter_names, *model.order_names))
     if derived := [n for n in names if n in model.derived]:
-        raise InputError(f"{derived[0]} is the derivative of a state, which an observer does not take as a sensor: "
-                         "name others, sensors=(...).")  # fmt: skip
+        raise InputError(SAYS("derivative", name=derived[0]))
     if time_scale(model, problem.unpack(x, e)[1]) != 1.0:
         raise InputError("An observer takes frequencies in rad/s: fit with time_scale = 1.")
     if model.relaxing:
-        raise InputError(f"{', '.join(model.relaxing)} forgets within a step, which an observer does not follow: take "
-                         "a structure without presliding or Maxwell elements.")  # fmt: skip
+        raise InputError(SAYS("relaxing", names=", ".join(model.relaxing)))
     if channels := {c for c in (*e.sensors, *e.actuators)}:
-        raise InputError(f"An observer does not know delay, gain, bias and lowpass of {', '.join(sorted(channels))}: "
-                         "correct the recording for them first.")  # fmt: skip
+        raise InputError(SAYS("channels", names=", ".join(sorted(channels))))
     found = {n: _noise(e.measured[:, problem.outputs.index(n)]) for n in names if n in problem.outputs}
     noise = found | dict(noise or {})
     for n in names:
@@ -379,23 +379,16 @@ class _Made:
         start = dict(zip((*wide, *self.slow), np.sqrt(np.diag(still.covariance)), strict=True))
         for n in self.slow:
             if start[n] == 0.0:
-                raise InputError(f"{n} is 0, of which no tenth can be taken: say how uncertain it is at the start, "
-                                 f"initial={{{n!r}: standard deviation}}.")  # fmt: skip
+                raise InputError(SAYS("no-tenth", name=n))
         # the model's own samples: a filter that moves its constants believes that it sees what it does not
         deaf = replace(made, noise={n: 1e9 * v for n, v in self.noise.items()}).observer(0.0)
         seen = still.run(-deaf.run(0 * y, u).innovations, u).deviations
         for n, doubt in start.items():
             if doubt > 0.0 and seen[n].min() > UNSEEN * doubt:
-                raise InputError(
-                    f"{n} cannot be observed from {' and '.join(self.sensors)}: along the recording its uncertainty "
-                    "never falls. Add a sensor, or leave it out of slow."
-                )
+                raise InputError(SAYS("unseen", name=n, sensors=" and ".join(self.sensors)))
         if self.slow:  # each may be seen and yet only their ratio: a direction that stays as uncertain as it was
             doubt = np.array([start[n] for n in self.slow])
             values, directions = np.linalg.eigh(still.covariance[-len(doubt) :, -len(doubt) :] / np.outer(doubt, doubt))
             if values[-1] > UNSEEN**2:
                 names = [n for n, d in zip(self.slow, directions[:, -1], strict=True) if abs(d) > TOGETHER]
-                raise InputError(
-                    f"{' and '.join(names)} cannot be distinguished from {' and '.join(self.sensors)}: along the "
-                    "recording they change it together. Leave one of them out of slow, or drive the rig."
-                )
+                raise InputError(SAYS("together", names=" and ".join(names), sensors=" and ".join(self.sensors)))

@@ -19,10 +19,16 @@ from fracid._version import __version__
 from fracid.errors import InputError
 from fracid.export.identified import Identified
 from fracid.export.markup import xml
+from fracid.findings import Words
 from fracid.models.rigs import STANDARD_GRAVITY
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Expression, Name, Number, mentioned
 from fracid.safety.door import own_text
+
+SAYS = Words("export/rigid.toml")
+
+WORDS = ("joint", "kind", "parent")
+"""What of a link is no formula."""
 
 
 @cache
@@ -30,32 +36,32 @@ def _table() -> Mapping[str, Any]:
     return tomllib.loads(own_text("export/simulators.toml"))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Link:
     """A rigid body and the joint that carries it; lengths, axes and places in its parent's frame, z up."""
 
     joint: str
     """The output that is its joint's angle or position."""
-    kind: str
-    parent: str
-    place: tuple[float, ...]
+    kind: str = "hinge"
+    parent: str = ""
+    place: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Of the joint [m]."""
-    axis: tuple[float, ...]
-    mass: float
-    com: tuple[float, ...]
+    axis: tuple[float, ...] = (0.0, 0.0, 0.0)
+    mass: float = 0.0
+    com: tuple[float, ...] = (0.0, 0.0, 0.0)
     """From the joint to the centre of mass [m]."""
-    inertia: tuple[float, ...]
+    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)
     """About the centre of mass, along the axes [kg m²]."""
-    zero: float
+    zero: float = 0.0
     """What the joint shows where the link is as described [rad]."""
     damping: tuple[float, ...]
     """Viscous, and of the square of the speed."""
-    friction: float
-    stiffness: float
-    rest: float
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
     drive: Mapping[str, float]
     """Input → torque or force for one of its unit."""
-    limit: float
+    limit: float = 0.0
     """Largest input; 0 for none."""
 
     @property
@@ -85,7 +91,10 @@ class _Values:
         self.names.setdefault("g", Number(STANDARD_GRAVITY))
         self.names["hanging"] = Number(-1.0 if model.problem.model.zero == "upright" else 1.0)
 
-    def __call__(self, text: str) -> float:
+    def __call__(self, text: Any) -> Any:
+        """The value of a formula; of several of them a tuple."""
+        if isinstance(text, list):
+            return tuple(map(self, text))
         self.used.update(mentioned(formula(text, {n: Name(n) for n in self.names})))
         found = formula(text, self.names)
         if not isinstance(found, Number) or not np.isfinite(found.value):
@@ -116,29 +125,17 @@ def rig_of(model: Identified, target: str) -> Rig:
     rows = _table().get(own.name)
     if rows is None:
         rigs = ", ".join(name for name, row in _table().items() if "links" in row)
-        raise InputError(f"The model {own.name!r} is none of the library's rigs of rigid bodies: {rigs} can be written "
-                         f"for {target} [model]. --to fmu writes any model.")  # fmt: skip
+        raise InputError(SAYS("no-rig", name=own.name, rigs=rigs, target=target))
     _refuse_orders(model, target)
     values = _Values(model, target)
     for name, text in rows["definitions"].items():
         values.names[name] = Number(values(text))
     links = []
     for row in rows["links"]:
-        place, axis, com, inertia = (tuple(map(values, row.get(n, ["0", "0", "0"])))
-                                     for n in ("place", "axis", "com", "inertia"))  # fmt: skip
-        mass, zero, friction, stiffness, rest, limit = (
-            values(row.get(n, "0")) for n in ("mass", "zero", "friction", "stiffness", "rest", "limit")
-        )
         drive = {n: values(text) for n, text in row.get("drive", {}).items() if n in own.inputs}
-        damping = tuple(map(values, row["damping"]))
-        kind, parent = row.get("kind", "hinge"), row.get("parent", "")
-        link = Link(row["joint"], kind, parent, place, axis, mass, com, inertia, zero, damping, friction, stiffness,
-                    rest, drive, limit)  # fmt: skip
+        link = Link(**{n: v if n in WORDS else values(v) for n, v in row.items() if n != "drive"}, drive=drive)
         if link.mass <= 0 or min(link.inertia) < 0:
-            raise InputError(
-                f"No rigid bodies have these constants: the link of {link.joint} would weigh {link.mass:.3g} kg, with "
-                f"moments of inertia down to {min(link.inertia):.3g} kg m² [body]. Look at their intervals."
-            )
+            raise InputError(SAYS("no-body", link=link, least=min(link.inertia)))
         links.append(link)
     shaft = rows.get("shaft")
     spring = (tuple(shaft["joints"]), values(shaft["stiffness"]), values(shaft["damping"])) if shaft else None
@@ -148,10 +145,7 @@ def rig_of(model: Identified, target: str) -> Rig:
 def _refuse_orders(model: Identified, target: str) -> None:
     for q in model.orders:
         if not q.name.startswith("1 - ") and q.value != 1.0:
-            raise InputError(
-                f"The order {q.name} is {q.value:.6g}, and {target} has derivatives of order 1 only [order]. "
-                f"Fit with {q.name} = 1, or take --to fmu, which keeps it."
-            )
+            raise InputError(SAYS("order", q=q, target=target))
 
 
 def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[str]]:

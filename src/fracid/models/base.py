@@ -698,14 +698,10 @@ def _check_shapes(model: Model) -> None:
         raise InputError(SAYS("orders-count", model=model, states=len(model.states), orders=len(model.orders)))
     for order in model.orders:
         if not isinstance(order, Complement | str) and not (is_number(order) and 0.0 < order < 2.0):
-            raise InputError(
-                f"model {model.name}: {order!r} in orders; expected a name, or a number between 0 and 2, both excluded"
-            )
+            raise InputError(SAYS("order", model=model, order=order))
     for state in model.relaxing:
         if state not in model.states or model.orders[model.states.index(state)] != 1.0:
-            raise InputError(
-                f"model {model.name}: relaxing names {state!r}; expected a state of order 1.0, a presliding element's"
-            )
+            raise InputError(SAYS("relaxing", model=model, state=state))
     for output, index in model.outputs.items():
         if callable(index):
             _check_output(model, output, index)

@@ -115,9 +115,7 @@ def _check_ties(p: Parametrisation) -> None:
             if what == "parameter":
                 units = [p.model.parameter(n).unit for n in (name, root)]
                 if units[0] != units[1]:
-                    raise InputError(
-                        f"{name} [{units[0]}] cannot be tied to {root} [{units[1]}]: tie what has the same unit."
-                    )
+                    raise InputError(SAYS("other-unit", name=name, root=root, units=units))
 
 
 def _check_bounds(p: Parametrisation) -> None:
@@ -244,9 +242,7 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
         raise InputError(SAYS("history-beside-sensor", e=e))
     for name in p.outputs:
         if name not in p.model.output_states:
-            raise InputError(
-                f"{e.name}: history needs states as outputs, and {name} is a function of them; leave it out."
-            )
+            raise InputError(SAYS("history-of-function", e=e, name=name))
     observed = {p.model.output_states[o] for o in p.outputs}
     unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
     if unobserved:

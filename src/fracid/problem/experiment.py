@@ -103,9 +103,7 @@ class Experiment(CardDisplay):
                 refuse_masked(f"{self.name}: {name}", values)
                 object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
         if not (isinstance(self.step, Real) and 0.0 < self.step < math.inf):
-            raise InputError(
-                f"{self.name}: step = {brief(self.step)} is not possible; expected a number of seconds above 0."
-            )
+            raise InputError(SAYS("step", name=self.name, step=brief(self.step)))
         object.__setattr__(self, "step", float(self.step))
         if (at := self.times) is not None and (at.shape != self.measured.shape[:1] or not np.all(np.diff(at) > 0.0)):
             raise InputError(f"{self.name}: times do not increase from sample to sample; expected one [s] for each.")

@@ -154,9 +154,7 @@ class _Page:
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
-            raise InputError(
-                f"{file.name}: none of {', '.join(self._outputs)} moves; nothing can be identified from it."
-            )
+            raise InputError(SAYS("still", file=file, outputs=", ".join(self._outputs)))
         return recording
 
     def _beside(self, values: Mapping[str, Any]) -> dict[str, float]:

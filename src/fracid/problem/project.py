@@ -523,26 +523,20 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
         return _of_equations(spec, parameters), parameters
     for key in ("inputs", "input_rates", "definitions", "outputs", "scene"):
         if getattr(spec, key):
-            raise InputError(
-                f"[model.{key}] belongs to a model of equations; give its [model.equations], or leave it out."
-            )
+            raise InputError(SAYS("of-equations", key=key))
     model = model_from_name(spec.name, spec.rig, spec.zero, spec.actuation, parameters=starts, folder=folder)
     for name, value in parameters.items():
         if isinstance(value, Tied):
             model.parameter(name)
         if name not in model.parameter_names and isinstance(value, Free):  # the paper's C2, C5, I2xx
-            raise InputError(
-                f"{name} is converted and cannot be fitted; free one of {', '.join(model.parameter_names)} instead."
-            )
+            raise InputError(SAYS("converted", name=name, names=", ".join(model.parameter_names)))
     return model, {n: v for n, v in parameters.items() if n in model.parameter_names}
 
 
 def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     """The model that the file's own equations are; nothing of them is run."""
     if spec.name in MODELS or is_own(spec.name):
-        raise InputError(
-            f"[model] name = {spec.name!r} stands for another model; give the equations a name of their own."
-        )
+        raise InputError(SAYS("other-model", spec=spec))
     for key in ("rig", "zero", "actuation"):
         if getattr(spec, key) is not None:
             raise InputError(f"[model] {key} means nothing for a model of equations; leave it out.")
@@ -624,9 +618,7 @@ def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
 def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, Any]:
     """The column of an output's standard deviations: in its unit, without its sign and zero."""
     if isinstance(column, bool) or not isinstance(column, int | str):
-        raise InputError(
-            f'{name}: sd = {column!r} is not possible; expected the column of its standard deviations, sd = "SD".'
-        )
+        raise InputError(SAYS("not-a-column", name=name, column=column))
     same = {key: value for key, value in channel.items() if key in ("unit", "counts_per_turn")}
     scale = channel.get("scale", 1.0)
     return {**same, "column": column, "scale": abs(scale) if isinstance(scale, int | float) else scale}
@@ -679,9 +671,7 @@ def _load(
                               signal=signals[-2] if len(signals) > 1 else signals[0]))  # fmt: skip
     name = _name(spec)
     if past and spec.start is None:
-        raise InputError(
-            f'{name}: history = "measured" is what came before from; type from = the time of a start in motion [s].'
-        )
+        raise InputError(SAYS("history-without-start", name=name))
     if isinstance(spec.start, float) and spec.stop is not None and spec.start >= spec.stop:
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     if whence and not (folder / spec.file).exists():
