@@ -300,24 +300,15 @@ class _Made:
         lowest = SLOWEST / max(e.steps * e.step, 100 * h)
         count = math.ceil(math.log(FASTEST / h / lowest) / SPACING) + 1
         rates = lowest * np.exp(SPACING * np.arange(count))
-        begin, z, a, b = [0], [], [], []
-        for q, name in zip(orders, names, strict=True):
-            one = q == 1.0 and name not in self.slow
-            if not one:  # the start, what does not decay, what decays, what decays at once
-                z += [1.0]
-                a += [0.0]
-                b += [0.0]
-            z += [1.0]
-            a += [h / 2]
-            b += [h / 2]
-            if not one:
-                ph = rates * h
-                kept, whole = np.exp(-ph), -np.expm1(-ph) / rates
-                end = (h - whole) / ph  # of a line that rises to 1
-                z += [*kept, 0.0]
-                a += [*(whole - end), 0.0]
-                b += [*end, 1.0]
-            begin.append(len(z))
+        ph, lasting = rates * h, [1.0, h / 2, h / 2]
+        kept, whole = np.exp(-ph), -np.expm1(-ph) / rates
+        end = (h - whole) / ph  # of a line that rises to 1
+        decaying = np.column_stack([kept, whole - end, end])
+        # the start, what does not decay, what decays, what decays at once
+        fractional = np.vstack([[1.0, 0.0, 0.0], lasting, decaying, [0.0, 0.0, 1.0]])
+        integer = [q == 1.0 and name not in self.slow for q, name in zip(orders, names, strict=True)]
+        blocks = [np.array([lasting]) if one else fractional for one in integer]
+        begin, (z, a, b) = np.cumsum([0, *map(len, blocks)]), np.vstack(blocks).T.copy()
         modes, k = len(z), len(self.slow)
         slow = np.zeros((k, 5))
         for s, (n, walk) in enumerate(self.slow.items()):
@@ -339,8 +330,8 @@ class _Made:
         of = [list(self.slow).index(n) if n in self.slow and n in model.order_names else -1 for n in names]
         drives = drive**2 * self._sizes() ** 2
         return Filter(
-            np.array(z), np.array(a), np.array(b), np.array(begin), np.array([lowest, SPACING, float(count)]), orders,
-            p, slow, np.array(of), drives, xi, P, np.zeros(max(1, len(model.inputs))), np.array([h]),
+            z, a, b, begin, np.array([lowest, SPACING, float(count)]), orders, p, slow, np.array(of), drives, xi, P,
+            np.zeros(max(1, len(model.inputs))), np.array([h]),
         )  # fmt: skip
 
     def _sizes(self) -> FloatArray:

@@ -439,7 +439,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     experiments = [
         Experiment.of(
             r, model, outputs, _initial(r.name, s), before=before, weight=s.weight,
-            release_time=_release_time(r.name, s),
+            release_time=_number_or_free(f"release_time of {r.name}", s.release_time),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
             mask=s.mask, constants=_constants(r.name, s, model),
@@ -750,10 +750,6 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
 
 def _initial(name: str, spec: _Recording) -> dict[str, float | Free]:
     return {n: _number_or_free(f"initial {n} of {name}", value) for n, value in spec.initial.items()}
-
-
-def _release_time(name: str, spec: _Recording) -> float | Free:
-    return _number_or_free(f"release_time of {name}", spec.release_time)
 
 
 def _number_or_free(name: str, spec: float | _Range) -> float | Free:

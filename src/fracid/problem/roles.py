@@ -12,8 +12,11 @@ import re
 from collections.abc import Mapping, Sequence
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models.library import MODEL, table_of
 from fracid.recording.guess import NAMES
+
+SAYS = Words("problem/roles.toml")
 
 ROTARY = "rotary-pendulum"
 
@@ -104,10 +107,7 @@ def model_of_columns(file: str, columns: Sequence[str]) -> str:
         return ROTARY
     shown = ", ".join(columns[:8])
     if not likely:
-        raise InputError(
-            f"No model of the library has the columns {shown} of {file}. fracid models lists them; name one and its "
-            f"columns: fracid init {file} --model NAME --column NAME=COLUMN, or write its equations into a project."
-        )
+        raise InputError(SAYS("none", shown=shown, file=file))
     if len(likely) > 1:
         commands = "; ".join(f"fracid init {file} --model {n}" for n in likely)
         raise InputError(f"The columns {shown} of {file} may be of {' or '.join(likely)}; say which: {commands}.")

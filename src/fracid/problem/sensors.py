@@ -30,10 +30,13 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, InputError, refuse_beyond
+from fracid.findings import Words
 from fracid.models import Model, Parameter
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Entry, Function, Number, Return
 from fracid.problem.unknowns import Free, Value
+
+SAYS = Words("problem/sensors.toml")
 
 Quantity = Literal["delay", "gain", "bias", "lowpass", "radius"]
 
@@ -102,11 +105,7 @@ class Sensor:
             for value in (low, high):
                 refuse_beyond(name, value)
         if (gain := self.range("gain"))[0] <= 0 <= gain[1]:
-            raise InputError(
-                f"gain = {_text(*gain)} is not possible, nothing would be left of the signal; expected e.g. gain = 1.0."
-                if gain[0] == gain[1]
-                else f"gain = {_text(*gain)} holds 0, where nothing is left of the signal; expected e.g. lower = 0.5."
-            )
+            raise InputError(SAYS("no-gain" if gain[0] == gain[1] else "gain-through-0", gain=_text(*gain)))
         for value in gain:
             refuse_beyond("gain's size", abs(value), SMALLEST)
         for name, what in (("lowpass", "a time constant"), ("radius", "a distance")):
@@ -211,10 +210,7 @@ def with_sensors(
         for name, value in sensor.free(channel).items():
             constant = _parameter(name, value, channel, units.get(channel, "1"))
             if stated.setdefault(name, value) != value:
-                raise InputError(
-                    f"{name} has two ranges, {_range(stated[name])} and {_range(value)}: give every recording the "
-                    f'same; where each has its own value, type per_recording = ["{name}"] as well.'
-                )
+                raise InputError(SAYS("two-ranges", name=name, one=_range(stated[name]), other=_range(value)))
             if name not in own:
                 own[name] = constant
                 more.append(constant)
