@@ -34,19 +34,6 @@ from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
 from fracid.solver.schemes import OPEN, SLACK
 
-UPDATES = {
-    False: """\
-    right_hand_side(s->x, s->u, f);
-    for (int i = 0; i < S; i++) x[i] = s->origin[i] + gain[i] * f[i] - H[i];""",
-    True: """\
-    for (int i = S - 1; i >= 0; i--) {                   /* the last state first, each with those already new */
-        right_hand_side(x, s->u, f);
-        x[i] = s->origin[i] + gain[i] * f[i] - H[i];
-    }""",
-}
-"""All states at once; the last state first."""
-
-
 DIGITS = {"1e-14": "3e-7", "1e-12": "1e-6", "1e-11": "1e-5", "1e-9": "1e-6", "1e-6": "5e-3", "1e-7": "3e-4"}
 """Where iterations end, and steps of differences, in double precision → in single."""
 
@@ -115,7 +102,7 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
         "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
         "sweeps": 0 if exported.newton else 1, "always": int(third), "slack": repr(SLACK), "open": repr(OPEN),
         "start": "s->n == 0" + f" || (s->corrected && s->n < {tables.together})" * (tables.together > 1),
-        "origin": "0" if scheme.raw else "x0[i]", "update": UPDATES[exported.last_first],
+        "origin": "0" if scheme.raw else "x0[i]", "update": tables.update("c"),
     }  # fmt: skip
 
     language, write = ("c-single", _single) if single else ("c", _double)

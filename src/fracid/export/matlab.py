@@ -90,18 +90,11 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
         sweeps="0" if exported.newton else "1", always="true" if third else "false", slack=repr(SLACK),
         open=repr(OPEN),
-        origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=_UPDATES[exported.last_first],
+        origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=tables.update("m"),
         rhs=written(model, "matlab", words_of(template)),
         time_scale="p.time_scale" if "time_scale" in model.parameter_names else "1",
         parameters=_parameters(tables), tables=_tables(tables, rows),
     )  # fmt: skip
-
-
-_UPDATES = (
-    "      xn = origin + g .* rhs(xn, now, p) - H;",
-    "      for j = states:-1:1\n        f = rhs(xn, now, p);\n"
-    "        xn(j) = origin(j) + g(j) * f(j) - H(j);\n      end",
-)
 
 
 def _parameters(tables: Recursion) -> str:
