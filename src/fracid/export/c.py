@@ -226,43 +226,29 @@ def _single(template: str, words: Mapping[str, object]) -> str:
 
 def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     """The constants of the model, then those of memory and start."""
-    lines = [constants_of(tables.model, case.parameters)]
-    kernels, row = tables.kernels, np.array(tables.row)
+    kernels, M, together = tables.kernels, tables.modes, tables.together
     gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
-    R, L, M = len(kernels), tables.lags, tables.modes
 
     def wide(name: str) -> ArrayLike:
         return [[*getattr(k, name), *[0.0] * (M - len(k.decay))] for k in kernels]
 
-    arrays: list[tuple[str, str, ArrayLike, str]] = [
-        ("double", "gain[FRACID_STATES]", gain, "h^q of each state"),
-        ("int", "row[FRACID_STATES]", row, "which row of the tables is each state's"),
-        ("int", f"modes[{R}]", [len(k.decay) for k in kernels], "exponentials of each row"),
-        ("double", f"weights[{R}][{L}]", [k.weights[1:] for k in kernels], "of the last samples"),
-        ("double", f"start[{R}][{L + 1}]", [k.start for k in kernels], "of the first sample, while it is one of them"),
-        ("double", f"decay[{R}][{M}]", wide("decay"), "of the exponentials, z - 1"),
-        ("double", f"amplitude[{R}][{M}]", wide("amplitude"), "what each adds"),
-        ("double", f"start_ratio[{R}][{M}]", wide("start_ratio"), "what the first sample counts there"),
-    ]
-    if not gl:
-        arrays += [
-            ("int", "forgets[FRACID_STATES]", tables.forgets, "where in f the rate of a state that relaxes is; else 0"),
-            ("double", "newest[FRACID_STATES]", gain * tables.newest, "gain w_0"),
-            ("double", f"ramp[{R}]", [k.ramp for k in kernels], "a linear part of the weights"),
-            ("double", f"start_shift[{R}]", [k.start_shift for k in kernels], "where the first panel's centre is"),
-            ("double", "share[FRACID_STATES]", tables.share, "what a jump of f weighs beside its third, in w_0"),
-        ]
-    if tables.together:
-        E, s, K = len(tables.fit), tables.together, len(tables.knots)
-        lines.append(f"#define KNOTS {K}")
-        arrays += [
-            ("double", f"fit[{E}][{s}]", tables.fit, "from f_k - f_0 to the powers with which f begins"),
-            ("double", f"starting[{R}][{s + 1}][{s + 1}]", tables.starting, "weights of the first steps"),
-            ("unsigned long", "knots[KNOTS]", tables.knots, "where the corrections are known"),
-            ("double", f"errors[{R}][{E}][KNOTS]", tables.errors, "what the rule lacks of each power"),
-        ]
-    lines += [f"/* {why} */\nstatic const {kind} {name} = {initialiser(values)};" for kind, name, values, why in arrays]
-    return "\n".join(lines) + "\n"
+    values: dict[str, ArrayLike] = {
+        "gain": gain, "row": tables.row, "modes": [len(k.decay) for k in kernels],
+        "weights": [k.weights[1:] for k in kernels], "start": [k.start for k in kernels], "decay": wide("decay"),
+        "amplitude": wide("amplitude"), "start_ratio": wide("start_ratio"), "forgets": tables.forgets,
+        "newest": gain * tables.newest, "ramp": [k.ramp for k in kernels],
+        "start_shift": [k.start_shift for k in kernels], "share": tables.share, "fit": tables.fit,
+        "starting": tables.starting, "knots": tables.knots, "errors": tables.errors,
+    }  # fmt: skip
+    text = own_text("export/tables.c.in")
+    text += "" if gl else own_text("export/tables_pi.c.in")
+    text += own_text("export/tables_start.c.in") if together else ""
+    filled = Template(text).substitute(
+        {n: initialiser(v) for n, v in values.items()}, R=len(kernels), L=tables.lags, L1=tables.lags + 1, M=M,
+        E=len(tables.fit), s=together, s1=together + 1,
+    )  # fmt: skip
+    head = [constants_of(tables.model, case.parameters), *([f"#define KNOTS {len(tables.knots)}"] if together else [])]
+    return "\n".join([*head, filled])
 
 
 def _sizes(tables: Recursion, size: int) -> str:

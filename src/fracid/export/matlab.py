@@ -111,48 +111,24 @@ def _parameters(tables: Recursion) -> str:
 
 def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
     """The function that gives k, a row for each distinct order, spread over the states."""
-    gl = tables.scheme.family == "gl"
-    M = tables.modes
+    kernels = tables.kernels
 
-    def wide(name: str) -> FloatArray:
-        return np.array([_padded(getattr(k, name), M) for k in tables.kernels])
+    def wide(name: str) -> list[FloatArray]:
+        return [np.pad(v, (0, tables.modes - len(v))) for v in (getattr(k, name) for k in kernels)]
 
-    entries: list[tuple[str, str, str]] = [
-        ("orders", _literal(tables.orders[:, None]), "of each state"),
-        ("row", _literal(rows + 1), "of each state: the rows of what follows hold distinct orders"),
-        ("weights", _literal(np.array([k.weights[1:] for k in tables.kernels])), "of the last samples"),
-        ("start", _literal(np.array([k.start[1:] for k in tables.kernels])), "of the first sample, while it is one"),
-        ("decay", _literal(wide("decay")), "of the exponentials, z - 1"),
-        ("amplitude", _literal(wide("amplitude")), "what each adds"),
-        ("start_ratio", _literal(wide("start_ratio")), "what the first sample counts there"),
-    ]
-    per_state = ["weights", "start", "decay", "amplitude", "start_ratio"]
-    if not gl:
-        entries += [
-            ("newest", _literal(tables.newest[:, None]), "of the newest sample; 0 of states with a step of their own"),
-            ("relaxing", _literal(np.array([tables.model.relaxing_states]) + 1), "those states"),
-            ("ramp", _literal([[k.ramp] for k in tables.kernels]), "a linear part of the weights"),
-            ("start_shift", _literal([[k.start_shift] for k in tables.kernels]), "where the first panel's centre is"),
-        ]
-        per_state += ["ramp", "start_shift"]
-    lines = ["function k = tables()", "% Memory and start in units of the step, as fracid steps with them."]
-    for name, value, why in entries:
-        lines += [f"  % {why}", f"  k.{name} = {value};"]
-    lines += [f"  k.{name} = k.{name}(k.row, :);" for name in per_state]
-    if not gl:
-        shape = ", ".join(map(str, tables.errors.shape))
-        lines += [
-            "  % corrections of the start: c = fit (f_k - f_0), and what they add, known at the knots",
-            f"  k.fit = {_literal(tables.fit)};",
-            f"  k.starting = {{{', '.join(_literal(starting) for starting in tables.starting)}}};",
-            f"  k.knots = {_literal(tables.knots)};",
-            f"  k.errors = reshape({_literal(tables.errors.ravel(order='F'))}, {shape});",
-        ]
-    return "\n".join([*lines, "end", ""])
-
-
-def _padded(values: FloatArray, length: int) -> FloatArray:
-    return np.concatenate([values, np.zeros(length - len(values))])
+    values: dict[str, ArrayLike] = {
+        "orders": tables.orders[:, None], "row": rows + 1, "weights": [k.weights[1:] for k in kernels],
+        "start": [k.start[1:] for k in kernels], "decay": wide("decay"), "amplitude": wide("amplitude"),
+        "start_ratio": wide("start_ratio"), "newest": tables.newest[:, None],
+        "relaxing": np.array([tables.model.relaxing_states]) + 1, "ramp": [[k.ramp] for k in kernels],
+        "start_shift": [[k.start_shift] for k in kernels], "fit": tables.fit, "knots": tables.knots,
+        "errors": tables.errors.ravel(order="F"),
+    }  # fmt: skip
+    family = "gl" if tables.scheme.family == "gl" else "pi"
+    return Template(own_text(f"export/tables_{family}.m.in")).substitute(
+        {n: _literal(v) for n, v in values.items()}, starting=", ".join(map(_literal, tables.starting)),
+        shape=", ".join(map(str, tables.errors.shape)),
+    )  # fmt: skip
 
 
 def _literal(values: ArrayLike) -> str:
