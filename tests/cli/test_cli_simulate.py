@@ -223,7 +223,7 @@ def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp
         (["srv02-rotpen", "--noise", "0.05"], "has no unit: deg or rad? Type for example --noise 0.05deg"),
         (["srv02-rotpen", "--noise", "beta=1deg"], "There is no output 'beta'"),
         (["srv02-rotpen", "--counts", "2"], "expected counts a turn, e.g. 4096"),
-        (["srv02-rotpen", "--method", "rk4"], "unknown method 'rk4'"),
+        (["srv02-rotpen", "--method", "rk4"], "There is no method 'rk4'; type one of"),
         (["srv02-rotpen", "--step", "0"], "expected an end after the release and a step above 0"),
         (["srv02-rotpen", "--step", "1e-12"], "samples are too many"),
         (["srv02-rotpen", "--to", "twin.xls"], "expected a file that ends in .csv, .mat, .npz"),

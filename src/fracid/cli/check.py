@@ -95,7 +95,8 @@ def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Col
 
     ((name, roles),) = likely.items()
     found = {signal: channel_of(model(name), signal, raw, column) for signal, column in roles.items()}
-    notes = [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
+    notes = [str(note) for note in raw.report.notes if note.startswith("Left out")]
+    notes += [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
     return {signal: fields for signal, (fields, _) in found.items()}, notes
 
 

@@ -29,11 +29,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from fracid.errors import InputError, unknown_name, writing
-from fracid.runs.saved import SavedRun
 from fracid.safety.door import write_text, write_whole
+
+if TYPE_CHECKING:
+    from fracid.runs.saved import SavedRun
 
 HOURS = 10_000_000
 """Steps that the memory of the C function holds where nothing is said: 2.8 h of 1 ms."""

@@ -183,7 +183,7 @@ def signal_faults(
         findings += _set_clock(s, t, x) if pendulum else ()
         findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
-    if len(pair) == 2 and np.isfinite(signals["alpha"]).all():
+    if len(pair) == 2 and len(time) > 1 and np.isfinite(signals["alpha"]).all():
         rest = pair["alpha"].rest if pair["alpha"].at_rest else final_value(signals["alpha"]) or 0.0
         findings += counted_backwards(float(np.median(np.diff(time))), signals["theta"], signals["alpha"] - rest)
     return tuple(findings)

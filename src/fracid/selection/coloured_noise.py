@@ -20,7 +20,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
@@ -95,6 +94,8 @@ def _innovations(signals: list[FloatArray], filters: Filters) -> list[list[Float
 
 def _fitted(problem: Problem, x: FloatArray, errors: list[FloatArray], filters: Filters) -> FloatArray:
     """The unknowns at the least squares of ε, each output's by its own level."""
+    from scipy.optimize import least_squares
+
     levels = [np.std(ε) for own in _innovations(errors, filters) for ε in own]
 
     def rows(signals: list[FloatArray]) -> FloatArray:
