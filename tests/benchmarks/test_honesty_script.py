@@ -24,6 +24,7 @@ LEFT_OUT = {
     "tilted-axis",
     "clock-jump",
     "still",
+    "counted-backwards",
     "dropout",
 }
 """No faults of a twin: of a search, of a scheme by itself, of physics that a model lacks (benchmarks/claims.py has

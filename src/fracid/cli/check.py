@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from fracid.recording import Recording, Report
     from fracid.recording.guess import Columns
+    from fracid.tasks.progress import Observer
 
 
 @command
@@ -53,7 +54,6 @@ def check(
     del seed, jobs  # nothing here is random or parallel; every command takes the same options
     with shown("recording") as observer:
         from fracid.recording import inspect_recording
-        from fracid.workflows.overview import write_overview
 
         clock = time_from_text(time, rate)
         own, notes = ({}, []) if column else _columns_of_model(file, clock, variable)
@@ -66,22 +66,27 @@ def check(
             variable=variable,
             guess_units=True,
         )
-        if out is not None:
-            observer.stage("figure")
-        figure = write_overview(recording, out) if out is not None else None
+        figure = None if out is None else _figure(recording, out, observer)
     if json_:
         _print_json(recording, figure)
     else:
         print_check(recording, figure, notes)
     if not recording.report.faults and not json_:
-        options = {"--column": column, "--time": time, "--rate": rate, "--variable": variable}
-        _say_next(recording, options, own)
+        _say_next(recording, {"--column": column, "--time": time, "--rate": rate, "--variable": variable}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 
 
+def _figure(recording: Recording, out: Path, observer: Observer) -> Path:
+    from fracid.workflows.overview import write_overview
+
+    observer.stage("figure")
+    return write_overview(recording, out)
+
+
 def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Columns, list[str]]:
     """The columns of a table of one model, as ``fracid init`` takes them, and notes; none of a rotary pendulum's."""
+    from fracid.findings import Note
     from fracid.problem.roles import ROTARY, likely_models
     from fracid.recording import inspect_recording
 
@@ -95,7 +100,7 @@ def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Col
 
     ((name, roles),) = likely.items()
     found = {signal: channel_of(model(name), signal, raw, column) for signal, column in roles.items()}
-    notes = [str(note) for note in raw.report.notes if note.startswith("Left out")]
+    notes = [str(note) for note in raw.report.notes if isinstance(note, Note) and note.code == "left-out"]
     notes += [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
     return {signal: fields for signal, (fields, _) in found.items()}, notes
 

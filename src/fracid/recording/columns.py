@@ -85,7 +85,7 @@ def _left_out(table: Table) -> list[str]:
     """Say what of the file is no column and might have been meant to be one."""
     odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in (TEXT.why, SINGLE)]
     more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
-    return [f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}."] if odd else []
+    return [Note(f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}.", "left-out")] if odd else []
 
 
 def _common(names: list[str]) -> str:
