@@ -15,6 +15,13 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", "--hide-scrollbars",
          "--no-first-run", "--disable-extensions", "--disable-background-networking", "--mute-audio")  # fmt: skip
 
+# Chromium's answer to a question put to a page that is being left.
+LEFT = "Inspected target navigated or closed"
+
+
+class Left(AssertionError):
+    """The page was left for another before it had answered."""
+
 
 class Browser:
     """One page.  What it asked for and what its console said is in ``requests`` and ``complaints``."""
@@ -77,11 +84,17 @@ class Browser:
         return answer["result"].get("value")
 
     def until(self, condition, seconds=60):
-        """Wait for an expression to be true."""
+        """Wait for an expression to be true; a page that is left for the next while it is asked is not yet there."""
         end = time.monotonic() + seconds
-        while not self.run(condition):
+        while not self._is_so(condition):
             assert time.monotonic() < end, f"waited in vain for {condition}"
             time.sleep(0.05)
+
+    def _is_so(self, condition):
+        try:
+            return self.run(condition)
+        except Left:
+            return False
 
     def key(self, name, code=None, text=""):
         """Press a key and let go of it."""
@@ -110,6 +123,8 @@ class Browser:
         while True:
             answer = self._message()
             if answer.get("id") == self.number:
+                if LEFT in answer.get("error", {}).get("message", ""):
+                    raise Left
                 assert "error" not in answer, f"{method}: {answer['error']}"
                 return answer["result"]
             self._event(answer)
