@@ -149,6 +149,19 @@ def test_a_rig_is_held_upright_over_draws_of_its_covariance(found):
     assert "holds upright in 5 of 5 draws" in repr(found)
 
 
+def test_a_draw_rests_where_its_own_model_does_and_the_controller_knows_the_place_of_the_fit():
+    rig = fracid.rotary_pendulum("srv02-rotpen", zero="hanging", alpha_rest=0.3)
+    problem = twin(rig, 2, {"lambda": 1.0, "mu": 0.95})
+    problem = replace(problem, parameters={"alpha_rest": fracid.Free(0.3, -1.0, 1.0)})
+    points = np.array([[0.3], [0.32]])
+    made = fracid.control(fit_of(problem), limit=8.0, points=points, seconds=3.0)
+    assert made.share == 1.0
+    assert made.conditions.reference["alpha"] == pytest.approx(np.pi + 0.3)
+    _, y, _ = made.loop.run(points[1], made.design.controller, 1)
+    assert y[0, 1] == pytest.approx(0.1 + 0.02)
+    assert y[-1, 1] == pytest.approx(0.02, abs=0.005)
+
+
 def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
     titles = [axes.get_title() for axes in found.plot().axes]
     assert "margins of 5 draws" in " ".join(titles)

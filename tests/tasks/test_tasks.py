@@ -46,6 +46,10 @@ def fails_at(bad, seed):
     return seed
 
 
+def raises(sentence):
+    raise ValueError(sentence)
+
+
 def returns(what):
     return {"nan": float("nan"), "numpy": np.int64(3), "set": {1}}[what]
 
@@ -220,6 +224,11 @@ def test_a_repetition_that_raises_is_named_and_what_was_done_is_kept(tmp_path):
 def test_a_result_that_is_no_json_value_is_refused(what, message):
     with pytest.raises(Unfinished, match=message):
         run_tasks(returns, [Task("a", (what,))])
+
+
+def test_a_sentence_that_ended_a_repetition_keeps_its_one_full_stop():
+    with pytest.raises(Unfinished, match=r"failed: ValueError: It does not rest\. 0 of 1"):
+        run_tasks(raises, [Task("a", ("It does not rest.",))])
 
 
 def test_ctrl_c_starts_nothing_new_and_keeps_what_was_done(tmp_path):

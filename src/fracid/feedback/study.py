@@ -130,10 +130,8 @@ class ClosedLoop:
 
     def posture(self, x: FloatArray) -> Posture:
         """Where the model rests with other values of the unknowns."""
-        c, model = self.conditions, self.problem.model
-        at = {n: c.states[model.states[i]] for n, i in model.output_states.items()}
-        named = c.posture if c.posture != "rest" else ""
-        return posture_of(model, self.problem.unpack(x, self.experiment)[1], named, at, self.channel)
+        c, parameters = self.conditions, self.problem.unpack(x, self.experiment)[1]
+        return posture_of(self.problem.model, parameters, c.posture, c.at, self.channel)
 
     def plant(self, x: FloatArray) -> Plant:
         """Linearised."""
@@ -143,26 +141,28 @@ class ClosedLoop:
                         self.delay(x), c.period)  # fmt: skip
 
     def run(self, x: FloatArray, controller: Controller, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Time, outputs less their reference and the input after each step, up to the end or the fall."""
+        """Time, outputs less their reference and the input after each step, up to the end or the fall.
+
+        It begins off where this model rests; the controller knows where that of the fit does.
+        """
         c, model = self.conditions, self.problem.model
         orders, p, *_ = self.problem.unpack(x, self.experiment)
-        rest = np.array([c.states[n] for n in model.states])
         u = np.zeros((1, len(model.inputs)))
         u[0, self.channel] = c.at_rest
         rows = np.array([model.output_states[n] for n in c.outputs])
-        start = rest.copy()
+        reference = np.array([c.reference[n] for n in c.outputs])
+        start = self.posture(x).states
         for n, off in c.off.items():
             start[model.output_states[n]] += off
         h, samples = c.period / c.steps, math.ceil(c.seconds / c.period)
-        bounds = np.tile((-np.inf, np.inf), (len(rest), 1))
+        bounds = np.tile((-np.inf, np.inf), (len(start), 1))
         for n, most in c.within.items():
             if most is not None:
-                i = model.output_states[n]
-                bounds[i] = rest[i] - most, rest[i] + most
+                bounds[model.output_states[n]] = c.reference[n] - most, c.reference[n] + most
         noise = np.random.default_rng(seed).standard_normal((samples + 1, len(c.outputs)))
         A, B, C, D, E = (np.array(getattr(controller, n), dtype=np.float64) for n in "ABCDE")
         loop = Loop(
-            A, B, C, D, E, rows, rest[rows], np.array([c.quanta[n] for n in c.outputs]),
+            A, B, C, D, E, rows, reference, np.array([c.quanta[n] for n in c.outputs]),
             noise * [c.noise[n] for n in c.outputs], np.array([c.at_rest, c.least, c.most]), self.channel, c.steps,
             round(self.delay(x) / h),
         )  # fmt: skip
@@ -175,7 +175,7 @@ class ClosedLoop:
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
                         Options("pi2", compressed(), limit=LIMIT, bounds=bounds), closed)  # fmt: skip
-        return run.time[:: c.steps], (run.states[:, rows] - rest[rows])[:: c.steps], applied[: len(run.time) : c.steps]
+        return run.time[:: c.steps], (run.states[:, rows] - reference)[:: c.steps], applied[: len(run.time) : c.steps]
 
     def trial(self, x: FloatArray, controller: Controller, seed: int) -> dict[str, Any]:
         """Simulate, and look at the margins; plain JSON values of a :class:`Trial`."""
@@ -246,7 +246,7 @@ def conditions_of(
         {n: float(there.states[model.output_states[n]]) for n in outputs}, units,
         {n: resolution(v) or 0.0 for n, v in y.items()},
         {n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, begins,
-        {n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds,
+        {n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds, dict(at),
     )  # fmt: skip
     return ClosedLoop(problem, x, conditions)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
@@ -120,6 +120,8 @@ class Conditions(Record):
     within: dict[str, Number]
     """Deviations beyond which it has fallen; None for none."""
     seconds: float = SECONDS
+    at: dict[str, float] = field(default_factory=dict)
+    """Outputs at the posture, as far as they were given."""
 
 
 @dataclass(frozen=True, repr=False)

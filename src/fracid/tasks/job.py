@@ -200,7 +200,7 @@ def failure_of(task: Task, outcome: Ended | BaseException) -> Stopped | None:
         return Stopped(f"The repetition {task.key!r} cannot be sent or read back: {outcome}.")
     if outcome.text:
         return None
-    failure = Stopped(f"The repetition {task.key!r} failed: {outcome.failure}.")
+    failure = Stopped(f"The repetition {task.key!r} failed: {outcome.failure.removesuffix('.')}.")
     failure.__cause__ = _Traceback(outcome.where)
     return failure
 
