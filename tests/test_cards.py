@@ -16,6 +16,7 @@ from fracid.estimation.cost_profile import Profile, Profiles
 from fracid.estimation.profile_walk import End
 from fracid.estimation.records import Estimate, RecordingFit
 from fracid.fit import Fit
+from fracid.optimise import Outcome
 from fracid.problem import Problem
 from fracid.recording import Recording
 from fracid.selection.comparison_records import Comparison, Row, Score
@@ -39,8 +40,8 @@ def problem():
 def fit():
     orders = {"lambda": Estimate(0.9, free=True, interval95=(0.89, 0.91)), "mu": Estimate(1.0)}
     recordings = {f"{HOSTILE} {k}": RecordingFit(f"{k}", "fit", TIME, SWING, SWING, 0.0, {}, {}) for k in range(20)}
-    return Fit(problem(), np.zeros(0), orders, {"C1": Estimate(0.0043, "kg m^2", True)}, recordings, 1e-3, HOSTILE, 9,
-               None, None, 1, "multistart", (HOSTILE * 99,))  # fmt: skip
+    return Fit(problem(), np.zeros(0), orders, {"C1": Estimate(0.0043, "kg m^2", True)}, recordings, 1e-3,
+               Outcome.CONVERGED, 9, None, None, 1, "multistart", (HOSTILE * 99,))  # fmt: skip
 
 
 def profile():

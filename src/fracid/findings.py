@@ -78,9 +78,9 @@ class Words:
         """The content of the file."""
         return tomllib.loads(own_text(self.file))
 
-    def __call__(self, code: str, /, **values: object) -> str:
+    def __call__(self, code: str, /, **values: object) -> Note:
         """A sentence with these values."""
-        return str(self.table[code]).format(**values)
+        return Note(str(self.table[code]).format(**values), code)
 
     def finding(self, name: str, where: str, number: float, limit: float, /, **values: object) -> Finding:
         """A finding whose words have these values, and its own: ``where``, ``number`` and ``limit``."""

@@ -16,6 +16,7 @@ from fracid.estimation.covariance import METHODS, Uncertainty
 from fracid.estimation.records import Estimate, OrderEstimate, RecordingFit
 from fracid.estimation.starts import Start, won
 from fracid.findings import Finding
+from fracid.optimise.base import Outcome
 from fracid.problem import Problem
 from fracid.safety.schema import Block, Infinite, Listed, Number, Unknown, as_json
 from fracid.schemas.scatter import CutBlock, SpreadBlock
@@ -47,8 +48,8 @@ class Fit(CardDisplay, WithPosterior):
     """By name; as a data frame :meth:`table`, or ``pandas.DataFrame.from_dict(fit.parameters, orient="index")``."""
     recordings: Mapping[str, RecordingFit]
     cost: float
-    outcome: str
-    """How the search ended, in words."""
+    outcome: Outcome
+    """How the search ended; its value in words."""
     evaluations: int
     discretisation: Discretisation | None
     uncertainty: Uncertainty | None
@@ -66,6 +67,8 @@ class Fit(CardDisplay, WithPosterior):
     """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
     claim_reasons: tuple[str, ...] = ()
     """Why, in sentences."""
+    claim_codes: tuple[str, ...] = ()
+    """Those of its reasons, as ``no-fit``, ``memory``, ``unexplained``."""
     opened_bounds: tuple[OpenedBound, ...] = ()
     """The bounds of the project that stopped the search, and were opened."""
     alternative: Alternative | None = None
@@ -241,9 +244,10 @@ class FitBlock(Block):
     discretisation: Discretisation | None = None
     evaluations: int
     optimiser: str
-    outcome: str
+    outcome: Annotated[Outcome, Field(strict=False)]
     claim: ClaimWord | None = None
     claim_reasons: Listed[str] = ()
+    claim_codes: Listed[str] = ()
     opened_bounds: list[OpenedBound] = Field([])
     alternative: Alternative | None = None
     starts: list[StartBlock] = Field([])

@@ -72,7 +72,7 @@ from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
-from fracid.selection.claim import FLOOR, NO_RUN, Claim, claim_of, orders_found
+from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
@@ -231,7 +231,7 @@ def identify(
             watching.interrupted()
         elif not np.isfinite(result.best.cost):
             analysis.known = Failure(FailureReason.RUN, "every run failed")
-            analysis.claim = NO_RUN
+            analysis.claim = no_run()
             analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
             analysis.seen += failed(work, result.best.point)
         else:
@@ -676,7 +676,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     return Fit(
         problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
-        outcome=f"{outcome.value}: {best.reason}" if best.reason else outcome.value,
+        outcome=outcome,
         orders={n: estimates[n] for n in problem.orders},
         parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
         recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
@@ -685,7 +685,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
-        claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons,
+        claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons, claim_codes=analysis.claim.codes,
     )  # fmt: skip
 
 

@@ -266,7 +266,8 @@ def test_a_model_whose_every_run_fails_ends_with_3_and_its_reason(capsys, projec
     path = project(f"[model.parameters]\n{constants}\n" + FAST + RECORDING + FIT)
     code, out, err = run(capsys, "fit", path, "--out", tmp_path)
     assert (code, err) == (3, "")
-    assert "every run failed: release 20°: " in out
+    assert "every run failed;" in out
+    assert "No run reached its end: release 20°: " in out
     assert "det M = 0" in out or "unsettled" in out
     assert json.loads((tmp_path / "result.json").read_text())["cost"]["value"] is None
     assert out.startswith("claim: undecided. The model does not fit: no run of it reached the end of a recording.")

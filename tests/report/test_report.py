@@ -25,6 +25,7 @@ from fracid.cli.app import main
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.records import in_words
+from fracid.optimise import Outcome
 from fracid.report import plane_of, report_page, write_report
 from fracid.report.equations import equations
 from fracid.report.material import Material
@@ -307,7 +308,7 @@ def said(**changes):
         "recordings": {"a": recording, "b": recording | {"use": "validate"}},
         "cost": {"value": 0.01},
         "alternative": None,
-        "outcome": "converged: it did",
+        "outcome": Outcome.CONVERGED,
         "discretisation": {"warning": "", "shift": {"mu": 1e-4}},
     } | changes
     used = lambda use: {n: r for n, r in result["recordings"].items() if r["use"] == use}  # noqa: E731
@@ -1094,12 +1095,10 @@ def test_a_recording_that_was_used_whole_is_not_read_again(material):
         assert again == bool({"from", "to"} & said.keys() or recording.report.resampled)
 
 
-@pytest.mark.parametrize(
-    ("reasons", "drawn"), [(("mu is off 1.",), True), (("The model does not fit alpha: nothing is known.",), False)]
-)
-def test_the_cost_over_the_orders_is_simulated_where_the_model_fits(monkeypatch, reasons, drawn):
+@pytest.mark.parametrize(("codes", "drawn"), [(("effect",), True), (("no-fit", "decide-model"), False)])
+def test_the_cost_over_the_orders_is_simulated_where_the_model_fits(monkeypatch, codes, drawn):
     monkeypatch.setattr("fracid.estimation.cost_plane.reaches", lambda *_: 0.1)
     monkeypatch.setattr("fracid.estimation.cost_plane.cost_plane", lambda *_, **__: "a plane")
     fit = SimpleNamespace(problem=SimpleNamespace(order_indices=(0, 1)), x=None, orders={}, cost=1.0,
-                          claim_reasons=reasons)  # fmt: skip
+                          claim_codes=codes)  # fmt: skip
     assert (plane_of(fit, 1) is not None) == drawn

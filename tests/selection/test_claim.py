@@ -100,6 +100,7 @@ def test_rounding_of_a_swing_and_of_a_rest_is_explained_and_a_swing_left_over_is
 def test_a_model_that_does_not_follow_the_motion_claims_nothing(orders, alternative):
     claim = claim_of(orders, alternative, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=-1014.0)})
     assert claim.claim == "undecided"
+    assert claim.codes == ("no-fit", "decide-model")
     assert claim.reasons[0].startswith("The model does not fit swing, alpha (fit -1014 %)")
 
 

@@ -2,12 +2,13 @@
 
 import pytest
 
+from fracid.optimise import Outcome
 from fracid.selection.doubts import claimed, doubts
 
 ORDER = {"value": 1.0, "free": True, "identifiable": "identifiable", "interval95": [0.9, 1.1]}
 RECORDING = {"use": "fit", "fit_percent": {"alpha": 98.0}}
 RESULT = {
-    "claim": "integer", "orders": {"mu": ORDER}, "outcome": "converged: steps", "recordings": {"a": RECORDING},
+    "claim": "integer", "orders": {"mu": ORDER}, "outcome": Outcome.CONVERGED, "recordings": {"a": RECORDING},
     "findings": [], "discretisation": {"warning": ""}, "spread": None, "cut": None, "alternative": None,
 }  # fmt: skip
 
@@ -15,7 +16,7 @@ AGAINST = {
     "Fit": {"findings": [{"code": "misfit"}]},
     "Orders": {"orders": {"mu": ORDER | {"identifiable": "practically not"}}},
     "Prediction": {"recordings": {"a": RECORDING, "b": {"use": "validate", "fit_percent": {"alpha": 12.0}}}},
-    "Checks": {"outcome": "budget spent"},
+    "Checks": {"outcome": Outcome.BUDGET_SPENT},
     "Each recording alone": {"spread": {"sentences": ["mu differs."]}},
     "Data": {"recordings": {"a": RECORDING | {"initial_state": {"D^mu alpha": {"interval95": [0.1, 0.3]}}}}},
     "Where the record begins": {"cut": {"warnings": ["mu moves."]}},

@@ -69,7 +69,7 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
 
     headings = ("recording", "output", "rms", "steps", "correlated", "count", "PPCC")
     print_table(console, headings, map(_sizes, analysis.all), fold=("recording",))
-    partial = [PARTIAL] if Outcome.of(analysis.run.outcome) is Outcome.INTERRUPTED else []
+    partial = [PARTIAL] if analysis.run.outcome is Outcome.INTERRUPTED else []
     warn(console, *partial, *analysis.run.notes)
     told: set[str] = set()
     for a in analysis.all:

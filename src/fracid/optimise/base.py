@@ -26,7 +26,7 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ GREATEST = 1e150
 """Of a cost, whose rows are squared."""
 
 
-class Outcome(Enum):
+class Outcome(StrEnum):
     """How a search ended; the value is the sentence."""
 
     CONVERGED = "converged: steps and gain are below the tolerance"
@@ -53,17 +53,6 @@ class Outcome(Enum):
     INTERRUPTED = "interrupted: the best so far is kept"
     STOPPED = "stopped as asked: the best so far is kept"
     ALL_FAILED = "every run failed"
-
-    @classmethod
-    def of(cls, sentence: str) -> Outcome | None:
-        """The outcome that a result says, where it is one.
-
-        Examples
-        --------
-        >>> Outcome.of("interrupted: the best so far is kept")
-        <Outcome.INTERRUPTED: 'interrupted: the best so far is kept'>
-        """
-        return next((o for o in cls if sentence.partition(":")[0] == o.value.partition(":")[0]), None)
 
 
 @dataclass(frozen=True)

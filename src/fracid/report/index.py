@@ -101,7 +101,7 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
     duration = joined(lengths) if len(lengths) <= 3 else f"{len(lengths)} recordings"
     facts = (recipe, _date(environment.get("started", "")), duration, f"seed {result['seed']}")
     outcome = result["outcome"]
-    cut = Outcome.of(outcome) in (Outcome.INTERRUPTED, Outcome.STOPPED)
+    cut = outcome in (Outcome.INTERRUPTED, Outcome.STOPPED)
     partial = f"the search was {outcome}; fracid resume continues it." if cut else ""
     return Identity(folder.resolve().name, tuple(filter(None, facts)), partial)
 

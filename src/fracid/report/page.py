@@ -148,7 +148,7 @@ def plane_of(fit: Fit, jobs: int) -> CostPlane | None:
     """The cost over the orders; None where fewer than two are free, and of a model that does not fit."""
     from fracid.estimation.cost_plane import cost_plane, reaches
 
-    if len(fit.problem.order_indices) < 2 or not isfinite(fit.cost) or does_not_fit(fit.claim_reasons):
+    if len(fit.problem.order_indices) < 2 or not isfinite(fit.cost) or does_not_fit(fit.claim_codes):
         return None
     return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=jobs)
 

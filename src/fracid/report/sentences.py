@@ -212,8 +212,7 @@ def search_sentence(outcome: str) -> str:
     >>> search_sentence("all generations done")
     'The search did not converge: all generations done.'
     """
-    converged = Outcome.of(outcome) is Outcome.CONVERGED
-    return "The search converged." if converged else f"The search did not converge: {outcome}."
+    return "The search converged." if outcome == Outcome.CONVERGED else f"The search did not converge: {outcome}."
 
 
 def joined(words: list[str], last: str = "and") -> str:

@@ -54,7 +54,7 @@ CLAIMS = {
     "fractional": "The recordings show fractional dynamics",
     "integer": "There is no evidence of fractional dynamics",
     "undecided": "The recordings do not decide whether the rig is fractional",
-    "": f"{NO_FIT}, so nothing is known of its orders",
+    "": "The model does not fit, so nothing is known of its orders",
 }
 """What each claim means, in words; and what a fit that is none."""
 
@@ -90,13 +90,13 @@ def _but_inside(orders: Mapping[str, Mapping[str, Any]]) -> str:
     return f" ({_inside(list(inside), inside)})" if inside else ""
 
 
-def does_not_fit(reasons: Iterable[str]) -> bool:
-    """Whether the model does not follow what it was fitted to, by the reasons of its claim."""
-    return any(reason.startswith(NO_FIT) for reason in reasons)
+def does_not_fit(codes: Iterable[str]) -> bool:
+    """Whether the model does not follow what it was fitted to, by the codes of its claim."""
+    return not NO_FIT.isdisjoint(codes)
 
 
 def _no_fit(result: Mapping[str, Any]) -> bool:
-    return does_not_fit(result.get("claim_reasons", ()))
+    return does_not_fit(result.get("claim_codes", ()))
 
 
 def _stand_in(result: Mapping[str, Any]) -> bool:
@@ -169,7 +169,7 @@ def _orders(material: Material) -> Line:
         return Line("Orders", f"{sentence} They were given, not found.", True)
     claim = material.result.get("claim")
     if _no_fit(material.result):
-        return Line("Orders", f"{sentence} {NO_FIT}: they mean nothing.", False)
+        return Line("Orders", f"{sentence} The model does not fit: they mean nothing.", False)
     if rival and rival["warning"]:
         says = rival["warning"] if claim is None else "They stand in for something of integer order, see above."
         return Line("Orders", f"{sentence} {says}", False)
@@ -344,7 +344,7 @@ def _checks(material: Material) -> Line:
 
 def _search(material: Material) -> Iterator[tuple[str, bool]]:
     outcome = material.result["outcome"]
-    yield search_sentence(outcome), Outcome.of(outcome) is Outcome.CONVERGED
+    yield search_sentence(outcome), outcome == Outcome.CONVERGED
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:

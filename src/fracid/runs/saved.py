@@ -192,7 +192,7 @@ def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> Sav
     x = _vector(problem, values)
     alike: dict[str, Any] = {n: getattr(block, n) for n in (
         "parameters", "evaluations", "outcome", "optimiser", "seed", "timing", "discretisation", "alternative",
-        "claim_reasons", "window",
+        "claim_reasons", "claim_codes", "window",
     )}  # fmt: skip
     listed: dict[str, Any] = {n: tuple(getattr(block, n)) for n in ("warnings", "findings", "opened_bounds")}
     return SavedRun(

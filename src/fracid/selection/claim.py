@@ -25,7 +25,7 @@ from typing import Literal
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
-from fracid.findings import Words
+from fracid.findings import Note, Words
 from fracid.problem import Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
@@ -45,11 +45,11 @@ KNOWN = 0.1
 """An order whose interval is wider than this to each side is not known."""
 
 
-NO_FIT = "The model does not fit"
-"""How the reason begins where it does not follow what was recorded: nothing is known of its orders then."""
+NO_FIT = frozenset({"no-run", "no-fit"})
+"""Codes of reasons where the model does not follow what was recorded: nothing is known of its orders then."""
 
-LACKS = "the model lacks something"
-"""Said of residuals that are no noise."""
+LACKS = frozenset({"lacks", "unexplained", "all-unexplained"})
+"""Codes of reasons where residuals are no noise."""
 
 COUNTS = ("none", "one", "two", "three")
 
@@ -64,9 +64,15 @@ class Claim:
     claim: ClaimWord
     reasons: tuple[str, ...]
 
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Of the reasons: what programs look at."""
+        return tuple(reason.code for reason in self.reasons if isinstance(reason, Note))
 
-NO_RUN = Claim("undecided", (f"{NO_FIT}: no run of it reached the end of a recording.",))
-"""Where every run failed."""
+
+def no_run() -> Claim:
+    """Where every run failed."""
+    return _undecided(SAYS("no-run"))
 
 
 @dataclass(frozen=True)
@@ -172,7 +178,7 @@ def claim_of(
     coloured = _coloured({where: e for where, e in left_over.items() if e.noise and not e.explained})
     decides = SAYS("decide-white", where="" if compared else SAYS("compare"))
     if element is not None:
-        lacks = f"{' and '.join(map(str, orders))}, but {LACKS}."
+        lacks = SAYS("lacks", orders=" and ".join(map(str, orders)))
         return _undecided(lacks, *unexplained, str(element), element.remedy)
     open_question = (*unexplained, *([SAYS("not-excluded")] if unexplained else []), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
@@ -239,16 +245,16 @@ def _too_little(off: Sequence[OrderFound]) -> str:
 
 def _no_fit(missed: Mapping[str, LeftOver]) -> str:
     each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
-    return f"{NO_FIT} {each}: nothing is known of its orders."
+    return SAYS("no-fit", each=each)
 
 
 def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
     """One sentence on all residuals that are no noise; empty where there are none."""
     sizes = {where: _size(e) for where, e in left_over.items()}
     if len(sizes) < 2:
-        return [SAYS("unexplained", where=where, size=size, lacks=LACKS) for where, size in sizes.items()]
+        return [SAYS("unexplained", where=where, size=size) for where, size in sizes.items()]
     each = " and ".join(f"{where} ({size})" for where, size in sizes.items())
-    return [SAYS("all-unexplained", each=each, lacks=LACKS)]
+    return [SAYS("all-unexplained", each=each)]
 
 
 def _coloured(left_over: Mapping[str, LeftOver]) -> list[str]:

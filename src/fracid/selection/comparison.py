@@ -57,7 +57,7 @@ from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import schwarz
-from fracid.selection.claim import NO_RUN, OrderFound, claim_of
+from fracid.selection.claim import OrderFound, claim_of, no_run
 from fracid.selection.comparison_records import (
     Comparison,
     EvidenceBlock,
@@ -753,7 +753,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
     orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n))
               for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
-        none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else NO_RUN
+        none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()
         return replace(comparison, claim=none.claim, claim_reasons=none.reasons)
     if predicted := as_good_as_integer(comparison):
         return replace(comparison, claim="integer", claim_reasons=(predicted,))

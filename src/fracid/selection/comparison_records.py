@@ -36,8 +36,8 @@ from fracid.safety.schema import (
     lacking,
 )
 from fracid.selection.amplitude import AmplitudeTest
-from fracid.selection.claim import LACKS, ClaimWord
-from fracid.selection.doubts import claimed
+from fracid.selection.claim import ClaimWord
+from fracid.selection.doubts import LACKING, claimed
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
 from fracid.signals.left_over import LeftOver
@@ -215,7 +215,7 @@ class Comparison(CardDisplay, Record):
     def doubts(self) -> dict[str, str]:
         """What speaks against the claim, as :func:`fracid.selection.doubts.doubts` of a fit."""
         left = self.best(fractional=self.claim == "fractional").left_over.values()
-        return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKS}
+        return {} if self.claim == "undecided" or all(e.explained for e in left) else {"Fit": LACKING}
 
     def _card(self) -> Card:
         return Card(f"Comparison of {len(self.rows)} structures: {claimed(self.claim, self.doubts)}", (

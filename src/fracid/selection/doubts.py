@@ -19,6 +19,8 @@ POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
 
 
+LACKING = "the model lacks something"
+
 SURELY = 2.0
 """Half-widths of its interval that a speed is from zero: one of many misses it by chance."""
 
@@ -58,12 +60,11 @@ def unsaid(result: Mapping[str, Any]) -> list[str]:
     --------
     >>> misfit = {"code": "misfit", "where": "swing: alpha", "sentence": "The residual is large."}
     >>> said = {"warnings": ["swing: alpha: The residual is large.", "C1 lies at its bound."], "findings": [misfit]}
-    >>> unsaid(said | {"claim_reasons": ["The residual of swing, alpha is correlated: the model lacks something."]})
+    >>> unsaid(said | {"claim_codes": ["unexplained"]})
     ['C1 lies at its bound.']
     """
-    reasons = " ".join(result.get("claim_reasons", ()))
     said = {f"{f['where']}: {f['sentence']}" for f in result.get("findings", ()) if f["code"] == "misfit"}
-    return [w for w in result["warnings"] if w not in said or LACKS not in reasons]
+    return [w for w in result["warnings"] if w not in said or LACKS.isdisjoint(result.get("claim_codes", ()))]
 
 
 def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -73,12 +74,12 @@ def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if _poor(scores["fit"]):
         yield "Fit", "the model hardly fits"
     elif codes & {"misfit", "cannot-explain"}:
-        yield "Fit", LACKS
+        yield "Fit", LACKING
     if result["claim"] == "integer" and not result.get("alternative") and (unknown := _unknown(result)):
         yield "Orders", f"{' and '.join(unknown)} {'is' if len(unknown) == 1 else 'are'} not identifiable"
     if "missed" in codes or _poor(scores["validate"]):
         yield "Prediction", "it does not predict what was held out"
-    if Outcome.of(result["outcome"]) is not Outcome.CONVERGED:
+    if result["outcome"] != Outcome.CONVERGED:
         yield "Checks", "the search did not converge"
     elif (result.get("discretisation") or {}).get("warning"):
         yield "Checks", "the step bends the orders"

@@ -81,7 +81,7 @@ def _compiled(function: Any) -> Any:
     try:
         return _reading(function, options)
     except Exception as error:  # Numba's own, and what it stumbles over
-        fault = SAYS("not-compiled", error=_reason(error))
+        fault: str = SAYS("not-compiled", error=_reason(error))
     with suppress(Exception):
         kept(RHS_SIGNATURE, keep=False, **options)(function)
         fault = f"changes {CHANGED}"

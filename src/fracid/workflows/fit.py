@@ -207,7 +207,7 @@ def run(
         searching = False
         laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
-        interrupted = Outcome.of(fit.outcome) is Outcome.INTERRUPTED
+        interrupted = fit.outcome is Outcome.INTERRUPTED
         seconds = time.perf_counter() - start_time
         watching.result(FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume))
         pictures: tuple[Path, ...] = ()
@@ -348,9 +348,8 @@ def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManag
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    outcomes = [o.value for o in Outcome]
     study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
-    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, outcomes))
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, Outcome))
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:

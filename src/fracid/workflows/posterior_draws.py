@@ -98,7 +98,7 @@ def run_posterior(
         raise unknown_name("method", method, METHODS)
     with one_blas_thread():
         saved = load_run(run, trust=trust)
-        if Outcome.of(saved.outcome) in (Outcome.INTERRUPTED, Outcome.STOPPED):
+        if saved.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
             raise InputError(
                 f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
                 f"fracid fit {saved.project.path}."
