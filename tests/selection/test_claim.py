@@ -104,6 +104,14 @@ def test_a_model_that_does_not_follow_the_motion_claims_nothing(orders, alternat
     assert claim.reasons[0].startswith("The model does not fit swing, alpha (fit -1014 %)")
 
 
+def test_an_order_that_only_the_bound_of_another_parameter_keeps_off_its_integer_is_undecided():
+    springpot = OrderFound("nu", 0.035, 0.001, (0.0, 1.0))
+    held = [replace(springpot, beyond_bounds=0.027), replace(springpot, beyond_bounds=0.002)]
+    claims = [claim_of([order], nearest(), NOISE) for order in held]
+    assert [claim.claim for claim in claims] == ["undecided", "fractional"]
+    assert claims[0].codes[0] == "bound"
+
+
 def test_an_integer_order_model_that_is_far_better_is_believed_beside_a_fit_that_is_none():
     far_better = replace(nearest(as_well=True), gain=-300.0)
     assert claim_of(CLEAR, far_better, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=10.0)}).claim == "integer"

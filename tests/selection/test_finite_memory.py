@@ -13,6 +13,7 @@ from fracid.selection.finite_memory import HOPELESS, finite_memories, with_relax
 from fracid.selection.integer_rival import Alternative, FiniteMemory, Trial
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
+from scripts import module_of
 
 STEP, COUNT = 0.1, 400
 WHITE = {"twin, T": LeftOver(1e-3, 0.0, 1.0)}
@@ -120,6 +121,15 @@ def test_an_order_is_worth_more_than_two_relaxations_in_white_and_in_coloured_no
     assert any("as many as three relaxations" in reason for reason in fit.claim_reasons)
     assert [m.relaxations for m in fit.alternative.memories] == [1, 2, 3]
     assert any("correlated noise, or a model that lacks something" in r for r in fit.claim_reasons) == (ρ > 0)
+
+
+@pytest.mark.broad
+def test_a_springpot_in_the_place_of_a_spring_and_two_maxwell_elements_is_not_called_fractional():
+    twins = module_of("benchmarks/own_models.py")
+    twin = twins.answer("maxwell", 2, 0.03, "30 ms", 1)
+    assert twin["order"] < 0.05
+    assert twin["claim"] == "undecided"
+    assert "another parameter stays at its bound" in twin["reasons"][0]
 
 
 def test_what_a_step_misses_behind_the_jumps_of_an_input_is_no_lack_of_the_model():

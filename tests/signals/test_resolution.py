@@ -98,3 +98,9 @@ def test_two_values_that_are_nearly_one_cost_no_search_through_all_steps_between
     assert resolution(np.insert(values, 17, values[29] + 1.2e-8)) is None
     assert tracemalloc.get_traced_memory()[1] < 2**25
     tracemalloc.stop()
+
+
+def test_a_step_that_no_value_agrees_with_is_none():
+    noise = 0.01 * np.random.default_rng(2593).standard_normal(125)
+    noise[-10:] += np.linspace(0.0, 1.0, 10)  # half of what is left lies half a step off its lattice
+    assert lattice(noise) is None

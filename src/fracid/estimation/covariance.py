@@ -182,6 +182,11 @@ class Uncertainty:
             low, high = float(x[i]) - half, float(x[i]) + half
         return (low, high) if math.isfinite(low) and math.isfinite(high) else None
 
+    def half_beyond_bounds(self, i: int) -> float:
+        """Half the interval of unknown i were no other one stopped by a bound; 0 where none is, NaN where unknown."""
+        others = np.delete(self.at_bound, i)
+        return math.sqrt(BESIDE_A_BOUND) * float(self.standard_error[i]) if others.any() else 0.0
+
     def method(self, i: int) -> str | None:
         """How the interval of unknown i was made: a key of :data:`METHODS`; None where there is none."""
         if not np.all(np.isfinite(self.ends[i])):

@@ -4,6 +4,7 @@ A tool for fractional orders is worth as much as its "no".  So **fractional** is
 
 1. the 95 % interval of an order excludes its integer by more than :data:`FLOOR` of damping: an order q damps a swing
    like a damping ratio of :math:`|ζ| = \tfrac{π}{2}|1 - q|`, and less than that a clock, a cable or a bearing may do;
+   so it must where no other unknown is stopped by a bound, which may be all that keeps the order off its integer;
 2. what is left over is noise or the encoder's rounding (:mod:`fracid.signals.left_over`): where a model lacks
    something, its orders stand in for that;
 3. nothing of integer order does as well (:mod:`fracid.selection.integer_alternatives`), nor a finite memory in the
@@ -85,6 +86,9 @@ class OrderFound:
     """Half its 95 % interval; infinite where there is none."""
     integers: tuple[float, ...] = (1.0,)
     """Where it is none; empty where the model has no such value."""
+    beyond_bounds: float = 0.0
+    """Half the interval were no other unknown stopped by a bound, 0 where none is: a spring of none leaves its part to
+    a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
 
     @property
     def nearest(self) -> float:
@@ -99,7 +103,8 @@ class OrderFound:
     @property
     def least_damping(self) -> float:
         """The damping ratio that the near end of its interval stands for; 0 where it has no integer value."""
-        return damping(abs(self.value - self.nearest) - self.half) if self.integers else 0.0
+        half = max(self.half, self.beyond_bounds)
+        return damping(abs(self.value - self.nearest) - half) if self.integers else 0.0
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``."""
@@ -124,9 +129,10 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
         interval = None if isinstance(precision, Failure) else precision.interval(x, i)
         name, value = problem.unknowns[i].target, float(x[i])
         order = OrderFound(name, value, math.inf, integers_of(problem, name))
-        if interval is not None:  # its side towards the integer that it may be
+        if interval is not None and not isinstance(precision, Failure):  # its side towards the integer that it may be
             below = bool(order.integers) and order.nearest < value
-            order = replace(order, half=value - interval[0] if below else interval[1] - value)
+            half = value - interval[0] if below else interval[1] - value
+            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i))
         found.append(order)
     return tuple(found)
 
@@ -240,6 +246,8 @@ def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
 def _too_little(off: Sequence[OrderFound]) -> str:
     most = max(off, key=lambda order: order.least_damping)
     ratio = damping(abs(most.value - most.nearest))
+    if most.beyond_bounds > most.half and damping(abs(most.value - most.nearest) - most.half) > FLOOR:
+        return SAYS("bound", orders=" and ".join(map(str, off)), most=most)
     return SAYS("too-little", orders=" and ".join(map(str, off)), most=most, ratio=ratio, floor=FLOOR)
 
 

@@ -405,6 +405,8 @@ def _fit_structure(
         "parameters": len(values),
         "at_bound": at_bound,
         "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
+        "beyond_bounds": {} if isinstance(precision, Failure) else {
+            problem.names[i]: precision.half_beyond_bounds(i) for i in problem.order_indices if intervals[i]},
         "in_sample": {n: _score(problem, *found) for n, found in followed.items()},
         "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
         "left_over": leftovers(problem, best.point),
@@ -750,7 +752,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         how = "To decide: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     widths = _half_widths(fractional)
-    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n))
+    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), o.beyond_bounds)
               for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()
@@ -801,7 +803,9 @@ def _rows(
     for s in hierarchy.structures:
         r = whole[s.name]
         orders = {
-            n: OrderOfRow(_order(s, r.values, n), r.orders.get(s.problem.ties.get(n, n))) for n in s.problem.orders
+            n: OrderOfRow(_order(s, r.values, n), r.orders.get(q), r.beyond_bounds.get(q, 0.0))
+            for n in s.problem.orders
+            for q in [s.problem.ties.get(n, n)]
         }
         held_out = {n: score for fold in folds for n, score in
                     fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip

@@ -85,6 +85,8 @@ class OrderOfRow(Record):
     value: float
     interval95: Interval | None
     """None for a fixed one, or where there is none."""
+    beyond_bounds: float = 0.0
+    """Half of it were nothing else stopped by a bound; 0 where nothing is."""
 
 
 @dataclass(frozen=True)
@@ -370,6 +372,7 @@ class FittedBlock(Block):
     parameters: int
     at_bound: list[str]
     orders: dict[str, Interval | None]
+    beyond_bounds: dict[str, float] = Field({})
     in_sample: dict[str, Score]
     held_out: dict[str, Score]
     left_over: dict[str, LeftOver] = Field({})

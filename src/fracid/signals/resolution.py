@@ -223,8 +223,10 @@ def _believed(values: FloatArray, copies: FloatArray, q: float) -> Lattice | Non
     order = np.argsort(off)
     share = np.cumsum(weights[order]) / weights.sum()
     within = float(off[order[np.searchsorted(share, MOST)]])
+    if within > SCATTER:
+        return None
     divergence = _divergence(MOST, 2 * max(within, 1e-10))
-    if within > SCATTER or (len(cells) - 2) * divergence < EVIDENCE + math.log(np.ptp(k)):
+    if (len(cells) - 2) * divergence < EVIDENCE + math.log(np.ptp(k)):
         return None
     error = float(np.sqrt(np.mean((x[near] - edge - q * k[near]) ** 2) / spread))
     return Lattice(float(f"{q:.12g}"), max(error, 1e-12 * q))
