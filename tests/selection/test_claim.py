@@ -109,7 +109,7 @@ def test_an_order_that_only_the_bound_of_another_parameter_keeps_off_its_integer
     held = [replace(springpot, beyond_bounds=0.027), replace(springpot, beyond_bounds=0.002)]
     claims = [claim_of([order], nearest(), NOISE) for order in held]
     assert [claim.claim for claim in claims] == ["undecided", "fractional"]
-    assert claims[0].codes[0] == "bound"
+    assert claims[0].codes == ("bound", "decide-decades")
 
 
 def test_an_integer_order_model_that_is_far_better_is_believed_beside_a_fit_that_is_none():

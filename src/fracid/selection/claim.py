@@ -197,7 +197,7 @@ def claim_of(
         return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
     clear = [order for order in off if order.least_damping > FLOOR]
     if not clear:
-        return _undecided(_too_little(off), *(open_question or [SAYS("no-recording")]))
+        return _too_little(off, open_question)
     orders_off = " and ".join(map(str, clear))
     if unexplained or (contradictions and compared):
         decides = decides if unexplained else SAYS("decide-held-out")
@@ -243,12 +243,13 @@ def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
         yield f"{' and '.join(map(str, orders))}: {which} lies within the interval{several}."
 
 
-def _too_little(off: Sequence[OrderFound]) -> str:
-    most = max(off, key=lambda order: order.least_damping)
-    ratio = damping(abs(most.value - most.nearest))
-    if most.beyond_bounds > most.half and damping(abs(most.value - most.nearest) - most.half) > FLOOR:
-        return SAYS("bound", orders=" and ".join(map(str, off)), most=most)
-    return SAYS("too-little", orders=" and ".join(map(str, off)), most=most, ratio=ratio, floor=FLOOR)
+def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Claim:
+    most, orders = max(off, key=lambda order: order.least_damping), " and ".join(map(str, off))
+    distance = abs(most.value - most.nearest)
+    if damping(distance - most.half) > FLOOR:  # but for a bound
+        return _undecided(SAYS("bound", orders=orders, most=most), *open_question, SAYS("decide-decades"))
+    said = SAYS("too-little", orders=orders, most=most, ratio=damping(distance), floor=FLOOR)
+    return _undecided(said, *(open_question or [SAYS("no-recording")]))
 
 
 def _no_fit(missed: Mapping[str, LeftOver]) -> str:
