@@ -1,5 +1,6 @@
 """A loop in the solver is the solver's motion, regulators are python-control's, margins are where loops fall."""
 
+import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
@@ -167,6 +168,57 @@ def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
     assert "margins of 5 draws" in " ".join(titles)
 
 
+@pytest.fixture(scope="module")
+def swung():
+    cart = fracid.model("cart-pole", coulomb_position=0.3)
+    points, problem = np.empty((2, 0)), twin(cart, 2, {"lambda": 1.0, "mu": 0.97})
+    return fracid.control(fit_of(problem), kind="swing", limit=10.0, delay=3e-3, seconds=6.0, points=points)
+
+
+def test_a_pendulum_that_hangs_is_swung_up_caught_and_held(swung):
+    assert swung.share == 1.0
+    assert swung.conditions.off == {"angle": pytest.approx(np.pi)}
+    assert 0.5 < swung.up95[0] <= swung.up95[1] < 4.0
+    assert "swing-up and LQR holds upright in 2 of 2 draws" in swung.sentence
+    assert "swung up within" in swung.sentence
+    assert "it is up after" in swung.notes[-1]
+    _, y, u = swung.loop.run(swung.loop.x, swung.design.controller, 1)
+    assert abs(y[0, 1]) == pytest.approx(np.pi)
+    assert np.abs(y[-100:, 1]).max() < 0.1
+    assert np.abs(u).max() <= 10.0
+
+
+def test_what_the_acceleration_of_a_cart_takes_is_lagranges_equations(swung):
+    swing, p = swung.design.controller.swing, {q.name: q.value for q in swung.loop.problem.model.parameters}
+    S, J = p["ml"], p["J"]
+    known = [p["M"], -(S**2) / J, S, -(S**2) * p["g"] / J, p["b_position"], S * p["b_angle"] / J, 0.0, 0.0]
+    np.testing.assert_allclose(swing.needs, known, atol=1e-9)
+    assert swing.lift == pytest.approx((0.0, S / J))
+    held = (-p["b_angle"] + np.sqrt(p["b_angle"] ** 2 + 4 * J * S * p["g"])) / (2 * J)
+    assert swing.omega == pytest.approx(held ** (1 / 0.97), rel=0.01)
+
+
+def test_a_swing_that_friction_ends_names_the_limit_that_would_do():
+    rig = fracid.rotary_pendulum("qube-servo2", b_theta=1e-3, coulomb_theta=2e-4)
+    problem = twin(rig, 2, {"lambda": 1.0, "mu": 0.97})
+    with pytest.raises(InputError, match=r"swings \d+° from hanging, and no higher: .* (6|8|12|20|32) V would do"):
+        fracid.control(fit_of(problem), kind="swing", limit=4.0, rate=200.0, points=np.empty((1, 0)))
+
+
+@pytest.mark.parametrize(
+    ("problem", "how", "words"),
+    [
+        (twin(), {"limit": 0.01, "seconds": 2.0}, "higher from swing to swing when 2 s are over"),
+        (twin(fracid.model("joint", gravity=0.1), orders={"mu": 1.0}), {"limit": 1.0}, "no posture to swing up to"),
+        (twin(fracid.model("cart-pole"), 2, {"lambda": 1.0, "mu": 1.0}), {"within": {"position": 0.01}}, "its room"),
+        (twin(), {"posture": "hanging"}, "a swing-up ends upright"),
+    ],
+)
+def test_what_cannot_be_swung_up_is_refused_in_a_sentence(problem, how, words):
+    with pytest.raises(InputError, match=words):
+        fracid.control(fit_of(problem), kind="swing", points=np.empty((1, 0)), **{"limit": 5.0, **how})
+
+
 UNDRIVEN = replace(fracid.model("pendulum"), inputs=(), input_units={})
 
 
@@ -207,20 +259,34 @@ def test_a_gain_that_the_recordings_cannot_tell_is_refused():
         fracid.control(fit_of(problem), limit=0.3, draws=2)
 
 
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
-def test_the_controller_in_c_gives_the_inputs_of_the_loop_and_passes_its_own_test(found, tmp_path):
+@pytest.mark.parametrize(
+    ("which", "right", "wrong"),
+    [("found", "u += D[i] * e[i]", "u -= D[i] * e[i]"), ("swung", "* w < 0.0) a = -a", "* w > 0.0) a = -a")],
+)
+def test_the_controller_in_c_passes_its_own_test_and_is_the_loops_one(which, right, wrong, tmp_path, request):
+    found = request.getfixturevalue(which)
     text = c_controller(found)
     (tmp_path / "controller.c").write_text(text)
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
-    own = ["cc", *flags, "-DFRACID_CONTROLLER_TEST", "controller.c", "-o", "test", "-lm"]
+    own = ["cc", *FLAGS, "-DFRACID_CONTROLLER_TEST", "controller.c", "-o", "test", "-lm"]
     subprocess.run(own, cwd=tmp_path, check=True)
     off = subprocess.run([tmp_path / "test"], check=True, capture_output=True, text=True).stdout
     assert float(off) < 1e-9
+    subprocess.run(["cc", *FLAGS, "-shared", "-fPIC", "controller.c", "-o", "c.so", "-lm"], cwd=tmp_path, check=True)
     c = replace(found.conditions, noise=dict.fromkeys(found.conditions.outputs, 0.0), delay=0.0)
     _, y, u = replace(found.loop, conditions=c).run(found.loop.x, found.design.controller, 1)
-    np.testing.assert_allclose(inputs_of(found.design.controller, c, y), u, atol=1e-9)
-    wrong = text.replace("u += D[i] * e[i]", "u -= D[i] * e[i]")
-    (tmp_path / "controller.c").write_text(wrong)
+    library, memory = ctypes.CDLL(str(tmp_path / "c.so")), ctypes.create_string_buffer(4096)
+    library.fracid_controller_step.restype = ctypes.c_double
+    library.fracid_controller_init(memory)
+    samples = y + [c.reference[n] for n in c.outputs]
+    given = [library.fracid_controller_step(memory, (ctypes.c_double * 2)(*sample)) for sample in samples]
+    np.testing.assert_allclose(given, u, atol=1e-9 * c.most)
+    np.testing.assert_allclose(inputs_of(found.design.controller, c, y), u, atol=1e-9 * c.most)
+    assert right in text
+    (tmp_path / "controller.c").write_text(text.replace(right, wrong))
     subprocess.run(own, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == 1
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,9 +26,11 @@ from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, positive_sum
+from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, _smooth, positive_sum
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
+
+UPRIGHT, HANGING = "upright", "hanging"
 
 REDUCED = (0.3, 2.0)
 """Errors that a sum may have over the band of a loop, in dB and degrees: it has some five terms."""
@@ -60,6 +62,22 @@ class Posture:
     """u_e, shape (n_inputs,)."""
 
 
+def frictionless(model: Model, parameters: FloatArray) -> FloatArray:
+    """The constants of a model that moves: dry friction has no linear part, but for the spring that presliding is.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> model = fracid.model("pendulum", coulomb_angle=1e-3)
+    >>> float(frictionless(model, model.parameter_vector())[model.parameter_names.index("coulomb_angle")])
+    0.0
+    """
+    p = _by_name(model, parameters)
+    if model.postures is None and not any(p[delta] > 0 for delta in model.relaxing.values()):
+        return np.array([*_smooth(model, p).values()])
+    return _moving(model, parameters)
+
+
 def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int) -> Posture:
     """Where a model rests with outputs at given values; of the rest the least that balances it.
 
@@ -76,7 +94,7 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     >>> [round(float(v), 4) for v in (posture.states[0], posture.inputs[0])]
     [0.5, 0.0959]
     """
-    p, names = _moving(model, parameters), ("upright", "hanging") if model.pendulum else ("rest",)
+    p, names = frictionless(model, parameters), (UPRIGHT, HANGING) if model.pendulum else ("rest",)
     name = name or names[0]
     if name not in names:
         raise unknown_name("posture", name, names)
@@ -118,6 +136,8 @@ class Plant:
     channel: int
     delay: float
     """From the input that is asked for to the output that shows it [s]."""
+    begins: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    """The reduced states from outputs and their rates, as in a motion in the middle of the band, (n, 2 n_outputs)."""
 
     @classmethod
     def of(
@@ -128,13 +148,16 @@ class Plant:
         band = (SLOWEST * math.pi / period, math.pi / period)
         sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
         system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
-        linear = system.linearised(posture.name, posture.states, _moving(model, parameters), posture.inputs)
+        linear = system.linearised(posture.name, posture.states, frictionless(model, parameters), posture.inputs)
         picked = [list(model.output_states).index(n) for n in outputs]
         rows = tuple(linear.rows[i] for i in picked)
         size = np.abs(system.C).sum(axis=0)  # of what each z adds to its state
         balanced = replace(linear, outputs=outputs, rows=rows, A=linear.A * size[:, None] / size,
                            B=linear.B * size[:, None], C=linear.C[picked] / size)  # fmt: skip
-        return cls(balanced, channel, delay)
+        part = np.abs(system.C / (1j * math.sqrt(band[0] * band[1]) + system.decay))
+        part /= part.sum(axis=1, keepdims=True)
+        rates = [int(np.abs(linear.F[row]).argmax()) for row in rows]
+        return cls(balanced, channel, delay, part[[*rows, *rates]].T)
 
     def response(self, omega: FloatArray, period: float) -> Any:
         """Of the fractional model, held, late and sampled, shape (n_omega, n_outputs)."""

@@ -23,7 +23,8 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, unknown_name
 from fracid.estimation.covariance import uncertainty
 from fracid.feedback.pid import both
-from fracid.feedback.regulators import Plant, Posture, margins, posture_of, regulator
+from fracid.feedback.regulators import UPRIGHT, Plant, Posture, frictionless, margins, posture_of, regulator
+from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.fit import Fit
@@ -66,6 +67,10 @@ FALLEN = 0.5
 
 QUIET = 0.5
 """Over the last quarter of a trial the output that began off is within this part of it (rms)."""
+
+GROWS, MORE = 1.02, (1.5, 2.0, 3.0, 5.0, 8.0)
+"""By how much a swing that still grows does in a quarter of a trial, and times of the limit that are tried for one that
+does not."""
 
 UNSEEN = 0.01
 """By how much a direction that the recordings do not see may change the response, along a tenth of it."""
@@ -150,6 +155,7 @@ class ClosedLoop:
         u = np.zeros((1, len(model.inputs)))
         u[0, self.channel] = c.at_rest
         rows = np.array([model.output_states[n] for n in c.outputs])
+        swung = controller.swing and controller.swing.output
         reference = np.array([c.reference[n] for n in c.outputs])
         start = self.posture(x).states
         for n, off in c.off.items():
@@ -157,14 +163,12 @@ class ClosedLoop:
         h, samples = c.period / c.steps, math.ceil(c.seconds / c.period)
         bounds = np.tile((-np.inf, np.inf), (len(start), 1))
         for n, most in c.within.items():
-            if most is not None:
+            if most is not None and n != swung:
                 bounds[model.output_states[n]] = c.reference[n] - most, c.reference[n] + most
         noise = np.random.default_rng(seed).standard_normal((samples + 1, len(c.outputs)))
-        A, B, C, D, E = (np.array(getattr(controller, n), dtype=np.float64) for n in "ABCDE")
         loop = Loop(
-            A, B, C, D, E, rows, reference, np.array([c.quanta[n] for n in c.outputs]),
-            noise * [c.noise[n] for n in c.outputs], np.array([c.at_rest, c.least, c.most]), self.channel, c.steps,
-            round(self.delay(x) / h),
+            law_of(controller, c), rows, reference, np.array([c.quanta[n] for n in c.outputs]),
+            noise * [c.noise[n] for n in c.outputs], self.channel, c.steps, round(self.delay(x) / h),
         )  # fmt: skip
         applied = np.full(samples * c.steps + 1, c.at_rest)
 
@@ -175,20 +179,26 @@ class ClosedLoop:
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
                         Options("pi2", compressed(), limit=LIMIT, bounds=bounds), closed)  # fmt: skip
-        return run.time[:: c.steps], (run.states[:, rows] - reference)[:: c.steps], applied[: len(run.time) : c.steps]
+        y = (run.states[:, rows] - reference)[:: c.steps]
+        if swung:  # from the upright posture that it comes to
+            y[:, c.outputs.index(swung)] -= 2 * math.pi * round(y[-1, c.outputs.index(swung)] / (2 * math.pi))
+        return run.time[:: c.steps], y, applied[: len(run.time) : c.steps]
 
     def trial(self, x: FloatArray, controller: Controller, seed: int) -> dict[str, Any]:
         """Simulate, and look at the margins; plain JSON values of a :class:`Trial`."""
         c = self.conditions
         time, y, u = self.run(x, controller, seed)
-        i = c.outputs.index(next(iter(c.off)))
-        ends = bool(time[-1] > c.seconds - 1.5 * c.period)
-        quiet = float(np.sqrt(np.mean(y[3 * len(y) // 4 :, i] ** 2))) <= QUIET * abs(c.off[c.outputs[i]])
+        first = next(iter(c.off))
+        i, allowed, last = c.outputs.index(first), c.within[first] or math.inf, 3 * len(y) // 4
+        beyond = np.flatnonzero(np.abs(y[:, i]) > allowed)
+        up = float(time[beyond[-1]]) if len(beyond) and controller.swing else 0.0
+        ends = bool(time[-1] > c.seconds - 1.5 * c.period and up < time[last])
+        quiet = float(np.sqrt(np.mean(y[last:, i] ** 2))) <= QUIET * min(abs(c.off[first]), allowed)
         gain, phase, distance = margins(self.plant(x), controller)
         return as_json(Trial, Trial(
             ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
             float(np.sqrt(np.mean(y[:, i] ** 2))), float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
-            float(np.mean((u <= c.least) | (u >= c.most))), json_number(gain), phase, distance,
+            float(np.mean((u <= c.least) | (u >= c.most))), json_number(gain), phase, distance, up,
         ))  # fmt: skip
 
 
@@ -204,6 +214,7 @@ def conditions_of(
     problem: Problem, x: FloatArray, *, posture: str = "", at: Mapping[str, float] | None = None,
     input_: str | None = None, limit: float | None = None, rate: float | None = None, delay: float | None = None,
     off: Mapping[str, float] | None = None, within: Mapping[str, float] | None = None, seconds: float = SECONDS,
+    begins: float = OFF,
 ) -> ClosedLoop:  # fmt: skip
     """The loop as the recordings have it, but for what is given; as of :func:`control`."""
     at, within = at or {}, within or {}
@@ -230,11 +241,11 @@ def conditions_of(
     y = {n: np.concatenate([f.measured[:, problem.outputs.index(n)] for f in problem.experiments]) for n in outputs}
     units = {n: e.units.get(n, model.output_unit(n)) for n in outputs}
     first = model.pendulum if model.pendulum in outputs else outputs[-1]
-    begins = dict(off or {}) or {first: OFF * (1.0 if units[first] == "rad" else float(np.ptp(y[first])) or 1.0)}
-    for n in (*begins, *within):
+    away = dict(off or {}) or {first: begins * (1.0 if units[first] == "rad" else float(np.ptp(y[first])) or 1.0)}
+    for n in (*away, *within):
         if n not in outputs:
             raise unknown_name("output", n, outputs)
-    far = {n: FALLEN if n == model.pendulum else 10 * abs(begins[n]) if n in begins else math.inf for n in outputs}
+    far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
     if not 0 < period < math.inf:
         raise InputError(f"rate = {rate!r}: expected a number of samples a second above 0.")
@@ -245,7 +256,7 @@ def conditions_of(
         max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs,
         {n: float(there.states[model.output_states[n]]) for n in outputs}, units,
         {n: resolution(v) or 0.0 for n, v in y.items()},
-        {n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, begins,
+        {n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, away,
         {n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds, dict(at),
     )  # fmt: skip
     return ClosedLoop(problem, x, conditions)
@@ -317,8 +328,8 @@ def control(
     ----------
     fit : Fit or SavedRun
     kind : str
-        ``lqr``, regulators of several weights; or ``pid``, a PID of the output that begins off, beside a fractional one
-        of the same effort.
+        ``lqr``, regulators of several weights; ``pid``, a PID of the output that begins off, beside a fractional one
+        of the same effort; or ``swing``, several pumps that swing a pendulum up from hanging before a regulator.
     posture : str
         ``upright`` or ``hanging`` of a pendulum; ``upright`` if left out.
     at : mapping, optional
@@ -351,7 +362,8 @@ def control(
     Raises
     ------
     InputError
-        For a model without input or posture, a loop whose gain is not identifiable, a delay that it cannot bear.
+        For a model without input or posture, a loop whose gain is not identifiable, a delay that it cannot bear, an
+        input too weak to swing up.
 
     Examples
     --------
@@ -374,13 +386,14 @@ def planned(
     fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
 ) -> Plan:
     """What is to be tried; refuses what cannot be controlled."""
-    closed, unseen = conditions_of(fit.problem, fit.x, **loop), np.empty((0, 0))
+    if kind not in KINDS:
+        raise unknown_name("kind of controller", kind, tuple(KINDS))
+    designs, begins = KINDS[kind]
+    closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
     if points is None:
         points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs)
     _refuse_unseen(closed, unseen)
-    if kind not in KINDS:
-        raise unknown_name("kind of controller", kind, tuple(KINDS))
-    return Plan(closed, points, KINDS[kind](closed, seed), seed)
+    return Plan(closed, points, designs(closed, seed), seed)
 
 
 @dataclass(frozen=True)
@@ -404,7 +417,9 @@ class Plan:
         total = (len(self.designs) - 1) * first + len(self.points)
         trials = self._tried(self.designs, range(first), Part("trials", 0, total), how)
         tried = tuple(_design(self.loop, d, t) for d, t in zip(self.designs, trials, strict=True))
-        best = max(range(len(tried)), key=lambda i: (tried[i].held, tried[i].distance))
+        best = max(range(len(tried)), key=lambda i: (tried[i].held, -_time_up(trials[i]), tried[i].distance))
+        if not tried[best].held and self.designs[0].swing:
+            raise InputError(_not_up(self.loop, self.designs, first, self.seed))
         if not tried[best].held:
             late = f" A delay of {1e3 * c.delay:.3g} ms may be more than the loop bears." * (c.delay > 0)
             off = ", ".join(f"{n} {with_unit(v, c.units[n])}" for n, v in c.off.items())
@@ -412,7 +427,7 @@ class Plan:
                                   most=with_unit(c.most, c.unit), late=late))  # fmt: skip
         done = len(self.designs) * first
         (more,) = self._tried([self.designs[best]], range(first, len(self.points)), Part("trials", done, total), how)
-        notes = (*_notes(self.loop), *_compared(tried, trials))
+        notes = (*_notes(self.loop), *_compared(tried, trials), *_counted(self.loop, self.designs[best], self.seed))
         return _judged(self.loop, self.designs[best], [*trials[best], *more], tried, self.points, self.seed, notes)
 
     def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:
@@ -462,8 +477,52 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
                 c.period, place, len(c.outputs), seed)  # fmt: skip
 
 
-KINDS = {"lqr": _regulators, "pid": _loops}
-"""What is tried, by name."""
+def _swings(loop: ClosedLoop, seed: int) -> list[Controller]:
+    """Pumps before the regulator that stays farthest from −1, where a pendulum hangs."""
+    c, model = loop.conditions, loop.problem.model
+    if not model.pendulum or c.posture != UPRIGHT:
+        raise InputError(SAYS("no-upright", model=model, posture=c.posture))
+    if missing := [n for n in model.output_states if n not in c.outputs]:
+        raise InputError(SAYS("unseen", names=" and ".join(missing), outputs=" and ".join(c.outputs)))
+    plant, p = replace(loop.plant(loop.x), delay=c.delay), loop.problem.unpack(loop.x, loop.experiment)[1]
+    tried = swings(plant.linear, model, frictionless(model, p), c)
+    carried = {tried[0].arm: c.within.get(tried[0].arm) or 1 / abs(tried[0].lift[1])} if tried[0].arm else {}
+    near = replace(loop, conditions=replace(c, off={model.pendulum: OFF}, within={**c.within, **carried}))
+    held = max(_regulators(near, seed), key=lambda found: margins(plant, found)[2])
+    return [with_swing(held, swing, plant.begins) for swing in tried]
+
+
+def _not_up(loop: ClosedLoop, designs: Sequence[Controller], first: int, seed: int) -> str:
+    """Why a pendulum does not get up with the fitted values, and what would do."""
+    c, place = loop.conditions, loop.conditions.outputs.index(loop.problem.model.pendulum)
+    runs = [loop.run(loop.x, d, seed) for d in designs]
+    heights = [np.degrees(np.abs(np.remainder(y[:, place], 2 * math.pi) - math.pi)) for _, y, _ in runs]
+    best = max(range(len(runs)), key=lambda i: heights[i].max())
+    until, (*_, third, fourth) = runs[best][0][-1], np.array_split(heights[best], 4)
+    if until < c.seconds - 1.5 * c.period:
+        why = SAYS("swing-left", until=until)
+    elif heights[best].max() > math.degrees(math.pi - CATCH):
+        why = SAYS("swing-not-caught")
+    elif fourth.max() > GROWS * third.max():
+        why = SAYS("swing-too-short", c=c)
+    else:
+        why = SAYS("swing-too-weak", enough=_enough(loop, seed))
+    return SAYS("not-up", count=len(designs), first=first, c=c, most=with_unit(c.most, c.unit),
+                height=heights[best].max(), why=why)  # fmt: skip
+
+
+def _enough(loop: ClosedLoop, seed: int) -> str:
+    """The input with which the fitted values get up."""
+    c = loop.conditions
+    for times in MORE:
+        more = replace(loop, conditions=replace(c, least=times * c.least, most=times * c.most))
+        if any(more.trial(loop.x, d, seed)["holds"] for d in _swings(more, seed)):
+            return with_unit(times * c.most, c.unit)
+    return f"more than {with_unit(MORE[-1] * c.most, c.unit)}"
+
+
+KINDS = {"lqr": (_regulators, OFF), "pid": (_loops, OFF), "swing": (_swings, HANGS)}
+"""What is tried, by name, and how far off it begins."""
 
 
 def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Iterator[str]:
@@ -474,6 +533,21 @@ def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Ite
             np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID")
         )
         yield SAYS("fopid", error=other / error, effort=more / effort)
+
+
+def _counted(loop: ClosedLoop, controller: Controller, seed: int) -> Iterator[str]:
+    """How many swings it takes at the fitted values."""
+    if controller.swing:
+        time, y, _ = loop.run(loop.x, controller, seed)
+        up = loop.trial(loop.x, controller, seed)["up"]
+        slopes = np.diff(y[time <= up, loop.conditions.outputs.index(controller.swing.output)])
+        turns = int(np.count_nonzero(np.diff(np.sign(slopes[slopes != 0]))))
+        yield SAYS("swings", count=turns + 1, swings="swing" if not turns else "swings", up=up)
+
+
+def _time_up(trials: Sequence[Trial]) -> float:
+    """Median, of those that hold."""
+    return float(np.median([t.up for t in trials if t.holds] or [0.0]))
 
 
 def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:
@@ -491,7 +565,7 @@ def _judged(
     seed: int,
     notes: tuple[str, ...],
 ) -> Control:
-    worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, trials[k].distance))
+    worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, -trials[k].up, trials[k].distance))
     values = loop.problem.named(points[worst])
     return Control(
         loop.problem.model.name, loop.conditions, _design(loop, controller, trials), tried,

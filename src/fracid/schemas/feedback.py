@@ -21,6 +21,44 @@ Matrix = Annotated[list[list[float]], BeforeValidator(_listed)]
 
 
 @dataclass(frozen=True)
+class Swing(Record):
+    """How a pendulum is swung up, while it is beyond the catch; the law is :mod:`fracid.solver.closed_loop`'s."""
+
+    output: str
+    """The pendulum's angle φ, 0 at upright."""
+    omega: float
+    """ω₀ of the pendulum whose pivot is held [rad/s]."""
+    grows: float
+    """g, the unstable pole at upright [1/s]."""
+    lift: tuple[float, float]
+    """l₀ and l₁: the sign of l₀ + l₁ cos φ is that of the pendulum's acceleration by the input."""
+    pump: float
+    """P, an acceleration of the arm or cart; the input itself where there is none."""
+    energy: float
+    """ℰ₀, that it is pumped to; that of hanging is −2, of upright 0."""
+    sharp: float
+    """k"""
+    catch: float
+    """[rad]"""
+    reach: float
+    """[rad]"""
+    release: float
+    """[rad]"""
+    keep: float
+    """Part of a smoothed rate that is kept from sample to sample."""
+    stiffness: float
+    """p [1/s²]"""
+    damping: float
+    """d [1/s]"""
+    needs: Listed[float]
+    """n, shape (8,)."""
+    begins: Matrix
+    """v from e and w, where the regulator begins: beyond release."""
+    arm: str = ""
+    """What carries the pendulum, z; "" for nothing."""
+
+
+@dataclass(frozen=True)
 class Controller(Record):
     """u = C v + D e, then v ← A v + B e + E u: e the outputs less their reference, u the input less its own, limited.
 
@@ -42,6 +80,8 @@ class Controller(Record):
     C: Matrix
     D: Matrix
     E: Matrix
+    swing: Swing | None = None
+    """Of one that swings up before it holds."""
 
     def response(self, omega: FloatArray) -> Any:
         """From e to u at iω while the input is not limited, shape (n_omega, n_outputs)."""
@@ -72,6 +112,8 @@ class Trial(Record):
     """[°]; 180 where it never comes to the size of 1."""
     distance: float
     """Of the open loop from −1, at least."""
+    up: float = 0.0
+    """When a pendulum that is swung up was last beyond the posture's deviation [s]; 0 of one that begins within it."""
 
 
 @dataclass(frozen=True)
@@ -168,12 +210,20 @@ class ControlRecord(Record):
 
     @computed_field  # type: ignore[prop-decorator]
     @property
+    def up95(self) -> tuple[float, float] | None:
+        """In which 95 % of the draws that are swung up and held are there [s]."""
+        swung = [t.up for t in self.trials if t.holds and self.design.controller.swing is not None]
+        return _band(swung) if swung else None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
     def sentence(self) -> str:
         """What was found."""
         low, high = (100 * v for v in self.share95)
+        swung = "" if self.up95 is None else ", swung up within {:.3g} to {:.3g} s of the start".format(*self.up95)
         return (
             f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held} of "
-            f"{self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %)."
+            f"{self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %){swung}."
         )
 
 

@@ -7,6 +7,15 @@ posture, e, and has a state v:
 
 E takes what the motor did, not what it was asked for: no windup.  The input is held until the next sample, and acts
 `delay` steps late.
+
+One that swings up has a region about upright where this holds, :math:`|φ| \le` catch and :math:`|φ + w/g| \le`
+reach, until :math:`|φ|` is beyond release.  Elsewhere, with the energy :math:`\mathcal E = \frac12 (w/ω_0)^2 +
+\cos φ - 1` (0 at upright) and rates w of φ and v of the arm's or cart's z, which are smoothed differences of the
+samples, it accelerates the pivot by a, and n is what of u that takes:
+
+.. math::  a &= P\,\mathrm{sat}(k(\mathcal E_0 - \mathcal E))\,\mathrm{sign}((l_0 + l_1\cos φ)\,w) - p z - d v, \\
+           u &= \mathrm{sat}(u_e + (n_0 + n_1\cos^2φ)\,a + n_2\sin φ\,w^2 + n_3\sin φ\cos φ + n_4 v + n_5\cos φ\,w
+                + n_6\sin φ\cos φ\,w v + n_7\sin φ\cos^2φ\,v^2).
 """
 
 from __future__ import annotations
@@ -37,8 +46,40 @@ from fracid.solver.schemes import (
 )
 
 
-class Loop(NamedTuple):
-    """A controller and what stands between it and the model."""
+class Pump(NamedTuple):
+    """What drives a pendulum up, with the letters of the module's docstring."""
+
+    place: int
+    """Which output φ is."""
+    arm: int
+    """Which z is; φ's where nothing carries the pendulum."""
+    turn: float
+    """Of φ, 2π; 0 where it is no angle that turns."""
+    omega: float
+    most: float
+    """P"""
+    energy: float
+    sharp: float
+    """k"""
+    lift: float
+    lift_cosine: float
+    stiffness: float
+    """p"""
+    damping: float
+    """d"""
+    grows: float
+    catch: float
+    """∞ for a controller that only holds."""
+    reach: float
+    release: float
+    keep: float
+    """Of a rate, from sample to sample."""
+    period: float
+    """[s]"""
+
+
+class Law(NamedTuple):
+    """A controller."""
 
     A: FloatArray
     B: FloatArray
@@ -46,6 +87,19 @@ class Loop(NamedTuple):
     D: FloatArray
     E: FloatArray
     """Shapes (n, n), (n, n_outputs), (1, n), (1, n_outputs), (n, 1)."""
+    drive: FloatArray
+    """u at the posture, its least and its greatest value."""
+    pump: Pump
+    needs: FloatArray
+    """n, shape (8,)."""
+    begins: FloatArray
+    """v from e and w, shape (n, 2 n_outputs)."""
+
+
+class Loop(NamedTuple):
+    """A controller and what stands between it and the model."""
+
+    law: Law
     rows: IntArray
     """The states that are measured, shape (n_outputs,)."""
     reference: FloatArray
@@ -54,8 +108,6 @@ class Loop(NamedTuple):
     """A step of the encoder of each output; 0 for none."""
     noise: FloatArray
     """Added to each sample, shape (n_samples, n_outputs)."""
-    drive: FloatArray
-    """u at the posture, its least and its greatest value."""
     channel: int
     """Which input it is."""
     per: int
@@ -65,33 +117,88 @@ class Loop(NamedTuple):
 
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
-LOOP = types.NamedTuple(
-    (*[_matrix] * 5, types.int64[::1], _vector, _vector, _matrix, _vector, *[types.int64] * 3), Loop
-)
+_pump = types.NamedTuple((*[types.int64] * 2, *[types.float64] * 15), Pump)
+LAW = types.NamedTuple((*[_matrix] * 5, _vector, _pump, _vector, _matrix), Law)
+LOOP = types.NamedTuple((LAW, types.int64[::1], _vector, _vector, _matrix, *[types.int64] * 3), Loop)
+
+HOLDS = 2.0
+"""Last of what a controller remembers, while it holds; 1 while it pumps, 0 before its first sample."""
 
 
 @helper
-def _act(loop, n, x, v, applied):
-    """Take the sample of step n: write the inputs from n + delay on until those of the next sample."""
-    states, outputs, u = len(v), len(loop.rows), 0.0
-    e = np.zeros(outputs)
+def _pumped(pump, n, angle, w, z, v):
+    s, c = np.sin(angle), np.cos(angle)
+    missing = pump.energy - 0.5 * (w / pump.omega) ** 2 - c + 1.0
+    a = pump.most * min(max(pump.sharp * missing, -1.0), 1.0)
+    if (pump.lift + pump.lift_cosine * c) * w < 0.0:
+        a = -a
+    a -= pump.stiffness * z + pump.damping * v
+    u = (n[0] + n[1] * c * c) * a + n[2] * s * w * w + n[3] * s * c + n[4] * v + n[5] * c * w
+    return u + (n[6] * w + n[7] * c * v) * s * c * v
+
+
+@helper
+def _answer(law, e, v, seen):
+    """The input for a sample e; v goes on, and so does `seen`: its samples before, their rates, and what it does.
+
+    Shapes (n_outputs,), (n,) and (3, n_outputs).
+    """
+    pump, states, outputs, u = law.pump, len(v), len(e), 0.0
     for i in range(outputs):
+        turn = pump.turn if i == pump.place else 0.0
+        moved = e[i] - seen[0, i] if seen[2, 0] > 0.0 else 0.0
+        if turn > 0.0:
+            e[i] -= turn * np.round(e[i] / turn)
+            moved -= turn * np.round(moved / turn)
+        seen[0, i] = e[i]
+        seen[1, i] += (1.0 - pump.keep) * (moved / pump.period - seen[1, i])
+    angle, rate = e[pump.place], seen[1, pump.place]
+    caught = abs(angle) <= pump.catch and abs(angle + rate / pump.grows) <= pump.reach
+    if caught or (seen[2, 0] == HOLDS and abs(angle) <= pump.release):
+        seen[2, 0] = HOLDS
+        for i in range(outputs):
+            u += law.D[0, i] * e[i]
+        for j in range(states):
+            u += law.C[0, j] * v[j]
+    else:
+        seen[2, 0] = 1.0
+        u = _pumped(pump, law.needs, angle, rate, e[pump.arm], seen[1, pump.arm])
+    u = min(max(law.drive[0] + u, law.drive[1]), law.drive[2])
+    new = np.zeros(states)
+    for j in range(states):
+        new[j] = law.E[j, 0] * (u - law.drive[0])
+        for i in range(outputs):
+            new[j] += law.B[j, i] * e[i]
+        for i in range(states):
+            new[j] += law.A[j, i] * v[i]
+    if abs(angle) > pump.release:  # the filter knows the motion about upright alone: there it will begin
+        for j in range(states):
+            new[j] = 0.0
+            for i in range(2 * outputs):
+                new[j] += law.begins[j, i] * seen[i // outputs, i % outputs]
+    v[:] = new
+    return u
+
+
+@when_called(_vector(LAW, _matrix))
+def answers(law, errors):
+    """The inputs for a row of samples, shape (n, n_outputs), from its first on."""
+    u, v, seen = np.zeros(len(errors)), np.zeros(len(law.A)), np.zeros((3, errors.shape[1]))
+    for k in range(len(u)):
+        u[k] = _answer(law, errors[k].copy(), v, seen)
+    return u
+
+
+@helper
+def _act(loop, n, x, v, seen, applied):
+    """Take the sample of step n: write the inputs from n + delay on until those of the next sample."""
+    e = np.zeros(len(loop.rows))
+    for i in range(len(e)):
         y = x[loop.rows[i]] + loop.noise[n // loop.per, i]
         if loop.quantum[i] > 0.0:
             y = loop.quantum[i] * np.round(y / loop.quantum[i])
         e[i] = y - loop.reference[i]
-        u += loop.D[0, i] * e[i]
-    for j in range(states):
-        u += loop.C[0, j] * v[j]
-    u = min(max(loop.drive[0] + u, loop.drive[1]), loop.drive[2])
-    new = np.zeros(states)
-    for j in range(states):
-        new[j] = loop.E[j, 0] * (u - loop.drive[0])
-        for i in range(outputs):
-            new[j] += loop.B[j, i] * e[i]
-        for i in range(states):
-            new[j] += loop.A[j, i] * v[i]
-    v[:] = new
+    u = _answer(loop.law, e, v, seen)
     for m in range(n + loop.delay, min(n + loop.delay + loop.per, len(applied))):
         applied[m] = u
 
@@ -105,11 +212,12 @@ def step_closed(rhs, run, history, work, loop, applied, out):
     _, gain, u, p, past, _, start, h, steps, _, limit, bounds, kernels, _, _, relaxing, _ = run
     (window, sums, ahead), head, states = history, 1, len(gain)
     (x, before, known, _, _, newest, _, jump, entered, share), (f, trial), now, W, relax_start = work
-    x0, after, v, state = past[0], u[0].copy(), np.zeros(len(loop.A)), WORN
+    x0, after, state = past[0], u[0].copy(), WORN
+    v, seen = np.zeros(len(loop.law.A)), np.zeros((3, len(loop.rows)))
     mode, last, how = flush_denormals(), steps, COMPLETED
     for i in range(states):
         x[i] = x0[i]
-    _act(loop, 0, x, v, applied)
+    _act(loop, 0, x, v, seen, applied)
     now[loop.channel] = applied[0]
     evaluate(rhs, start, x, now, p, f)
     for i in range(states):
@@ -134,7 +242,7 @@ def step_closed(rhs, run, history, work, loop, applied, out):
             evaluate(rhs, t, x, now, p, f)
         state = _newton(rhs, t, x, now, p, f, known, newest, W, state, trial, relaxing, relax_start, h)
         if n % loop.per == 0:
-            _act(loop, n, x, v, applied)
+            _act(loop, n, x, v, seen, applied)
         after[loop.channel] = applied[n]
         _jump(rhs, t, x, now, after, p, f, before, jump, entered, trial)
         now[loop.channel] = applied[n]
