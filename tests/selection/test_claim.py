@@ -80,6 +80,12 @@ def test_the_floor_is_taken_from_the_near_end_of_the_interval():
     assert [claim_of([o], nearest(), NOISE).claim for o in (far, near)] == ["fractional", "undecided"]
 
 
+def test_a_claim_shows_the_half_width_of_the_tables_unless_that_seems_to_tell_otherwise():
+    assert str(OrderFound("mu", 0.9294, 0.0026, shown=0.0028)) == "μ = 0.9294 ± 0.0028"
+    assert str(OrderFound("mu", 0.9973, 0.0026, shown=0.0028)) == "μ = 0.9973 ± 0.0026"
+    assert str(OrderFound("q", 0.5, 0.0026, (), shown=0.0028)) == "q = 0.5000 ± 0.0028"
+
+
 def test_a_springpots_order_is_none_at_both_ends():
     orders = [OrderFound("springpot_order_alpha", v, 0.05, (0.0, 1.0)) for v in (0.5, 0.02, 0.97)]
     assert [o.off for o in orders] == [True, False, False]

@@ -32,7 +32,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, in_letters, plain, with_half_width
+from fracid.units import GREEK, half_of, in_letters, plain, with_half_width
 
 SAYS = Words("selection/claim.toml")
 
@@ -83,12 +83,14 @@ class OrderFound:
     name: str
     value: float
     half: float
-    """Half its 95 % interval; infinite where there is none."""
+    """The side of its 95 % interval towards the integer that it may be; infinite where there is none."""
     integers: tuple[float, ...] = (1.0,)
     """Where it is none; empty where the model has no such value."""
     beyond_bounds: float = 0.0
     """Half the interval were no other unknown stopped by a bound, 0 where none is: a spring of none leaves its part to
     a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
+    shown: float | None = None
+    """Half its interval, as tables have it; None: as long as that side."""
 
     @property
     def nearest(self) -> float:
@@ -107,8 +109,10 @@ class OrderFound:
         return damping(abs(self.value - self.nearest) - half) if self.integers else 0.0
 
     def __str__(self) -> str:
-        """``μ = 0.9570 ± 0.0030``."""
-        return f"{GREEK.get(self.name, self.name)} = {with_half_width(self.value, self.half)}"
+        """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
+        distance = abs(self.value - self.nearest) if self.integers else math.inf
+        half = self.half if self.shown is None or (distance > self.shown) != (distance > self.half) else self.shown
+        return f"{GREEK.get(self.name, self.name)} = {with_half_width(self.value, half)}"
 
 
 def damping(off: float) -> float:
@@ -129,10 +133,10 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
         interval = None if isinstance(precision, Failure) else precision.interval(x, i)
         name, value = problem.unknowns[i].target, float(x[i])
         order = OrderFound(name, value, math.inf, integers_of(problem, name))
-        if interval is not None and not isinstance(precision, Failure):  # its side towards the integer that it may be
+        if interval is not None and not isinstance(precision, Failure):
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
-            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i))
+            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=half_of(interval))
         found.append(order)
     return tuple(found)
 
