@@ -14,7 +14,7 @@ from fracid import solve_fde
 from fracid.cards import CELL, LENGTH, Card, CardDisplay
 from fracid.estimation.cost_profile import Profile, Profiles
 from fracid.estimation.profile_walk import End
-from fracid.estimation.records import Estimate, RecordingFit
+from fracid.estimation.records import Estimate, Estimates, RecordingFit
 from fracid.fit import Fit
 from fracid.optimise import Outcome
 from fracid.problem import Problem
@@ -181,9 +181,14 @@ def test_a_fit_is_a_table_of_pandas_by_name_and_its_card_has_a_row_for_each_free
     assert table["free"].tolist() == [True, False, True]
     assert "<td" in fit()._repr_html_().split("</table>")[1]
     assert "0.900 ± 0.010" in Tags(fit()._repr_html_()).words
-    raw = pytest.importorskip("pandas").DataFrame.from_dict(fit().parameters, orient="index")
-    assert raw.loc["C1", ["value", "unit"]].tolist() == table.loc["C1", ["value", "unit"]].tolist()
     assert comparison().table()["rmse_deg"].tolist() == pytest.approx([np.degrees(0.01)] * 18)
+
+
+def test_pandas_makes_a_row_of_each_estimate_and_a_series_of_them():
+    pandas = pytest.importorskip("pandas")
+    estimates = Estimates(fit().orders | fit().parameters)
+    assert pandas.DataFrame(estimates).set_index("name").equals(fit().table().loc[list(estimates)])
+    assert pandas.Series(estimates)["C1"] == estimates["C1"]
 
 
 def test_without_pandas_a_table_is_a_list_of_records(monkeypatch):

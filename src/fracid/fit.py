@@ -45,7 +45,7 @@ class Fit(CardDisplay, WithPosterior):
     """The unknowns, shape (n_unknowns,)."""
     orders: Mapping[str, Estimate]
     parameters: Mapping[str, Estimate]
-    """By name; as a data frame :meth:`table`, or ``pandas.DataFrame.from_dict(fit.parameters, orient="index")``."""
+    """By name; as a data frame :meth:`table`, or ``pandas.DataFrame(fit.parameters)``."""
     recordings: Mapping[str, RecordingFit]
     cost: float
     outcome: Outcome

@@ -62,7 +62,7 @@ from fracid.estimation.long_records import (
 )
 from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import Estimate, RecordingFit, fit_of
+from fracid.estimation.records import Estimate, Estimates, RecordingFit, fit_of
 from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
@@ -677,8 +677,8 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
         outcome=outcome,
-        orders={n: estimates[n] for n in problem.orders},
-        parameters={n: estimates[n] for n in problem.model.parameter_names if n in estimates},
+        orders=Estimates({n: estimates[n] for n in problem.orders}),
+        parameters=Estimates({n: estimates[n] for n in problem.model.parameter_names if n in estimates}),
         recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
         alternative=alternative, spread=analysis.spread, window=analysis.window,
         cut=analysis.cut if isinstance(analysis.cut, CutCheck) else None,

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.cards import tabulated
 from fracid.errors import InputError
+from fracid.estimation.records import Estimates
 from fracid.figures import Style, draw
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class FitPictures:
         """
         own = {f"{n}{mark} [{r.name}]": e for r in self.recordings.values()
                for block, mark in ((r.parameters, ""), (r.initial, "(0)")) for n, e in block.items()}  # fmt: skip
-        return tabulated([{"name": n, **e.row()} for n, e in {**self.orders, **self.parameters, **own}.items()], "name")
+        return tabulated(Estimates({**self.orders, **self.parameters, **own}).rows(), "name")
 
     def plot(self, recording: str | None = None, *, style: str | Style = "screen") -> Figure:
         """Measured and fitted over time, the residual below; see :func:`fracid.plots.fitted_over_time`.

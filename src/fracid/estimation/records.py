@@ -8,8 +8,9 @@ recording alone, such as its initial angle.  Both are records of numbers; nothin
 
 from __future__ import annotations
 
+from collections import UserDict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,6 +94,28 @@ class OrderEstimate(Estimate):
     """An order, and what it is in the integer-order model."""
 
     integer: Number = None
+
+
+class Estimates(UserDict[str, Estimate]):
+    """Estimates by name, of which ``pandas.DataFrame`` makes a row each, the name in its first column.
+
+    Examples
+    --------
+    >>> estimates = Estimates({"mu": Estimate(0.9, free=True)})
+    >>> estimates["mu"].value, np.asarray(estimates)[0].name
+    (0.9, 'mu')
+    """
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Each with its name, as a line of a table."""
+        return [{"name": name, **estimate.row()} for name, estimate in self.items()]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[np.object_]:
+        """Records, which is what pandas makes rows of; of a dictionary it makes columns."""
+        rows = self.rows()
+        array = np.empty(len(rows), object)
+        array[:] = [make_dataclass("Row", row)(**row) for row in rows]
+        return array
 
 
 @dataclass(frozen=True)

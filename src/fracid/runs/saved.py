@@ -29,7 +29,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
-from fracid.estimation.records import Estimate, RecordingFit, fit_of
+from fracid.estimation.records import Estimate, Estimates, RecordingFit, fit_of
 from fracid.estimation.starts import Start
 from fracid.estimation.windows import windowed
 from fracid.fit import Fit, ResultBlock, StartBlock
@@ -191,13 +191,14 @@ def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> Sav
         problem = replace(problem, substeps=block.substeps)
     x = _vector(problem, values)
     alike: dict[str, Any] = {n: getattr(block, n) for n in (
-        "parameters", "evaluations", "outcome", "optimiser", "seed", "timing", "discretisation", "alternative",
+        "evaluations", "outcome", "optimiser", "seed", "timing", "discretisation", "alternative",
         "claim_reasons", "claim_codes", "window",
     )}  # fmt: skip
     listed: dict[str, Any] = {n: tuple(getattr(block, n)) for n in ("warnings", "findings", "opened_bounds")}
     return SavedRun(
         folder=folder, result=result, project=project, values=values, problem=problem, x=x, **alike, **listed,
-        orders={n: record_of(Estimate, entry) for n, entry in result["orders"].items()},
+        orders=Estimates({n: record_of(Estimate, entry) for n, entry in result["orders"].items()}),
+        parameters=Estimates(block.parameters),
         recordings=_Recordings(partial(_simulated, problem, x, values, result, project)),
         cost=math.inf if block.cost.value is None else block.cost.value, claim=block.claim or "undecided",
         starts=tuple(_start(start, problem) for start in block.starts),
