@@ -279,7 +279,7 @@ def tables(answers: Iterable[dict[str, Any]]) -> str:
     families = list(dict.fromkeys(family for family, _ in groups))
     coverage = [["value", *families]]
     coverage += [[name, *(share(found.get(f, [])) for f in families)] for name, found in by_value.items()]
-    return f"{aligned(lines)}\n\nIntervals that hold the truth:\n{aligned(coverage)}"
+    return f"{aligned(lines)}\n\nIntervals that contain the true value:\n{aligned(coverage)}"
 
 
 def fits_line(family: str, rate: int, mine: list[dict[str, Any]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""How often does a 95 % interval hold the truth?  Twins of every built-in rig, identified again: ``make coverage``.
+"""How often does a 95 % interval contain the true value?  Twins of every rig, identified again: ``make coverage``.
 
     python benchmarks/intervals.py                 # prints the tables; goes on from what runs/coverage has
     python benchmarks/intervals.py --write         # also puts them into docs/uncertainty.md
@@ -15,8 +15,8 @@ Free are the orders, all four frictions and both initial angles; the search star
 friction and the first sample, so never at the truth.  A clamped arm (stepper-freeswing) tells nothing of theta.
 
 200 repetitions a case, because a share of 100 is a coarse thing: of intervals that keep their word to the letter 90 to
-99 of 100 hold the truth with a probability of 96.6 %, so of fifty such counts one or two leave that range; of 200
-repetitions 90 to 99 % do so with 99.7 %.
+99 of 100 contain the true value with a probability of 96.6 %, so of fifty such counts one or two leave that range; of
+200 repetitions 90 to 99 % do so with 99.7 %.
 
 Beside them are encoders without dither: a tenth of a count of noise, 18 s, of which the rig rests through the most, or
 6 s; and the same 18 s with 0.1 degrees of noise.  There the intervals alone are on trial: least squares from the truth.

@@ -18,9 +18,8 @@ import fracid
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "fracid"
-PAGES = sorted(
-    str(page.relative_to(ROOT)) for page in (ROOT / "README.md", ROOT / "SECURITY.md", *(ROOT / "docs").rglob("*.md"))
-)
+ALONE = (ROOT / "README.md", ROOT / "SECURITY.md", ROOT / "benchmarks" / "README.md")
+PAGES = sorted(str(page.relative_to(ROOT)) for page in (*ALONE, *(ROOT / "docs").rglob("*.md")))
 INSTEAD = {
     r"left over|leaves? over": "residual, unexplained",
     r"\b(?:can|cannot)(?: practically)?(?: not)? be told": "identifiable, not identifiable, distinguishable",
@@ -129,6 +128,11 @@ def test_the_words_of_results_have_no_phrase_of_the_list(words):
 def test_messages_and_help_have_no_phrase_of_the_list():
     found = [f"{m.relative_to(ROOT)}: {p}" for m in SOURCE.rglob("*.py") for text in messages(m) for p in phrases(text)]
     assert found == []
+
+
+def test_what_the_benchmarks_print_has_no_phrase_of_the_list():
+    texts = ((m.name, re.sub(r"`[^`]+`", "`code`", text)) for m in ROOT.glob("benchmarks/*.py") for text in messages(m))
+    assert [f"{name}: {p}" for name, text in texts for p in phrases(text)] == []
 
 
 @pytest.mark.parametrize("template", sorted((SOURCE / "report").glob("*.html.j2")), ids=lambda path: path.name)

@@ -176,6 +176,7 @@ def test_an_output_that_is_a_function_of_states_and_inputs_is_explored_too(brows
     browser.until("explore !== null && explore.charts.length > 0")
     assert browser.run("explore.agreement") < 1e-6
     problem, x = material.project.problem, material.x.copy()
+    assert browser.run("explore.sliders.map(s => s.name)") == ["q", "R"]  # a constant is no friction, and was free
     browser.run("explore.sliders[0].now = 0.95")
     x[problem.names.index("q")] = 0.95
     found = browser.run("Array.from(explore.simulate().outputs[0])")

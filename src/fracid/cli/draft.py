@@ -31,9 +31,9 @@ def init(
 ) -> None:
     """Write a commented project file for a recording, ready to run.
 
-    What the columns are called says of which model they are; --model names another.  Several recordings have the same
-    columns.  For a rotary pendulum it asks what they are, with what it guesses as the answer; with --column, --yes or
-    without a terminal it takes the guess.
+    The names of the columns decide the model; --model chooses another.  Several recordings have the same columns.  For
+    a rotary pendulum, fracid asks what each column is and proposes an answer; with --column, --yes or without a
+    terminal it takes its proposal.
     """
     target = out or Path(f"{files[0].stem}.toml")
     if target.exists() and not force:

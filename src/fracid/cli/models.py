@@ -51,7 +51,7 @@ def _names(signals: Iterable[str]) -> str:
 
 def _record(m: Model) -> dict[str, Any]:
     return {
-        "about": m.about, "inputs": {i: m.input_units.get(i, "1") for i in m.inputs},
+        "about": m.about, "inputs": {i: m.input_unit(i) for i in m.inputs},
         "outputs": {o: m.output_unit(o) for o in m.outputs}, "orders": m.order_names, "source": m.source,
         "parameters": {p.name: {"value": p.value, "unit": p.unit, "about": p.description} for p in m.parameters},
     }  # fmt: skip

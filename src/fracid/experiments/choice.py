@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -21,7 +21,7 @@ from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
-from fracid.experiments.subject import Subject, subject_of_model, subject_of_problem
+from fracid.experiments.subject import Subject, driven, subject_of_model, subject_of_problem
 from fracid.findings import Note, Words, with_code
 from fracid.fit import Fit
 from fracid.models import Model
@@ -134,6 +134,8 @@ def design(
         watching.stage("search")
     subject = subject_of(source, space, free=free, orders=orders, jobs=jobs)
     subject.check(space)
+    unit = subject.problem.model.input_unit(driven(subject.problem))
+    candidates = tuple(replace(c, unit=unit) for c in candidates)
     places = subject.places(of)
     with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
         tables = informations(subject, space, candidates, jobs=jobs, progress=tell)

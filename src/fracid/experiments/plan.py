@@ -306,12 +306,12 @@ def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
         for name, text in texts.items():
             write_text(folder / name, text)
             files.append(folder / name)
-    units = plan.subject.problem.model.input_units
     for curve in curves:
         number = plan.experiments.index(curve.candidate) + 1
         if curve.voltage is not None:
-            name = driven(plan.subject.problem)
-            signal = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: units.get(name, "1")})
+            problem = plan.subject.problem
+            name = driven(problem)
+            signal = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: problem.model.input_unit(name)})
             files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
         bands = {n: y for o, y in curve.outputs.items() for n, y in
                  ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
@@ -384,7 +384,7 @@ def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
     entries |= {**({} if "time" in signals else {"time": {"column": 0}}), **signals, **missing}
     if c.voltage is not None:
         name = driven(p)
-        column = known.get(name, {"column": name, "unit": p.model.input_units.get(name, "1")})
+        column = known.get(name, {"column": name, "unit": p.model.input_unit(name)})
         between = "line" if name in p.model.input_rates.values() else "hold"
         entries |= {name: {**column, "between": between}, "amplifier": known.get("amplifier", {})}
     else:

@@ -47,6 +47,8 @@ class Candidate:
     """None for nothing applied."""
     constants: tuple[tuple[str, float], ...] = ()
     """Names and values of the constants that are set for it."""
+    unit: str = ""
+    """That of the input, for its line."""
 
     @property
     def samples(self) -> int:
@@ -57,7 +59,7 @@ class Candidate:
         """One line."""
         parts = [f"release from {self.release:.4g}°" if self.release else "from rest"]
         parts += ["arm clamped"] if self.arm == "clamped" else []
-        parts += [str(self.voltage)] if self.voltage is not None else []
+        parts += [f"{self.voltage} {self.unit}".rstrip()] if self.voltage is not None else []
         parts += [f"{n} {v:.4g}" for n, v in self.constants]
         return ", ".join([*parts, f"{self.seconds:.4g} s at {self.rate:.4g} Hz"])
 

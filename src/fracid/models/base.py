@@ -307,6 +307,17 @@ class Model(CardDisplay):
         rests = tuple(n for n in (f"{joint}_rest",) if kind.rests and n in self.parameter_names)
         return replace(kind, joint=joint, rests=rests)
 
+    def input_unit(self, name: str) -> str:
+        """Return the unit of an input; that which its name says where the model says nothing.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().input_unit("voltage")
+        'V'
+        """
+        return self.input_units.get(name, {"voltage": "V", "torque": "N m"}.get(name, "1"))
+
     def output_unit(self, name: str) -> str:
         """Return the unit of an output.
 

@@ -4,13 +4,13 @@ What the columns mean is found from their names first (``theta``, ``joint0/posit
 they move: the pendulum swings, the arm follows; commands and rates are neither.  Units come from the header, else from
 the numbers: an encoder's step is a turn over a familiar number of counts, in one of the units.
 
-What is left free is what such a recording can tell:
+What is left free is what such a recording determines:
 
 =========================== =============================================================================
 the recording               leaves free
 =========================== =============================================================================
 arm and pendulum move       both orders, the inertias, the friction of both joints; gravity C4 is given,
-                            for a free response knows the constants only up to a common factor
+                            for a free response determines only ratios of constants
 the arm stands still        the pendulum's order, its inertia and its friction; λ is 1: nothing shows it;
                             the coupling C3 is 0, for what holds the arm is not in the model
 an input drives it          also the motor's torque per volt
@@ -188,7 +188,7 @@ def draft_project(
     time, variable
         As in a project file.
     rig : str, optional
-        Whose constants to begin with; ``srv02-rotpen`` if left out.
+        Rig whose constants are the initial values; ``srv02-rotpen`` if left out.
     folder : path
         Where the project file will be: the recording's path is written as seen from there.
     starts : mapping, optional

@@ -110,7 +110,7 @@ def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[di
 
 
 def _own_unit(model: Model, name: str) -> str:
-    return model.output_unit(name) if name in model.outputs else model.input_units.get(name, "1")
+    return model.output_unit(name) if name in model.outputs else model.input_unit(name)
 
 
 class _Page:

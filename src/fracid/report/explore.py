@@ -26,6 +26,7 @@ from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter, unit
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
+from fracid.units import half_of
 
 MOST = 6
 """Recordings to choose from."""
@@ -113,7 +114,7 @@ def explore(material: Material) -> dict[str, Any] | None:
         "outputs": [_output(material, n) for n in problem.outputs],
         "levels": problem.weights != "equal",
         "cost": "" if problem.cost_function.name in SQUARES else _shown_cost(problem),
-        "sliders": [*_orders(material), *_frictions(material)],
+        "sliders": [*_orders(material), *_frictions(material), *_constants(material)],
         "recordings": recordings,
     }
 
@@ -156,6 +157,19 @@ def _frictions(material: Material) -> Iterator[dict[str, Any]]:
         if high > 0.0 and (e["value"] != kind.off or kind.dry or e["free"]):
             low = -high if e["value"] < 0.0 or kind.signed else 0.0
             yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None} | _bounds(start, e)
+
+
+def _constants(material: Material) -> Iterator[dict[str, Any]]:
+    """A slider for each other value that was free, some of its intervals or half of itself about it."""
+    problem, values = material.project.problem, material.result["parameters"]
+    for name, start in problem.parameters.items():
+        e = values.get(name)
+        if not isinstance(start, Free) or name in problem.model.friction or e is None or e["value"] is None:
+            continue
+        bounds, around = _bounds(start, e), max(3 * half_of(e["interval95"]), abs(e["value"]) / 2)
+        reach = max(bounds["lower"], e["value"] - around), min(bounds["upper"], e["value"] + around)
+        if isfinite(reach[1] - reach[0]) and reach[0] < reach[1]:
+            yield _slider(problem, name, e, reach) | {"kind": "parameters", "integer": None} | bounds
 
 
 def _bounds(start: object, e: Mapping[str, Any]) -> dict[str, float]:

@@ -69,7 +69,7 @@ function* leastSquares(unknowns, x, errors, most = 60, enough = 1e-4) {
   return { x, r, cost };
 }
 
-// Marquardt's step: what it would carry over a bound ends there, and the others go on with that.
+// Marquardt's step: what it would carry over a bound ends there, and the others continue with that.
 function stepped(A, g, x, free, damping, inside) {
   const y = Array.from(x);
   for (let left = free; left.length;) {

@@ -132,7 +132,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "zero": m.zero,
         "program": program_of(m, "pi2", TOLERANCE),
         "orders": [_order(m, q) for q in m.order_names],
-        "inputs": [{"name": n, "unit": m.input_units.get(n, "V" if n == "voltage" else "1"),
+        "inputs": [{"name": n, "unit": m.input_unit(n),
                     "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
         "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
         "initial": [{"state": m.states.index(s), "output": _output_of(m, s)} for s in _sought_states(m)],

@@ -354,7 +354,7 @@ class Twin(CardDisplay):
         for name, (times, values) in (self.inputs or {}).items():
             if name not in self.model.input_rates:
                 signals[name] = np.interp(run.time, times, values)
-                units[name] = self.model.input_units.get(name, {"voltage": "V", "torque": "N m"}.get(name, "1"))
+                units[name] = self.model.input_unit(name)
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"
