@@ -5,7 +5,8 @@ know constants, order and the intensity of the torque.  NEES is the squared erro
 the end of each twin, NIS the same of the innovations; a consistent filter has 2 and 1, with the bands of 95 % beside.
 Filters of the kind that is published hold the order as a Grünwald-Letnikov sum over 50 or 100 samples.  A second table
 has the errors of all where friction and order are not those that the filters begin with, which the first estimates, and
-after a second without the sensor; friction also walks while a pendulum swings.
+after a second without the sensor; friction also walks while a pendulum swings, and so does the order, which is that of
+now for all of the past: x(t) = x(0) + 1/Γ(q(t)) ∫ (t - s)^(q(t) - 1) f(s) ds, simulated without modes.
 """
 
 import argparse
@@ -25,6 +26,8 @@ MODEL = fracid.model("pendulum")
 INTENSITY = (TORQUE / MODEL.parameter("J").value) ** 2 * STEP
 WALK = 1e-4
 """By which friction walks in a second [N m s/rad]."""
+DRIFT = 2e-3
+"""By which the order does."""
 SPREAD = {"angle": 0.01, "rate": 0.05}
 
 
@@ -61,6 +64,40 @@ def worn_twin(seed):
     run = fracid.simulate(WORN, orders={"mu": MU}, initial=initial, step=STEP, end=STEP * (N - 1), inputs=inputs,
                           between="hold")  # fmt: skip
     return run.states, run.states[:, :1] + NOISE * random.standard_normal((N, 1)), friction
+
+
+@nb.njit
+def variable_order(order, h, torque, G, J, b, x0):
+    """A pendulum whose order changes: product trapezoids for what is smooth, rectangles for the torque that is held."""
+    n = len(order)
+    x, f = np.empty((n, 2)), np.empty((n, 2))
+    x[0] = x0
+    f[0, 0], f[0, 1] = x0[1], (-G * np.sin(x0[0]) - b * x0[1]) / J
+    for m in range(1, n):
+        q = order[m]
+        smooth, held = h**q / math.gamma(q + 2), h**q / math.gamma(q + 1)
+        w = (m - 1) ** (q + 1) - (m - 1 - q) * m**q
+        known = x0 + smooth * w * f[0]
+        known[1] += held * (m**q - (m - 1) ** q) * torque[0] / J
+        for j in range(1, m):
+            k = m - j
+            known += smooth * ((k + 1) ** (q + 1) + (k - 1) ** (q + 1) - 2 * k ** (q + 1)) * f[j]
+            known[1] += held * (k**q - (k - 1) ** q) * torque[j] / J
+        x[m], f[m] = x[m - 1], f[m - 1]
+        for _ in range(8):
+            x[m] = known + smooth * f[m]
+            f[m, 0], f[m, 1] = x[m, 1], (-G * np.sin(x[m, 0]) - b * x[m, 1]) / J
+    return x
+
+
+def drifting_twin(seed, drift=DRIFT):
+    """One whose order walks at random while it swings: states, what is measured, and the order."""
+    random = np.random.default_rng(30_000 + seed)
+    order = MU + 0.01 * random.standard_normal() + drift * np.sqrt(STEP) * np.cumsum(random.standard_normal(N))
+    start = np.array([(n == "angle") + s * random.standard_normal() for n, s in SPREAD.items()])
+    gravity, J, b = constants()
+    states = variable_order(order, STEP, TORQUE * random.standard_normal(N), gravity, J, b, start)
+    return states, states[:, :1] + NOISE * random.standard_normal((N, 1)), order
 
 
 def of_fracid(**more):
@@ -168,11 +205,13 @@ def consistency(count):
 
 def changes(count):
     """Friction and an order that are not those the filter begins with, a sensor that drops out for 1 s."""
-    rows = {"friction": [], "order": [], "friction that walks": [], "dropped out": []}
+    rows = {"friction": [], "order": [], "friction that walks": [], "order that drifts": [],
+            "dropped out": []}  # fmt: skip
     errors = {(what, n): [] for what in ("constants that are others", "dropped out") for n in ("exponentials", 50, 100)}
     made = of_fracid(slow={"b_angle": 1e-4, "mu": 1e-3}, initial={"b_angle": 2e-4, "mu": 0.03})
     modes = len(made.start.z)
     watch, wears = of_fracid(), of_fracid(slow={"b_angle": WALK}, initial={"b_angle": 1e-4})
+    drifts = of_fracid(slow={"mu": DRIFT}, initial={"mu": 0.01})
     for seed in range(1, count + 1):
         random = np.random.default_rng(10_000 + seed)
         states, y = twin(
@@ -184,16 +223,14 @@ def changes(count):
         for n, truth in (("friction", b), ("order", mu)):
             name = {"friction": "b_angle", "order": "mu"}[n]
             rows[n].append(((track.states[name][-1] - truth) / track.deviations[name][-1], track.deviations[name][-1]))
-        _, y, friction = worn_twin(seed)
-        wears.reset()
-        track = wears.run(y)
-        rows["friction that walks"] += [
-            (
-                (track.states["b_angle"][n] - friction[n]) / track.deviations["b_angle"][n],
-                track.deviations["b_angle"][n],
-            )
-            for n in range(N // 4 - 1, N, N // 4)
-        ]
+        for what, n, made_of, filtered in (("friction that walks", "b_angle", worn_twin, wears),
+                                           ("order that drifts", "mu", drifting_twin, drifts)):  # fmt: skip
+            _, y, truth = made_of(seed)
+            filtered.reset()
+            track = filtered.run(y)
+            at = np.arange(N // 4 - 1, N, N // 4)
+            deviation = track.deviations[n][at]
+            rows[what] += [*zip((track.states[n][at] - truth[at]) / deviation, deviation, strict=True)]
         states, y = twin(seed)
         y[1000:1100] = np.nan
         watch.reset()
