@@ -119,7 +119,8 @@ def tell_fit(run: FinishedRun, *, json_: bool) -> None:
     if not isfinite(run.fit.cost):
         raise typer.Exit(DataError.exit_code)
     if run.interrupted:
-        sys.stderr.write(f"Interrupted; fracid resume {run.folder}{' --trust' * bool(run.project.own_code)} goes on.\n")
+        trust = " --trust" * bool(run.project.own_code)
+        sys.stderr.write(f"Interrupted. To resume it: fracid resume {run.folder}{trust}\n")
         raise typer.Exit(1)
 
 

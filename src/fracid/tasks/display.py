@@ -91,7 +91,7 @@ class _Stage:
         if p is None:
             return
         of = "" if p.total is None or (p.about and ended) else f" of {'about ' * p.about}{p.total:,}"
-        yield f"{p.done:,}{of} {self.what}"
+        yield f"{p.done:,}{of} {self.what.removesuffix('s') if of == '' and p.done == 1 else self.what}"
         yield "" if ended else p.note
         if p.best is not None:
             yield with_unit(p.best, p.unit) if p.unit else f"lowest cost {p.best:.4g}"

@@ -145,8 +145,8 @@ def _end(number: int) -> None:
     with suppress(OSError, ValueError):  # the terminal may be gone
         os.write(
             sys.stderr.fileno(),
-            f"\nerror: {signal.Signals(number).name} ended this. What was done is kept: type the same again, or "
-            "fracid resume FOLDER, and it goes on.\n".encode(),
+            f"\nerror: {signal.Signals(number).name} ended this. What was done is kept. To resume, type the same "
+            "again, or fracid resume FOLDER.\n".encode(),
         )
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
