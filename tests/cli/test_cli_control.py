@@ -39,6 +39,9 @@ def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(caps
     assert len(record["trials"]) == 3
     page = (folder / "control" / "control.html").read_text(encoding="utf-8")
     assert "LQR holds upright in 3 of 3 draws" in page
+    assert "The worst draw, moving" in page
+    moving = (folder / "control" / "figures" / "motion.svg").read_text(encoding="utf-8")
+    assert "<animate" in moving
     again = fracid.run_control(folder, limit=10, draws=3, seconds=3.0)
     assert again.result == record
     progress = [json.loads(line) for line in err.splitlines() if '"earlier"' in line]

@@ -84,6 +84,13 @@ class Control(ControlRecord, CardDisplay):
         """Open loop, margins over the draws and the motion of the worst; see :func:`fracid.plots.control_loop`."""
         return draw("control_loop", self, style=style)
 
+    def worst_motion(self) -> tuple[FloatArray, dict[str, FloatArray], float]:
+        """Constants of the worst draw, its outputs, and the seconds to its end."""
+        x, c = np.array(list(self.worst.values())), self.conditions
+        time, y, _ = self.loop.run(x, self.design.controller, self.seed + self.worst_draw)
+        outputs = {n: y[:, i] + c.reference[n] for i, n in enumerate(c.outputs)}
+        return self.loop.problem.unpack(x, self.loop.experiment)[1], outputs, float(time[-1])
+
     def _card(self) -> Card:
         c, d = self.conditions, self.design
         return Card(f"Control of {self.model} about {c.posture}", (
@@ -131,7 +138,7 @@ class ClosedLoop:
     def delay(self, x: FloatArray) -> float:
         """From the controller to what it sees: off what was given as much as off the fit [s]."""
         given, name = self.conditions.delay, self.conditions.input
-        return max(0.0, given + delay_of(self.problem, x, name) - delay_of(self.problem, self.x, name))
+        return max(0.0, given + (delay_of(self.problem, x, name) - delay_of(self.problem, self.x, name)))
 
     def posture(self, x: FloatArray) -> Posture:
         """Where the model rests with other values of the unknowns."""
@@ -144,6 +151,11 @@ class ClosedLoop:
         c = self.conditions
         return Plant.of(self.problem.model, orders, parameters, self.posture(x), c.outputs, self.channel,
                         self.delay(x), c.period)  # fmt: skip
+
+    @cached_property
+    def fitted(self) -> Plant:
+        """That of the fit, with the delay that was given."""
+        return self.plant(self.x)
 
     def run(self, x: FloatArray, controller: Controller, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time, outputs less their reference and the input after each step, up to the end or the fall.
@@ -293,7 +305,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
     """What the recordings cannot tell must not matter to the loop."""
     top = math.pi / loop.conditions.period
     omega = np.geomspace(1e-3 * top, 0.5 * top, 50)
-    here = loop.plant(loop.x).response(omega, loop.conditions.period)
+    here = loop.fitted.response(omega, loop.conditions.period)
     for direction in unseen:
         other = np.clip(loop.x * (1 + 0.1 * direction), loop.problem.space.lower, loop.problem.space.upper)
         there = loop.plant(other).response(omega, loop.conditions.period)
@@ -444,12 +456,13 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
     c = loop.conditions
     allowed = np.array([c.within[n] or max(map(abs, c.off.values())) for n in c.outputs])
     noise = np.array([math.hypot(c.noise[n], c.quanta[n] / math.sqrt(12)) for n in c.outputs])
-    plant, noise = replace(loop.plant(loop.x), delay=c.delay), np.maximum(noise, 1e-4 * allowed)
+    noise = np.maximum(noise, 1e-4 * allowed)
     most = min(c.most - c.at_rest, c.at_rest - c.least)
     if most <= 0:
         raise InputError(SAYS("at-rest", c=c, needed=with_unit(c.at_rest, c.unit), most=with_unit(c.most, c.unit)))
     return [
-        regulator(plant, c.period, allowed, most, noise, *weights) for weights in itertools.product(*WEIGHTS.values())
+        regulator(loop.fitted, c.period, allowed, most, noise, *weights)
+        for weights in itertools.product(*WEIGHTS.values())
     ]
 
 
@@ -458,8 +471,7 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
     c = loop.conditions
     name = next(iter(c.off))
     place, off, most = c.outputs.index(name), c.off[name], min(c.most - c.at_rest, c.at_rest - c.least)
-    plant = replace(loop.plant(loop.x), delay=c.delay)
-    early = plant.linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
+    early = loop.fitted.linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
 
     def ran(controller: Controller) -> tuple[float, float, float]:
         """How long it held, the error's and the input's rms."""
@@ -469,12 +481,14 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
 
     def judged(controller: Controller, allowed: float, distance: float) -> float:
         held, error, effort = ran(controller)
-        near = max(0.0, 1 - margins(plant, controller)[2] / distance) if distance else 0.0
+        near = max(0.0, 1 - margins(loop.fitted, controller)[2] / distance) if distance else 0.0
         short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
         return (error / off) ** 2 + (effort / most) ** 2 + 10 * short
 
-    return both(judged, lambda found: (ran(found)[2], margins(plant, found)[2]), math.copysign(most / abs(off), early),
-                c.period, place, len(c.outputs), seed)  # fmt: skip
+    def spent(controller: Controller) -> tuple[float, float]:
+        return ran(controller)[2], margins(loop.fitted, controller)[2]
+
+    return both(judged, spent, math.copysign(most / abs(off), early), c.period, place, len(c.outputs), seed)
 
 
 def _swings(loop: ClosedLoop, seed: int) -> list[Controller]:
@@ -484,12 +498,12 @@ def _swings(loop: ClosedLoop, seed: int) -> list[Controller]:
         raise InputError(SAYS("no-upright", model=model, posture=c.posture))
     if missing := [n for n in model.output_states if n not in c.outputs]:
         raise InputError(SAYS("unseen", names=" and ".join(missing), outputs=" and ".join(c.outputs)))
-    plant, p = replace(loop.plant(loop.x), delay=c.delay), loop.problem.unpack(loop.x, loop.experiment)[1]
-    tried = swings(plant.linear, model, frictionless(model, p), c)
+    p = loop.problem.unpack(loop.x, loop.experiment)[1]
+    tried = swings(loop.fitted.linear, model, frictionless(model, p), c)
     carried = {tried[0].arm: c.within.get(tried[0].arm) or 1 / abs(tried[0].lift[1])} if tried[0].arm else {}
     near = replace(loop, conditions=replace(c, off={model.pendulum: OFF}, within={**c.within, **carried}))
-    held = max(_regulators(near, seed), key=lambda found: margins(plant, found)[2])
-    return [with_swing(held, swing, plant.begins) for swing in tried]
+    held = max(_regulators(near, seed), key=lambda found: margins(loop.fitted, found)[2])
+    return [with_swing(held, swing, loop.fitted.begins) for swing in tried]
 
 
 def _not_up(loop: ClosedLoop, designs: Sequence[Controller], first: int, seed: int) -> str:
@@ -552,7 +566,7 @@ def _time_up(trials: Sequence[Trial]) -> float:
 
 def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:
     held = sum(t.holds for t in trials)
-    gain, phase, distance = margins(replace(loop.plant(loop.x), delay=loop.conditions.delay), controller)
+    gain, phase, distance = margins(loop.fitted, controller)
     return Design(controller, len(trials), held, json_number(gain), phase, distance)
 
 

@@ -109,7 +109,7 @@ def with_swing(held: Controller, swing: Swing, begins: FloatArray) -> Controller
     >>> needs = [1.0] + 7 * [0.0]
     >>> swing = Swing("angle", 7.0, 7.0, (300.0, 0.0), 0.098, 0.1, 20.0, 0.4, 0.2, 0.8, 0.5, 0.0, 0.0, needs, [])
     >>> made = with_swing(held, swing, np.zeros((1, 2)))
-    >>> made.kind, made.weights["pump"]
+    >>> made.kind, round(made.weights["pump"], 3)
     ('swing-up and LQR', 0.6)
     """
     swing = replace(swing, begins=np.pad(begins, ((0, len(held.A) - len(begins)), (0, 0))).tolist())

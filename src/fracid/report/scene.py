@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+from fracid.arrays import FloatArray
 from fracid.models import Model
-from fracid.models.scene import OPEN
+from fracid.models.scene import OPEN, Scene
 from fracid.models.written.languages import JavaScript
 from fracid.report.material import Material
+
+FRAMES = 200
+"""Of a motion."""
 
 
 def scene_data(material: Material) -> dict[str, Any] | None:
@@ -52,12 +56,57 @@ def scene_still(material: Material, size: tuple[int, int] = (400, 300)) -> Marku
     places = np.vstack([line for _, line in bodies])
     if not np.isfinite(places).all():
         return Markup("")
-    low, high = places.min(axis=0), places.max(axis=0)
-    scale = 0.9 * np.min(np.array(size) / np.maximum(high - low, 1e-12))
+    on_page = _frame(places, size)
     drawn = []
     for body, line in bodies:
-        places = np.array(size) / 2 + scale * (line - (low + high) / 2) * (1, -1)
         kind = "way" if body.shape in OPEN else "body moves" if body.moves else "body"
-        drawn.append(f'<polyline class="{kind}" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>')
+        drawn.append(f'<polyline class="{kind}" points="{on_page(line)}"/>')
     opened = f'<svg class="still" viewBox="0 0 {size[0]} {size[1]}" role="img" aria-label="As simulated at the start">'
     return Markup(f"{opened}{''.join(drawn)}</svg>")  # numbers alone
+
+
+def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, FloatArray], seconds: float) -> str:
+    """The scene along a motion, again and again, as SVG that moves where it is a picture too.
+
+    Parameters
+    ----------
+    scene : Scene
+    parameters : ndarray, shape (n_parameters,)
+    motion : mapping
+        Output → its values, evenly over the time, shape (n,).
+    seconds : float
+
+    Examples
+    --------
+    >>> import fracid
+    >>> model = fracid.model("pendulum")
+    >>> swing = scene_moving(model.scene, model.parameter_vector(), {"angle": np.linspace(0.0, 1.0, 5)}, 2.0)
+    >>> swing.count("<animate"), 'dur="2s"' in swing
+    (2, True)
+    """
+    size, last = (400, 300), len(next(iter(motion.values()))) - 1
+    frames = []
+    for k in np.linspace(0, last, min(last + 1, FRAMES)).astype(int):
+        drawn = scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist())
+        frames.append({id(body): line for body, line in drawn})
+    on_page = _frame(np.vstack([line for frame in frames for line in frame.values()]), size)
+    lines = []
+    for body in scene.bodies:
+        places, width = [on_page(frame[id(body)]) for frame in frames], 6 if body.moves else 2
+        lines.append(f'<polyline fill="none" stroke="#345" stroke-width="{width}" points="{places[0]}">'
+                     f'<animate attributeName="points" dur="{seconds:g}s" repeatCount="indefinite" '
+                     f'values="{";".join(places)}"/></polyline>')  # fmt: skip
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]} {size[1]}">'
+            f'<rect width="100%" height="100%" fill="white"/>{"".join(lines)}</svg>')  # fmt: skip
+
+
+def _frame(places: FloatArray, size: tuple[int, int]) -> Callable[[FloatArray], str]:
+    """What puts lines into a picture that all these places fill."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    scale = 0.9 * np.min(np.array(size) / np.maximum(high - low, 1e-12))
+
+    def on_page(line: FloatArray) -> str:
+        at = np.array(size) / 2 + scale * (line - (low + high) / 2) * (1, -1)
+        return " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
+
+    return on_page

@@ -15,6 +15,8 @@ import numpy as np
 from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
 from fracid.recording.readers.numpy_files import read_npz
+from fracid.report.scene import scene_moving
+from fracid.runs.folder import FIGURES
 from fracid.runs.saved import load_run
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
@@ -24,7 +26,7 @@ from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.figures import plotted
 from fracid.workflows.posterior_draws import DRAWN, header_of_run
-from fracid.workflows.records import command_of
+from fracid.workflows.records import command_of, write_files
 from fracid.workflows.study import Finished, begun, folder_of
 
 CODE = "controller.c"
@@ -99,5 +101,7 @@ def run_control(
         header = header_of_run(fit, "control")
         with begun(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)
+        if (scene := fit.problem.model.scene) is not None:
+            write_files(folder / FIGURES, {"motion.svg": scene_moving(scene, *found.worst_motion())})
         return FinishedControl.written(folder, found.to_json() | {"source": str(run)}, plotted("control", found),
                                        watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
