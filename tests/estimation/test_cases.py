@@ -10,12 +10,14 @@ from scripts import module_of
 
 
 @pytest.mark.broad
-@pytest.mark.parametrize(
-    ("family", "seed"), [("slip 0.002", 12000), ("slip 0.005", 12001), ("slip 0.01", 12000), ("slip 0.02", 12001)]
-)
-def test_an_unedited_draft_of_dry_friction_of_any_sharpness_prints_intervals_that_hold(family, seed, tmp_path):
-    """The draft frees the slip speed from 0.001 to 0.2 rad/s; one that was fixed once made μ miss by 70 half-widths."""
-    answer = module_of("benchmarks/drafts.py").answer(family, seed, str(tmp_path))
+@pytest.mark.parametrize(("slip", "seed"), [(0.002, 12000), (0.005, 12001), (0.01, 12000), (0.02, 12001), (0.02, 9102)])
+def test_an_unedited_draft_of_dry_friction_of_any_sharpness_prints_intervals_that_hold(slip, seed, tmp_path):
+    """The draft frees the slip speed from 0.001 to 0.2 rad/s; one that was fixed once made μ miss by 70 half-widths.
+
+    With the last seed the derivatives of the minimum do not lead to the ground of the valley: the walk of a release
+    time ended 3.8 half-widths before its true value, through which that of the viscous friction had gone.
+    """
+    answer = module_of("benchmarks/drafts.py").answer(f"slip {slip:g}", seed, str(tmp_path))
     assert answer["claim"] == "integer"
     assert {"mu", "b_alpha", "coulomb_alpha", "slip_speed"} <= answer["values"].keys()
     assert not [n for n, v in answer["values"].items() if v["value"] == 0.0 != v["truth"] and not v.get("holds")]

@@ -9,7 +9,8 @@ there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.U
 should be 1.  Where it is off by more than a seventh, the end is moved to where it is: by the secant of h, a line
 where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, each run corrects them
 on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs; where they do not lead to the
-ground of a valley, they are asked anew.  If a point lies lower than the minimum, that was none, and the search goes on
+ground of a valley, they are asked anew, and no interval ends before what the walks of the others went through below its
+limit.  If a point lies lower than the minimum, that was none, and the search goes on
 from there.
 """
 
@@ -21,6 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
 from fracid.estimation.linearised import Linearised, linearised
@@ -46,6 +48,9 @@ POINTS, RUNS = 6, 20
 
 EXACT = 0.3
 """Part of its limit by which V of a refit may still be above the least."""
+
+NEAR = 0.7
+"""A point of another walk tells how far an interval goes where the limit is reached at so much of the way to it."""
 
 LOWER = 0.05
 """Part of its limit by which V is lower at a lower point."""
@@ -99,38 +104,57 @@ def _walked(here: Tangent, known: Uncertainty, which: Sequence[int], jobs: int) 
     ]
     start = linearised(here)
     found = in_threads(jobs, lambda where: _end(start, known, *where), sides)
-    lower = [point for point in found if isinstance(point, Evaluation)]
-    if lower:
-        return min(lower, key=lambda e: e.cost)
+    points = [point for _, way in found for point in way]
+    lowest = min((point.evaluation for point in points), key=lambda e: e.cost, default=here.evaluation)
+    if any(end is None for end, _ in found):
+        return lowest
     ends = known.ends.copy()
-    moved = known.walked.copy() if len(known.walked) else np.zeros(len(here.x), dtype=bool)
-    for (i, side), end in zip(sides, found, strict=True):
-        if isinstance(end, float) and end != ends[i, side]:
-            ends[i, side], moved[i] = end, True
-    return replace(known, ends=ends, walked=moved)
+    for (i, side), (end, _) in zip(sides, found, strict=True):
+        ends[i, side] = end
+    ends = _as_far_as_any(start, known, ends, points)
+    moved = np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
+    return replace(known, ends=ends, walked=moved | known.walked if len(known.walked) else moved)
 
 
-def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> float | Evaluation:
-    """Where the interval of unknown i ends on one side; a lower point, if one is on the way."""
+def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, points: Sequence[Linearised]) -> FloatArray:
+    """No interval ends before what a walk of another unknown went through below its limit.
+
+    Beside a kink the derivatives may not lead to the ground of a valley, along which another walk goes; a point above
+    the limit counts as far as a parabola to it has the limit.
+    """
+    for point in points:
+        delta = np.where(here.near.problem.absent(point.x), 0.0, point.x - here.x)
+        side, every = (delta > 0).astype(int), np.arange(len(delta))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            below = np.minimum(1.0, np.sqrt(known.rise[every, side] / max(point.value - here.value, 0.0)))
+        below[below < NEAR] = 0.0
+        beyond = np.abs(delta) * below > (1 + OFF) * np.abs(ends[every, side] - here.x)
+        ends[every[beyond], side[beyond]] = (here.x + delta * below)[beyond]
+    return ends
+
+
+def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> tuple[float | None, list[Linearised]]:
+    """Where the interval of unknown i ends on one side, and the points on the way; None if one of them is lower."""
     space, value, end = here.near.problem.space, float(here.x[i]), float(known.ends[i, side])
     limit = float(known.rise[i, side])
     room = float(abs((space.upper if side else space.lower)[i] - value))
     sign, distance = (1 if side else -1), abs(end - value)
     inside, outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
-    last = here
+    last, way = here, list[Linearised]()
     if distance == 0:
-        return end
+        return end, way
     for point in range(POINTS):
         there = _refitted(last, i, value + sign * distance, EXACT * limit)
         if there is None:  # the runs fail there
             outside, distance = (distance, math.inf), 0.5 * (inside[0] + distance)
             continue
         last, rise = there, there.value - here.value
+        way.append(there)
         if rise < -LOWER * limit:
-            return there.evaluation
+            return None, way
         height = math.sqrt(max(rise + there.foreseen(there.step([i])), 0.0) / limit)
         if abs(height - 1) <= (OFF if point == 0 else CLOSE) or (distance == room and height <= 1):
-            return end if point == 0 else value + sign * distance
+            return (end if point == 0 else value + sign * distance), way
         if height < 1:
             inside = (distance, height)
         else:
@@ -138,7 +162,7 @@ def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> float | Eva
         distance = min(room, _next(inside, outside))
         if len(last.axes) > RUNS:
             break
-    return value + sign * distance
+    return value + sign * distance, way
 
 
 def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
