@@ -121,6 +121,47 @@ def test_a_draft_knows_a_sensor_by_its_unit(tmp_path, swing, sensor, signal, fre
 
 
 @pytest.mark.parametrize(
+    ("header", "outputs", "free"),
+    [
+        ("angle [V]", {"angle"}, {"gain_angle", "bias_angle"}),
+        ("angle [rad],acc_x [m/s^2]", {"angle", "angle_acceleration"}, {"radius_angle_acceleration"}),
+        ("acc_x [m/s^2],gyro_z [rad/s]", {"angle_acceleration", "angle_rate"}, {"radius_angle_acceleration"}),
+        ("pot [V],gyro_z [rad/s]", {"angle", "angle_rate"}, {"gain_angle", "bias_angle"}),
+        ("angle [rad],velocity [rad/s],pot [V]", {"angle"}, set()),  # what is made of counts, or shows them once more
+        ("angle [rad],acc_x [m/s^2],acc_y [m/s^2]", {"angle", "angle_acceleration"}, {"radius_angle_acceleration"}),
+    ],
+)
+def test_a_draft_takes_sensors_beside_each_other(tmp_path, swing, header, outputs, free):
+    t, signals = swing
+    of = {"V": "potentiometer", "m/s^2": "accelerometer", "rad/s": "gyro", "rad": "potentiometer"}
+    columns = [signals[of[name.split("[")[1][:-1]]] for name in header.split(",")]
+    np.savetxt(path := tmp_path / "log.csv", np.column_stack([t - t[0], *columns]), delimiter=",", comments="",
+               header=f"t [s],{header}")  # fmt: skip
+    draft = draft_of_model("pendulum", path, folder=tmp_path)
+    (tmp_path / "rig.toml").write_text(draft.text, encoding="utf-8")
+    problem = fracid.load_project(tmp_path / "rig.toml").problem
+    assert {*problem.outputs} == outputs
+    assert {n for n in problem.names if n.partition("_")[0] in ("gain", "bias", "radius")} == free
+    assert ('weights = "noise"' in draft.text) == (len(outputs) > 1)
+    unused = [n for n in header.split(",") if f'"{n}"' not in draft.text]
+    assert not unused or f"Not used: {', '.join(map(repr, unused))}." in draft.notes
+
+
+def test_where_a_swing_begins_is_integrated_from_the_rate_and_not_from_the_acceleration(tmp_path, swing):
+    """An accelerometer on a pendulum sees gravity too: its double integral is no angle."""
+    t, signals = swing
+    starts = []
+    for k, names in enumerate((["gyro"], ["gyro", "accelerometer"])):
+        columns = np.column_stack([t - t[0], *(signals[n] for n in names)])
+        header = ",".join(["t [s]", *(SENSORS[n] for n in names)])
+        np.savetxt(path := tmp_path / f"{k}.csv", columns, delimiter=",", comments="", header=header)
+        (tmp_path / "rig.toml").write_text(draft_of_model("pendulum", path, folder=tmp_path).text, encoding="utf-8")
+        problem = fracid.load_project(tmp_path / "rig.toml").problem
+        starts.append([v for n, v in zip(problem.names, problem.start, strict=True) if "(0)" in n])
+    assert starts[0] == pytest.approx(starts[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
     ("name", "unit"),
     [("acc_x [m/s^2]", "m/s^2"), ("acc_x (g)", "m/s^2"), ("gyro_deg_s", "rad/s"), ("pos_mm", "m"), ("force_N", "N"),
      ("flow [l/min]", "1")],

@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -194,10 +193,13 @@ class _Page:
                                   signals=', '.join(raw.signals)))  # fmt: skip
         columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
         for name, column in roles.items():
-            columns[name], why = channel_of(self.model, name, raw, column)
-            self.notes.append(f"{name} is taken from {column!r}, {why}.")
-        if given is None and not {*columns} & {*self.model.outputs}:
-            columns |= self._of_sensors(raw)
+            if name in self.model.outputs and (sensor := self._sensor(raw, name, column)):
+                columns |= self._taken(name, *sensor)
+            else:
+                columns[name], why = channel_of(self.model, name, raw, column)
+                self.notes.append(f"{name} is taken from {column!r}, {why}.")
+        if given is None:
+            columns |= self._of_sensors(raw, columns)
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=', '.join(raw.signals), first=next(iter(self.model.outputs))))  # fmt: skip
@@ -216,32 +218,52 @@ class _Page:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
 
-    def _of_sensors(self, raw: Recording) -> Columns:
-        """A gyroscope, an accelerometer or a potentiometer where no column is called like an output: by its unit."""
-        for output, (column, unit) in product(self.model.outputs, raw.units.items()):
-            own, width = self.model.output_unit(output), float(np.ptp(raw.signals[column]))
-            fields: dict[str, Any] = {"column": column}
-            name = output + {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}.get(unit, "")
-            if (own, unit) == ("rad", "m/s^2"):
-                name, fields["radius"] = f"{output}_acceleration", {"start": 0.2, "lower": 0.0, "upper": 2.0}
-            elif own in ("rad", "m") and unit == "V" and "V" not in self.model.input_units.values():
-                middle = float(np.mean(raw.signals[column]))
-                fields["gain"] = {"start": width, "lower": width / SPAN, "upper": SPAN * width}
-                fields["bias"] = {"start": middle, "lower": middle - width, "upper": middle + width}
-            elif name == output:
-                continue
-            self.model = with_rates(self.model, [name])
-            self.notes.append(f"{name} is taken from {column!r}, whose unit the header says: a sensor of {output}.")
-            return {name: fields}
-        return {}
+    def _sensor(self, raw: Recording, output: str, column: str) -> tuple[str, dict[str, Any]] | None:
+        """What a column shows of an output, as its unit says: a rate, an acceleration, a potentiometer's volts."""
+        own, unit, y = self.model.output_unit(output), raw.units.get(column, ""), raw.signals[column]
+        if unit in (rates := {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}):
+            return output + rates[unit], {"column": column}
+        if (own, unit) == ("rad", "m/s^2"):
+            radius = {"start": 0.2, "lower": 0.0, "upper": 2.0}
+            return f"{output}_acceleration", {"column": column, "radius": radius}
+        if own in ("rad", "m") and unit == "V" and "V" not in self.model.input_units.values():
+            middle, width = float(np.nanmean(y)), float(np.nanmax(y) - np.nanmin(y))
+            gain = {"start": width, "lower": width / SPAN, "upper": SPAN * width}
+            bias = {"start": middle, "lower": middle - width, "upper": middle + width}
+            return output, {"column": column, "gain": gain, "bias": bias}
+        return None
+
+    def _of_sensors(self, raw: Recording, columns: Columns) -> Columns:
+        """Gyroscope, accelerometer, potentiometer, by their units, where one output alone can be what they show.
+
+        Beside an encoder a rate is mostly made of its counts, and says nothing more; an accelerometer does.
+        """
+        outputs, found = [*self.model.outputs], dict(columns)
+        encoders = {n for n, c in columns.items() if "gain" not in c}
+        for column in (c for c in raw.units if c not in [f["column"] for f in columns.values()]):
+            shown = [(o, *s) for o in outputs if (s := self._sensor(raw, o, column))]
+            if (
+                len(shown) == 1
+                and shown[0][1] not in found
+                and ("radius" in shown[0][2] or shown[0][0] not in encoders)
+            ):
+                found |= self._taken(*shown[0])
+        return found
+
+    def _taken(self, output: str, name: str, fields: dict[str, Any]) -> Columns:
+        self.model = with_rates(self.model, [name])
+        self.notes.append(
+            f"{name} is taken from {fields['column']!r}, whose unit the header says: a sensor of {output}."
+        )
+        return {name: fields}
 
     def _first_values(self, model: Model) -> FirstValues:
         rows = self.table["model"]["parameters"]
         r = self.recording
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
-        for n, (of, degree) in self.model.derived.items():
-            signals[of] = integrated(signals.pop(n), r.report.clock.step, degree)[0]
+        for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
+            signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
         for n, c in ((n, c) for n, c in self.columns.items() if "gain" in c):
             signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         begins = self.table["model"].get("begins", {})

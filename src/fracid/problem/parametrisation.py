@@ -376,8 +376,9 @@ class Parametrisation:
 
     @cached_property
     def _derived(self) -> dict[int, tuple[str, str, int]]:
-        """State of which a derivative alone is scored → the output that it is, that derivative, and of which degree."""
-        derived = ((of, n, k) for n, (of, k) in self.model.derived.items() if n in self.outputs)
+        """State of which derivatives alone are scored → the output that it is, the lowest of those, and its degree."""
+        derived = [(of, n, k) for n, (of, k) in self.model.derived.items() if n in self.outputs]
+        derived.sort(key=lambda one: -one[2])
         states = self.model.output_states
         return {states[of]: (of, n, k) for of, n, k in derived if of in states and of not in self.outputs}
 
