@@ -4,6 +4,7 @@ import json
 import math
 import re
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -125,6 +126,15 @@ def test_a_page_says_what_the_record_says_and_a_hostile_name_is_text(tmp_path, f
     assert [said for said in SAYS[file] if said not in shown] == []
     assert "default-src &#39;none&#39;" in text
     assert not re.findall(r"""(?:src|href)=["'](?!#|data:image/)""", text)
+
+
+def test_the_command_of_a_profile_in_the_folder_of_its_fit_has_what_was_profiled(tmp_path, monkeypatch):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "result.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "run" / "environment.json").write_text('{"command": ["fit", "rig.toml"]}', encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    page = written(Path("run"), "profiles.json").read_text(encoding="utf-8")
+    assert ">fracid profile run --parameter mu</pre>" in page
 
 
 def test_figures_are_images_that_the_page_holds_and_a_large_drawing_gives_way_to_its_pixels(tmp_path):

@@ -268,11 +268,7 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
     integers = _integers(run)
     for row in (row for rows in found.values.values() for row in rows if row["name"] in integers):
         row["integer"] = integers[row["name"]]
-    command = (
-        words
-        if words[:1] == [study.command]
-        else [study.command, record.get("source") or (run.name if run else "PROJECT")]
-    )
+    command = words if words[:1] == [study.command] else [study.command, *_options(record, run)]
     ladder = ladder_of(record) if file == "compare.json" else None
     data = _curves(folder, record) if ladder else None
     scripts = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "study.js") if data else ("theme.js",)
@@ -283,6 +279,15 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
         ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
         figures=list(_figures(folder, study.figures)), texts=dict(_texts(folder, study.texts)),
     )  # fmt: skip
+
+
+def _options(record: Mapping[str, Any], run: Path | None) -> Iterator[str]:
+    """What a command in the folder of another was of, as far as its record says so."""
+    yield record.get("source") or ("PROJECT" if run is None else run.name if run.is_absolute() else str(run))
+    for name in record.get("profiles") or ():
+        yield from ("--parameter", name)
+    if record.get("joint"):
+        yield from ("--joint", ",".join(record["joint"]["names"]))
 
 
 def _run(folder: Path) -> Path | None:
