@@ -49,6 +49,18 @@ def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(caps
     assert all(line["earlier"] == line["done"] for line in progress)
 
 
+def test_a_swing_up_is_shown_kept_and_read_again(capsys, folder):
+    how = ("--kind", "swing", "--limit", 10, "--draws", 2, "--seconds", 6, "--out", folder.parent / "swing")
+    code, out, err = run(capsys, "control", folder, *how)
+    assert (code, err) == (0, "")
+    assert "swing-up and LQR holds upright in 2 of 2 draws" in " ".join(out.split())
+    assert "it is up after" in " ".join(out.split())
+    record = json.loads((folder.parent / "swing" / "control.json").read_text(encoding="utf-8"))
+    jsonschema.validate(record, json.loads(json_schema("control.json")))
+    assert "fracid_controller_step" in (folder.parent / "swing" / "controller.c").read_text(encoding="utf-8")
+    assert "swing-up" in (folder.parent / "swing" / "control.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -95,7 +95,7 @@ def swings(up: LinearModel, model: Model, parameters: FloatArray, c: Conditions)
         output=model.pendulum, arm=arm, omega=omega, grows=grows, lift=(0.0, lift) if arm else (lift, 0.0),
         pump=0.0, energy=0.0, sharp=SHARP, catch=CATCH, reach=min(FAR, SURE * reach), release=RELEASE,
         keep=math.exp(-c.period * omega / SMOOTHED), stiffness=centred**2, damping=2 * DAMPED * centred,
-        needs=needs.tolist(), begins=[],
+        needs=tuple(needs.tolist()), begins=[],
     )  # fmt: skip
     return [replace(swing, pump=part * omega**2 / abs(lift), energy=energy) for part in PUMPS for energy in ENERGIES]
 
@@ -106,7 +106,7 @@ def with_swing(held: Controller, swing: Swing, begins: FloatArray) -> Controller
     Examples
     --------
     >>> held = Controller("LQR", {"rho": 1.0}, 0.01, [[0.0]], [[0.0]], [[0.0]], [[-2.0]], [[0.0]])
-    >>> needs = [1.0] + 7 * [0.0]
+    >>> needs = (1.0, *[0.0] * 7)
     >>> swing = Swing("angle", 7.0, 7.0, (300.0, 0.0), 0.098, 0.1, 20.0, 0.4, 0.2, 0.8, 0.5, 0.0, 0.0, needs, [])
     >>> made = with_swing(held, swing, np.zeros((1, 2)))
     >>> made.kind, round(made.weights["pump"], 3)

@@ -30,7 +30,7 @@ class Swing(Record):
     """ω₀ of the pendulum whose pivot is held [rad/s]."""
     grows: float
     """g, the unstable pole at upright [1/s]."""
-    lift: tuple[float, float]
+    lift: Listed[float]
     """l₀ and l₁: the sign of l₀ + l₁ cos φ is that of the pendulum's acceleration by the input."""
     pump: float
     """P, an acceleration of the arm or cart; the input itself where there is none."""
@@ -220,7 +220,7 @@ class ControlRecord(Record):
     def sentence(self) -> str:
         """What was found."""
         low, high = (100 * v for v in self.share95)
-        swung = "" if self.up95 is None else ", swung up within {:.3g} to {:.3g} s of the start".format(*self.up95)
+        swung = "" if self.up95 is None else ", swung up after {:.3g} to {:.3g} s in 95 % of them".format(*self.up95)
         return (
             f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held} of "
             f"{self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %){swung}."
