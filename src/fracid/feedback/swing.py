@@ -61,7 +61,8 @@ def law_of(controller: Controller, c: Conditions) -> Law:
     needs, begins = np.zeros(8), np.zeros((len(controller.A), 2 * len(c.outputs)))
     if s is not None:
         place, arm = c.outputs.index(s.output), c.outputs.index(s.arm or s.output)
-        pump = Pump(place, arm, 2 * math.pi, s.omega, s.pump, s.energy, s.sharp, *s.lift, s.stiffness, s.damping,
+        level, cosine = s.lift
+        pump = Pump(place, arm, 2 * math.pi, s.omega, s.pump, s.energy, s.sharp, level, cosine, s.stiffness, s.damping,
                     s.grows, s.catch, s.reach, s.release, s.keep, controller.period)  # fmt: skip
         needs, begins = np.array(s.needs), np.array(s.begins)
     return Law(A, B, C, D, E, np.array([c.at_rest, c.least, c.most]), pump, needs, begins)
