@@ -235,8 +235,8 @@ def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
 def _of_first(run: SavedRun, file: str) -> Iterator[str]:
     """What a program has of the first recording alone."""
     first = run.problem.experiments[0]
-    if run.problem.per_recording or len({e.step for e in run.problem.experiments}) > 1:
-        yield f"{file} has the step and the constants of the recording {first.name!r}."
+    if run.problem.per_recording or len(run.problem.experiments) > 1:
+        yield f"{file} has the step, the start and the constants of the recording {first.name!r}."
     if first.past is not None:
         yield f"{file} starts without a past; {first.name!r} was fitted with the one that was measured."
 
@@ -307,12 +307,8 @@ def _javascript(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.javascript import javascript_model, no_javascript
 
     _refuse(no_javascript(run.problem), "fracid_model.mjs")
-    first = run.problem.experiments[0]
-    yield "fracid_model.mjs", javascript_model(run.problem, run.x, first, run.folder.name)
-    if run.problem.per_recording or len(run.problem.experiments) > 1:
-        yield f"fracid_model.mjs has the start and the constants of the recording {first.name!r}."
-    if first.past is not None:
-        yield f"fracid_model.mjs starts without a past; {first.name!r} was fitted with the one that was measured."
+    yield "fracid_model.mjs", javascript_model(run.problem, run.x, run.problem.experiments[0], run.folder.name)
+    yield from _of_first(run, "fracid_model.mjs")
 
 
 def _toml(run: SavedRun, _folder: Path, _options: Options) -> Written:

@@ -32,6 +32,7 @@ from fracid.models import Model, Parameter
 from fracid.models.written.languages import C
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
+from fracid.safety.text import one_line
 from fracid.solver.schemes import OPEN, SLACK
 
 DIGITS = {"1e-14": "3e-7", "1e-12": "1e-6", "1e-11": "1e-5", "1e-9": "1e-6", "1e-6": "5e-3", "1e-7": "3e-4"}
@@ -226,26 +227,22 @@ def _single(template: str, words: Mapping[str, object]) -> str:
 
 def _tables(tables: Recursion, case: Case, gl: bool) -> str:
     """The constants of the model, then those of memory and start."""
-    kernels, M, together = tables.kernels, tables.modes, tables.together
+    kernels, together = tables.kernels, tables.together
     gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
 
-    def wide(name: str) -> ArrayLike:
-        return [[*getattr(k, name), *[0.0] * (M - len(k.decay))] for k in kernels]
-
-    values: dict[str, ArrayLike] = {
+    values: dict[str, ArrayLike] = tables.rows | {
         "gain": gain, "row": tables.row, "modes": [len(k.decay) for k in kernels],
-        "weights": [k.weights[1:] for k in kernels], "start": [k.start for k in kernels], "decay": wide("decay"),
-        "amplitude": wide("amplitude"), "start_ratio": wide("start_ratio"), "forgets": tables.forgets,
+        "start": [k.start for k in kernels], "forgets": tables.forgets,
         "newest": gain * tables.newest, "ramp": [k.ramp for k in kernels],
-        "start_shift": [k.start_shift for k in kernels], "share": tables.share, "fit": tables.fit,
-        "starting": tables.starting, "knots": tables.knots, "errors": tables.errors,
+        "start_shift": [k.start_shift for k in kernels], "share": tables.share,
+        "starting": tables.starting, "errors": tables.errors,
     }  # fmt: skip
     text = own_text("export/tables.c.in")
     text += "" if gl else own_text("export/tables_pi.c.in")
     text += own_text("export/tables_start.c.in") if together else ""
     filled = Template(text).substitute(
-        {n: initialiser(v) for n, v in values.items()}, R=len(kernels), L=tables.lags, L1=tables.lags + 1, M=M,
-        E=len(tables.fit), s=together, s1=together + 1,
+        {n: initialiser(v) for n, v in values.items()}, R=len(kernels), L=tables.lags, L1=tables.lags + 1,
+        M=tables.modes, E=len(tables.fit), s=together, s1=together + 1,
     )  # fmt: skip
     head = [constants_of(tables.model, case.parameters), *([f"#define KNOTS {len(tables.knots)}"] if together else [])]
     return "\n".join([*head, filled])
@@ -291,4 +288,4 @@ def _duration(seconds: float) -> str:
 
 def _comment(text: str) -> str:
     """On one line, and nothing in it that ends a comment."""
-    return " ".join(str(text).split()).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+    return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")

@@ -19,10 +19,11 @@ from fracid._version import __version__
 from fracid.errors import unknown_name
 from fracid.export.c import c_model, initialiser
 from fracid.export.compilers import PLATFORMS, here, library_of
-from fracid.export.identified import Identified, Quantity, one_line
+from fracid.export.identified import Identified, Quantity
 from fracid.export.markup import xml
 from fracid.models.written.equations import dimension
 from fracid.safety.door import own_text
+from fracid.safety.text import one_line
 
 Version = Literal["2", "3"]
 

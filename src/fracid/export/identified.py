@@ -15,18 +15,7 @@ from fracid.export.c import used_constants
 from fracid.export.recursion import Case, Recursion
 from fracid.problem import Problem
 from fracid.runs.saved import SavedRun
-from fracid.safety.text import printable
-
-
-def one_line(text: str) -> str:
-    """What any format can hold, on one line.
-
-    Examples
-    --------
-    >>> one_line("a\\nb")
-    'a b'
-    """
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+from fracid.safety.text import one_line, printable
 
 
 @dataclass(frozen=True)
@@ -129,7 +118,7 @@ class Identified:
     @cached_property
     def inputs(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, u = self.problem.model, self.case.inputs[len(self.case.past) - 1 if len(self.case.inputs) > 1 else 0]
+        model, u = self.problem.model, self.case.inputs_after[0]
         rates = {n: f"rate of {of}" for n, of in model.input_rates.items()}
         return tuple(Quantity(n, model.input_units.get(n, ""), float(v), rates.get(n, ""))
                      for n, v in zip(model.inputs, u, strict=False))  # fmt: skip

@@ -21,6 +21,7 @@ from fracid.models.joints import Complement
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
+from fracid.safety.text import one_line
 from fracid.solver.methods import METHODS, Method
 
 FAMILIES = ("pi", "gl")
@@ -121,13 +122,13 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     recording = {
         "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
-        "inputs": case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :].ravel().tolist(), "jumps": None,
+        "inputs": case.inputs_after.ravel().tolist(), "jumps": None,
     }  # fmt: skip
     return Template(own_text("export/fracid_model.mjs.in")).substitute(
-        version=__version__, run=_comment(run_name), case=_comment(repr(case.name)), solver=solver(),
+        version=__version__, run=one_line(run_name), case=one_line(repr(case.name)), solver=solver(),
         rhs=written(model, "javascript"), seen=seen,
         output_names=json.dumps(names), initial=", ".join(f"{v:g}" for v in recording["initial"]),
-        step=f"{case.step:g}", steps=case.steps, inputs=_comment(", ".join(model.inputs) or "none"),
+        step=f"{case.step:g}", steps=case.steps, inputs=one_line(", ".join(model.inputs) or "none"),
         states=", ".join(model.states),
         orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
         recording=json.dumps(recording), order_values=json.dumps(orders),
@@ -147,8 +148,3 @@ def outputs_of(model: Model) -> tuple[str, list[str]]:
         return written_outputs(model, "javascript"), [*model.shown]
     except InputError:
         return "const modelOutputs = () => () => {};", []
-
-
-def _comment(text: str) -> str:
-    """On one line."""
-    return " ".join(str(text).split())

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 from markupsafe import Markup
 
-from fracid.export.identified import one_line
 from fracid.safety.door import own_text
+from fracid.safety.text import one_line
 
 
 def xml(template: str, **words: Any) -> str:

@@ -23,7 +23,7 @@ from fracid.models.written.languages import Matlab
 from fracid.problem.simulator import LIMIT
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text, write_whole
-from fracid.safety.text import printable
+from fracid.safety.text import one_line, printable
 from fracid.solver.schemes import OPEN, SLACK
 
 
@@ -78,11 +78,10 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     scheme, exported, model = tables.scheme, tables.exported, tables.model
     third = scheme.family == "pi3"
     template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
-    rows = np.array(tables.row)
     return Template(own_text(f"export/{template}")).substitute(
-        what=_comment(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
-        states=len(model.states), inputs=len(model.inputs), version=__version__, run=_comment(run_name),
-        state_names=", ".join(model.states), input_names=_comment(", ".join(model.inputs)),
+        what=one_line(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
+        states=len(model.states), inputs=len(model.inputs), version=__version__, run=one_line(run_name),
+        state_names=", ".join(model.states), input_names=one_line(", ".join(model.inputs)),
         order_values=tables.order_values,
         method=tables.method, scheme=exported.words, memory=tables.memory, longest=tables.steps,
         x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
@@ -93,7 +92,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=tables.update("m"),
         rhs=written(model, "matlab", words_of(template)),
         time_scale="p.time_scale" if "time_scale" in model.parameter_names else "1",
-        parameters=_parameters(tables), tables=_tables(tables, rows),
+        parameters=_parameters(tables), tables=_tables(tables),
     )  # fmt: skip
 
 
@@ -105,23 +104,17 @@ def _parameters(tables: Recursion) -> str:
         "  p = struct();",
     ]
     for parameter, value in zip(tables.model.parameters, tables.parameters.tolist(), strict=True):
-        lines.append(f"  p.{name(parameter.name)} = {value!r};  % [{parameter.unit}] {_comment(parameter.description)}")
+        lines.append(f"  p.{name(parameter.name)} = {value!r};  % [{parameter.unit}] {one_line(parameter.description)}")
     return "\n".join([*lines, "end", ""])
 
 
-def _tables(tables: Recursion, rows: NDArray[np.int64]) -> str:
+def _tables(tables: Recursion) -> str:
     """The function that gives k, a row for each distinct order, spread over the states."""
     kernels = tables.kernels
-
-    def wide(name: str) -> list[FloatArray]:
-        return [np.pad(v, (0, tables.modes - len(v))) for v in (getattr(k, name) for k in kernels)]
-
-    values: dict[str, ArrayLike] = {
-        "orders": tables.orders[:, None], "row": rows + 1, "weights": [k.weights[1:] for k in kernels],
-        "start": [k.start[1:] for k in kernels], "decay": wide("decay"), "amplitude": wide("amplitude"),
-        "start_ratio": wide("start_ratio"), "newest": tables.newest[:, None],
-        "relaxing": np.array([tables.model.relaxing_states]) + 1, "ramp": [[k.ramp] for k in kernels],
-        "start_shift": [[k.start_shift] for k in kernels], "fit": tables.fit, "knots": tables.knots,
+    values: dict[str, ArrayLike] = tables.rows | {
+        "orders": tables.orders[:, None], "row": np.array(tables.row) + 1, "start": [k.start[1:] for k in kernels],
+        "newest": tables.newest[:, None], "relaxing": np.array([tables.model.relaxing_states]) + 1,
+        "ramp": [[k.ramp] for k in kernels], "start_shift": [[k.start_shift] for k in kernels],
         "errors": tables.errors.ravel(order="F"),
     }  # fmt: skip
     family = "gl" if tables.scheme.family == "gl" else "pi"
@@ -141,11 +134,6 @@ def _literal(values: ArrayLike) -> str:
         words = [repr(v) for v in row]
         rows.append(", ...\n    ".join(", ".join(words[i : i + 6]) for i in range(0, len(words), 6)))
     return "[" + "; ...\n    ".join(rows) + "]"
-
-
-def _comment(text: str) -> str:
-    """On one line, so that nothing of it is read as code."""
-    return " ".join(str(text).split())
 
 
 # --- results.mat -------------------------------------------------------------------------------------

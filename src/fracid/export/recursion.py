@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
@@ -62,6 +62,11 @@ class Case:
     steps: int
     start: float
     """Time of the start, from the recording's first sample [s]."""
+
+    @property
+    def inputs_after(self) -> FloatArray:
+        """From the start on; the one row of those that never change."""
+        return self.inputs[len(self.past) - 1 if len(self.inputs) > 1 else 0 :]
 
     @classmethod
     def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
@@ -159,6 +164,13 @@ class Recursion:
     def modes(self) -> int:
         """Exponentials of the row that has most."""
         return max(1, *(len(k.decay) for k in self.kernels))
+
+    @property
+    def rows(self) -> dict[str, ArrayLike]:
+        """What programs have of the memory and of the start, by name; a row for each distinct order."""
+        wide = {n: [np.pad(getattr(k, n), (0, self.modes - len(k.decay))) for k in self.kernels]
+                for n in ("decay", "amplitude", "start_ratio")}  # fmt: skip
+        return {**wide, "weights": [k.weights[1:] for k in self.kernels], "fit": self.fit, "knots": self.knots}
 
     @property
     def together(self) -> int:

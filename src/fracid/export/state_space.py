@@ -627,8 +627,7 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
 def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
     """Root mean square of integer-order less fractional outputs over one recording [rad]."""
     own = replace(system, parameters=case.parameters)
-    states = own.simulate(case.past[-1], case.inputs[len(case.past) - 1 if len(case.inputs) > 1 else 0 :], case.step,
-                          case.steps)  # fmt: skip
+    states = own.simulate(case.past[-1], case.inputs_after, case.step, case.steps)
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
             for n, i in system.model.output_states.items()}  # fmt: skip
 

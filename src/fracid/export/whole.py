@@ -19,6 +19,7 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC, Writer
+from fracid.safety.text import one_line
 
 SAYS = Words("export/whole.toml")
 
@@ -60,7 +61,7 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
         what = f"lacks {' and '.join(lacking)}, which it runs with" if lacking else "reads otherwise than it runs"
         raise InputError(SAYS("other-rhs", model=model, what=what))
     zero = f"; {model.pendulum} = 0 is {model.zero}" if model.pendulum and model.zero else ""
-    name = " ".join(model.name.split()).replace("*/", "* /")
+    name = one_line(model.name).replace("*/", "* /")
     title = f"Right-hand side of the model {name}{zero}."
     return LANGUAGES[language](model.program, taken, title).text()
 

@@ -13,7 +13,7 @@ a file's name              :func:`file_stems`: letters, digits and dashes, not t
 HTML, JSON in HTML         Jinja's autoescape and an escaped ``<``: :mod:`fracid.report`
 a figure's letters         ``$`` is no formula's: :mod:`fracid.plots.appearance`
 a spreadsheet              :func:`csv_cell`: is no formula
-a comment in MATLAB or C   on one line, without its end: :mod:`fracid.export`
+a comment in MATLAB or C   :func:`one_line`, without its end: :mod:`fracid.export`
 =========================  ===========================================================================================
 
 What cannot be seen are Unicode's categories Cc (controls, the terminal's ESC among them), Cf (formats, the turning of
@@ -122,6 +122,17 @@ def ascii_short(text: str) -> str:
     'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
     return repr(shortened(text))
+
+
+def one_line(text: str) -> str:
+    """What any format can hold, on one line.
+
+    Examples
+    --------
+    >>> one_line("a\\nb")
+    'a b'
+    """
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def cut(text: str, length: int) -> str:
