@@ -348,7 +348,7 @@ def test_a_search_in_which_every_run_fails_gives_a_fit_with_the_reason():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"optimiser": "genetik"}, "no optimiser 'genetik'; did you mean 'genetic'"),
+        ({"optimiser": "genetik"}, "unknown optimiser 'genetik': did you mean genetic"),
         ({"jobs": 0}, "jobs = 0; expected a whole number, 1 or more"),
         ({"optimiser": "genetic", "options": {"population": 1}}, "population = 1"),
     ],

@@ -345,7 +345,7 @@ def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
     [
         (("no.toml",), "There is no no.toml. There "),
         (("rig.toml", "--preset", "papr"), "unknown preset 'papr': did you mean paper"),
-        (("rig.toml", "--optimiser", "genetik"), "no optimiser 'genetik'"),
+        (("rig.toml", "--optimiser", "genetik"), "unknown optimiser 'genetik'"),
         (("rig.toml", "--jobs", "0"), "--jobs"),
         (("rig.toml", "--multi-start", "0"), "--multi-start"),
         (

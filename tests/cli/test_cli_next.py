@@ -76,7 +76,7 @@ MISTAKES = {
     "check log.docx": "log.docx: unknown ending '.docx'; fracid reads .csv",
     # misspelt words
     "simulate qube-servo": "did you mean qube-servo2",
-    "fit rig.toml --optimiser genetics": "did you mean 'genetic'",
+    "fit rig.toml --optimiser genetics": "did you mean genetic",
     "fit rig.toml --preset papr": "did you mean paper",
     "profile runs/rig --parameter nu": "mu",
     "resid runs/rig --recording swong": "did you mean swing",

@@ -109,7 +109,7 @@ def test_another_cost_and_optimiser_are_taken(capsys, folder, tmp_path):
         (["--levels", "0.1,0.1"], "name one twice"),
         (["--levels", "400"], "expected a number from 0 to π, in radians"),
         (["--optimiser", "annealing"], "annealing"),
-        (["--cost", "rsme"], "did you mean 'rmse'"),
+        (["--cost", "rsme"], "did you mean rmse"),
         (["--executor", "process"], "There is no executor 'process'"),
     ],
 )

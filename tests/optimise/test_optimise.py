@@ -406,9 +406,9 @@ def test_an_option_that_makes_no_sense_is_told(name, options, message):
 
 
 def test_an_unknown_optimiser_is_told_with_the_nearest_name():
-    with pytest.raises(InputError, match="no optimiser 'genetics'; did you mean 'genetic'"):
+    with pytest.raises(InputError, match="unknown optimiser 'genetics': did you mean genetic"):
         optimiser_from_name("genetics")
-    with pytest.raises(InputError, match=r"no optimiser 'zzz'; type one of .*least-squares"):
+    with pytest.raises(InputError, match=r"unknown optimiser 'zzz'; the known ones are .*least-squares"):
         optimiser_from_name("zzz")
 
 

@@ -6,11 +6,10 @@ in :data:`OPTIMISERS`.
 
 from __future__ import annotations
 
-import difflib
 import pkgutil
 from importlib import import_module
 
-from fracid.errors import InputError
+from fracid.errors import unknown_name
 from fracid.optimise.base import Ask as Ask
 from fracid.optimise.base import Entry as Entry
 from fracid.optimise.base import Evaluation as Evaluation
@@ -57,7 +56,5 @@ def optimiser_from_name(name: str) -> Entry:
     520
     """
     if name not in OPTIMISERS:
-        close = difflib.get_close_matches(name, OPTIMISERS, 1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise InputError(f"There is no optimiser {name!r}; {hint}type one of {', '.join(OPTIMISERS)}.")
+        raise unknown_name("optimiser", name, OPTIMISERS)
     return OPTIMISERS[name]

@@ -35,7 +35,6 @@ R. Lathrop, AIEE Trans. 72 (1953) 273.
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import math
 from collections.abc import Callable
@@ -47,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, unknown_name
 from fracid.safety.user_code import run_file
 
 Scored = NDArray[np.bool_] | None
@@ -261,9 +260,7 @@ def cost_from_name(name: str) -> Cost:
         return COSTS[name]
     file, _, function = name.rpartition(":")
     if not file.endswith(".py"):
-        close = difflib.get_close_matches(name, COSTS, 1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        raise InputError(f'There is no cost {name!r}; {hint}the costs are {", ".join(COSTS)}, or "my.py:function".')
+        raise unknown_name("cost", name, (*COSTS, "my.py:function"))
     if not Path(file).is_file():
         raise InputError(f"cost = {name!r}: there is no file {file}.")
     try:

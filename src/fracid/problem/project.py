@@ -663,9 +663,8 @@ def _load(
     signals = (*model.outputs, *model.inputs)
     for name in columns:
         if name not in signals and name.removesuffix(DEVIATION) not in model.outputs:
-            close = difflib.get_close_matches(name, [*signals, "from", "to", "file", "time", "use", "resample"], 1)
-            hint = f"did you mean {close[0]!r}?" if close else f"its signals are {', '.join(signals)}."
-            raise InputError(f"[[recording]] {spec.name or spec.file}: unknown key {name!r}; {hint}")
+            known = (*signals, "from", "to", "file", "time", "use", "resample")
+            raise unknown_name(f"key of [[recording]] {spec.name or spec.file}", name, known)
     if not columns:
         raise InputError(SAYS("no-signal", file=spec.name or spec.file,
                               signal=signals[-2] if len(signals) > 1 else signals[0]))  # fmt: skip
