@@ -12,10 +12,11 @@ from PIL import Image
 ROOT = Path(__file__).parents[2]
 SAME = 0.5
 """By which pixels may differ on average, of 255: fonts and machines round differently."""
+MODELS = sorted(p.stem.removeprefix("figure-") for p in (ROOT / "docs" / "images").glob("figure-model-*.png"))
 
 
 @pytest.mark.parametrize("name", [
-    *(pytest.param(name, marks=pytest.mark.broad) for name in ("rig-hanging", "rig-upright", "recording")),
+    *(pytest.param(name, marks=pytest.mark.broad) for name in ("rig-hanging", "rig-upright", "recording", *MODELS)),
     *(pytest.param(name, marks=pytest.mark.slow) for name in ("posterior", "posterior-predictive")),
 ])  # fmt: skip
 def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
