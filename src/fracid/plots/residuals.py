@@ -20,6 +20,7 @@ from fracid.errors import InputError
 from fracid.plots import appearance
 from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 from fracid.units import shown_unit, with_unit
+from fracid.validation.residual_curves import log_bins
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residual_sentences import DRIFT
 from fracid.validation.residuals import residual_analysis
@@ -233,11 +234,7 @@ def _spectrum(axes: Axes, residual: FloatArray, factor: float, analysis: Residua
     """Every frequency pale, and the mean of some hundred bins that are even on the logarithmic axis."""
     f, S = power_spectrum(residual, analysis.step)
     f, S = f[1:], S[1:]
-    edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), 120)
-    at = np.searchsorted(edges, f, side="right")
-    count = np.bincount(at)
-    full = count > 0
-    centre, mean = (np.bincount(at, weights=x)[full] / count[full] for x in (f, S))
+    centre, mean = log_bins(f, S)
     indices = appearance.outline(np.log(np.maximum(S, 1e-300)))
     axes.plot(f[indices], S[indices], color="0.8", lw=0.5, rasterized=True)
     axes.plot(centre, mean, color=appearance.INK, lw=1.2)

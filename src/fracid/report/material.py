@@ -26,7 +26,7 @@ from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison
-from fracid.units import SHOWN_UNITS
+from fracid.units import shown_unit
 from fracid.validation.residual_analyses import Analyses, Residuals, analysed
 
 BESIDE: dict[str, tuple[type[Block | Record], str]] = {
@@ -81,8 +81,7 @@ class Material:
     def unit(self, signal: str) -> tuple[str, float]:
         """In which unit a signal is shown, and the factor to it."""
         units = {n: u for r in self.project.recordings for n, u in r.units.items()}
-        unit = units.get(signal, "rad")
-        return SHOWN_UNITS.get(unit, ("" if unit == "1" else unit, 1.0))
+        return shown_unit(units.get(signal, "rad"))
 
     def shown(self, signal: str, value: float, form: str = ".2g") -> str:
         """A value of a signal in its shown unit."""

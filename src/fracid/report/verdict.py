@@ -101,9 +101,9 @@ def _no_fit(result: Mapping[str, Any]) -> bool:
 
 def _stand_in(result: Mapping[str, Any]) -> bool:
     """Whether nothing but the integer-order alternative speaks against orders that are off their integer values."""
-    off = [e for e in result["orders"].values() if e["free"] and e["interval95"] and e.get("integer", 1.0) is not None
-           and not e["interval95"][0] <= e.get("integer", 1.0) <= e["interval95"][1]]  # fmt: skip
-    return result["claim"] == "integer" and bool(off) and bool(result.get("alternative"))
+    known = (e for e in result["orders"].values() if e["free"] and e["interval95"])
+    off = any(e.get("integer", 1.0) is not None and not _holds_its_integer(e) for e in known)
+    return result["claim"] == "integer" and off and bool(result.get("alternative"))
 
 
 def contradictions(material: Material, lines: tuple[Line, ...]) -> dict[str, str]:

@@ -63,7 +63,7 @@ def residual_curves(recording: RecordingFit, analysis: ResidualAnalysis) -> Resi
     frequency, power = np.empty(0), np.empty(0)
     if analysis.spectrum.sentence:
         f, S = power_spectrum(e, analysis.step)
-        frequency, power = _log_bins(f[1:], S[1:])
+        frequency, power = log_bins(f[1:], S[1:])
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, RANKS)).astype(int))
     return ResidualCurves(
         lags * analysis.step, ρ[lags], float(1.96 / np.sqrt(e.size)), frequency, power,
@@ -72,8 +72,15 @@ def residual_curves(recording: RecordingFit, analysis: ResidualAnalysis) -> Resi
     )  # fmt: skip
 
 
-def _log_bins(f: FloatArray, S: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A spectrum averaged over bins of equal width in log f, the few lowest frequencies as they are."""
+def log_bins(f: FloatArray, S: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A spectrum averaged over bins of equal width in log f, the few lowest frequencies as they are.
+
+    Examples
+    --------
+    >>> f, S = log_bins(np.arange(1.0, 1001.0), np.ones(1000))
+    >>> f.size < 120, float(S.max())
+    (True, 1.0)
+    """
     edges = np.geomspace(f[0], f[-1] * (1 + 1e-9), BINS + 1)
     at = np.clip(np.searchsorted(edges, f, side="right") - 1, 0, BINS - 1)
     count = np.bincount(at, minlength=BINS)

@@ -61,19 +61,71 @@ class Equation:
 
 
 @dataclass(frozen=True)
-class _Grown:
-    """Makes the model again with the states that its elements need."""
+class _Written:
+    """What a file says of a model: makes it, and makes it again with the states that its elements need."""
 
     equations: Mapping[str, Equation]
-    rest: tuple[Mapping[str, Equation], Mapping[str, str], Mapping[str, str], Mapping[str, float], Mapping[str, Any]]
-    """Outputs, inputs, definitions, numbers and the scene."""
+    outputs: Mapping[str, Equation]
+    inputs: Mapping[str, str]
+    definitions: Mapping[str, str]
+    numbers: Mapping[str, float]
+    scene: Mapping[str, Any]
 
     def __call__(self, model: Model, on: frozenset[str]) -> Model:
         if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
             return model
-        other = _made(model.name, self.equations, *self.rest, model.parameters, on)
+        other = self.made(model.name, model.parameters, on)
         fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows", "symbols")
         return replace(model, **{n: getattr(other, n) for n in fields})
+
+    def made(self, name: str, parameters: tuple[Parameter, ...], on: frozenset[str]) -> Model:
+        """The model with the states that the parameters `on` need; any other is 0 wherever it stands."""
+        _check_names({
+            "[model.equations]": self.equations, "[model.inputs]": self.inputs,
+            "[model.definitions]": self.definitions, "[model.parameters]": [p.name for p in parameters],
+        })  # fmt: skip
+        there = {n: e for n, e in self.equations.items() if not e.only or e.only in on}
+        numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
+        names: dict[str, Expression] = {n: Number(v) for n, v in numbers.items()}
+        names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
+        names |= {n: Entry("u", Number(i)) for i, n in enumerate(self.inputs)}
+        names |= {p.name: Entry("p", Number(k), p.name) for k, p in enumerate(parameters)}
+        own = {p.name: p.unit for p in parameters} | {n: e.unit for n, e in there.items()}
+        units = _Units(names, {**self.inputs} | own)
+        for e in self.outputs.values():
+            if e.unit and e.equals.strip() in there:
+                units.given(e.equals.strip(), e.unit)
+        relaxing = [n for n, e in there.items() if e.forgets]
+        texts = {f"[model.definitions] {n}": text for n, text in self.definitions.items()}
+        texts |= {f"[model.equations] {n}": e.equals for n, e in there.items()}
+        texts |= {f"[model.equations] {n}: forgets": there[n].forgets for n in relaxing}
+        states = tuple(there)
+        places = [*range(len(states)), *(len(states) + states.index(n) for n in relaxing)]
+        targets: list[Name | Entry] = [*map(Name, self.definitions), *(Entry("out", Number(i)) for i in places)]
+        body: list[Assign] = []
+        for target, (where, text) in zip(targets, texts.items(), strict=True):
+            body.append(Assign(target, _placed(where, formula, text, names, units.columns)))
+            if isinstance(target, Name):
+                names[target.name] = target
+        rates = body[len(self.definitions) : len(self.definitions) + len(states)]
+        units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
+        for s, (where, text) in zip(body, texts.items(), strict=True):
+            _placed(where, units.check, s, text)
+        return Model(
+            name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
+            states=states, orders=tuple(_order(n, e.order) for n, e in there.items()),
+            outputs={n: _output(n, e, names, units, body) for n, e in self.outputs.items()}
+            or {n: i for i, n in enumerate(states)},
+            inputs=tuple(self.inputs), parameters=parameters, zero="", source="equations",
+            input_units={n: unit for n, unit in self.inputs.items() if unit},
+            output_units={n: e.unit for n, e in self.outputs.items() if e.unit},
+            angles={n: Angle(_rest(n, parameters)) for n, e in self.outputs.items() if e.unit == "rad"},
+            symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
+            follows={n: e.follows for n, e in there.items() if e.follows},
+            relaxing={n: there[n].size or there[n].only for n in relaxing},
+            scene=scene_of(self.scene, self.outputs or there, [p.name for p in parameters], self.numbers),
+            grown=self if any(e.only for e in self.equations.values()) else None,
+        )  # fmt: skip
 
 
 def model_of(
@@ -119,59 +171,8 @@ def model_of(
     ((1.0, 'mu'), {}, frozenset({'m'}))
     """
     on = frozenset(p.name for p in parameters if p.value != 0.0)
-    rest = outputs, inputs, definitions or {}, numbers or {}, scene or {}
-    return _made(name, equations, *rest, tuple(parameters), on)
-
-
-def _made(
-    name: str, equations: Mapping[str, Equation], outputs: Mapping[str, Equation], inputs: Mapping[str, str],
-    definitions: Mapping[str, str], numbers: Mapping[str, float], scene: Mapping[str, Any],
-    parameters: tuple[Parameter, ...], on: frozenset[str],
-) -> Model:  # fmt: skip
-    """The model with the states that the parameters `on` need; any other is 0 wherever it stands."""
-    _check_names({"[model.equations]": equations, "[model.inputs]": inputs, "[model.definitions]": definitions,
-                  "[model.parameters]": [p.name for p in parameters]})  # fmt: skip
-    there = {n: e for n, e in equations.items() if not e.only or e.only in on}
-    names: dict[str, Expression] = {n: Number(v) for n, v in ({**numbers} | dict.fromkeys(equations, 0.0)).items()}
-    names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
-    names |= {n: Entry("u", Number(i)) for i, n in enumerate(inputs)}
-    names |= {p.name: Entry("p", Number(k), p.name) for k, p in enumerate(parameters)}
-    units = _Units(names, {p.name: p.unit for p in parameters} | {**inputs} | {n: e.unit for n, e in there.items()})
-    for e in outputs.values():
-        if e.unit and e.equals.strip() in there:
-            units.given(e.equals.strip(), e.unit)
-    relaxing = [n for n, e in there.items() if e.forgets]
-    texts = {f"[model.definitions] {n}": text for n, text in definitions.items()}
-    texts |= {f"[model.equations] {n}": e.equals for n, e in there.items()}
-    texts |= {f"[model.equations] {n}: forgets": there[n].forgets for n in relaxing}
-    states = tuple(there)
-    places = [*range(len(states)), *(len(states) + states.index(n) for n in relaxing)]
-    targets: list[Name | Entry] = [*map(Name, definitions), *(Entry("out", Number(i)) for i in places)]
-    body: list[Assign] = []
-    for target, (where, text) in zip(targets, texts.items(), strict=True):
-        body.append(Assign(target, _placed(where, formula, text, names, units.columns)))
-        if isinstance(target, Name):
-            names[target.name] = target
-    rates = body[len(definitions) : len(definitions) + len(states)]
-    units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
-    for s, (where, text) in zip(body, texts.items(), strict=True):
-        _placed(where, units.check, s, text)
-    return Model(
-        name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
-        states=states, orders=tuple(_order(n, e.order) for n, e in there.items()),
-        outputs={n: _output(n, e, names, units, body) for n, e in outputs.items()}
-        or {n: i for i, n in enumerate(states)},
-        inputs=tuple(inputs), parameters=parameters, zero="", source="equations",
-        input_units={n: unit for n, unit in inputs.items() if unit},
-        output_units={n: e.unit for n, e in outputs.items() if e.unit},
-        angles={n: Angle(_rest(n, parameters)) for n, e in outputs.items() if e.unit == "rad"},
-        symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
-        follows={n: e.follows for n, e in there.items() if e.follows},
-        relaxing={n: there[n].size or there[n].only for n in relaxing},
-        scene=scene_of(scene, outputs or there, [p.name for p in parameters], numbers),
-        grown=_Grown(equations, (outputs, inputs, definitions, numbers, scene))
-        if any(e.only for e in equations.values()) else None,
-    )  # fmt: skip
+    written = _Written(equations, outputs, inputs, definitions or {}, numbers or {}, scene or {})
+    return written.made(name, tuple(parameters), on)
 
 
 def _rest(output: str, parameters: Sequence[Parameter]) -> str:
