@@ -10,7 +10,7 @@ order vanish in those, alone and in pairs.  The others (a slip speed, a rest ang
 come from the recording, smoothed, with their derivatives of the given orders; for an output that is a function they are
 simulated, where their equations have none of the constants.  All columns pass the same window; the errors are Huber's,
 the intervals a block sandwich's.  Noise in the columns biases: the regression is made again with a window half as
-long again, and what moves by more than its interval is called biased.
+long again.  What that moves a constant by is part of its interval, and where it moves far, it is called biased.
 """
 
 from __future__ import annotations
@@ -195,15 +195,16 @@ def regress_equations(problem: Problem) -> Regression:
     poor = [n for n, percent in found.fit.items() if percent < POOR]
     constants = {}
     for k, n in enumerate(unknown):
-        value, se, bias = found.values[k], found.errors[k], again.values[k] - found.values[k]
+        value, bias = found.values[k], again.values[k] - found.values[k]
+        se = float(np.hypot(found.errors[k], bias))
         verdict = "identified"
         if poor:
             verdict = f"the equation of {poor[0]} fits by {found.fit[poor[0]]:.0f} % only"
         elif abs(value) < SURE * se:
             verdict = "not excited: its interval includes 0"
-        elif abs(bias) > SURE * se and abs(bias) > NEAR * abs(value):
+        elif abs(bias) > SURE * found.errors[k] and abs(bias) > NEAR * abs(value):
             verdict = f"biased: a longer window moves it by {bias:+.2g}"
-        constants[n] = Constant(float(value), model.parameter(n).unit, float(se), float(bias), verdict)
+        constants[n] = Constant(float(value), model.parameter(n).unit, se, float(bias), verdict)
     one = "it" if len(held) == 1 else "them"
     note = [f"{', '.join(held)}: the equations are not linear in {one}; held at the project's start."] if held else []
     if problem.orders:
