@@ -140,8 +140,11 @@ def test_orders_that_are_no_integers_give_each_window_the_samples_before_it(stan
 def test_the_search_on_windows_begins_where_that_on_their_parts_ends(stand):
     parts, whole = beginning(stand, 1.5), windowed(stand, 1.5)
     x = np.arange(1.0, 1 + len(parts.unknowns))
+    x[:3] = [0.5 * (u.range.start + u.range.upper) for u in parts.unknowns[:3]]
     at = lengthened(parts, x, whole)
     assert at[:3].tolist() == x[:3].tolist()
+    bound = np.append(parts.unknowns[0].range.lower, x[1:])
+    assert lengthened(parts, bound, whole)[0] == parts.unknowns[0].range.start  # a sharp friction has no derivative
     own = {u.name: v for u, v in zip(parts.unknowns, x, strict=True)}
     for k, w in enumerate(whole.experiments):
         first = at[whole.names.index(f"angle(0) [{w.name}]")]

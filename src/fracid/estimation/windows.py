@@ -209,11 +209,16 @@ def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Pro
 
 
 def lengthened(parts: Problem, x: FloatArray, whole: Problem) -> FloatArray:
-    """The point of a problem in windows that the minimum of one in parts of them leads to."""
+    """The point of a problem in windows that the minimum of one in parts of them leads to.
+
+    What ends at a bound in parts begins where the search did: parts tell little of how sharp a dry friction is, and
+    from a sharp one no derivative leads back.
+    """
     starts = {e.name: e.start for e in parts.experiments}
     found = {
         (u.target, u.experiment if u.kind != "initial" else f"{starts[u.experiment or '']:.9g}"): v
         for u, v in zip(parts.unknowns, x.tolist(), strict=True)
+        if u.kind == "initial" or u.range.lower < v < u.range.upper
     }
     begins = {e.name: f"{e.start:.9g}" for e in whole.experiments}
     return np.array([
