@@ -3,6 +3,7 @@
 import importlib.util
 import re
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,24 @@ SAME = 0.5
 MODELS = sorted(p.stem.removeprefix("figure-") for p in (ROOT / "docs" / "images").glob("figure-model-*.png"))
 
 
-@pytest.mark.parametrize("name", [
-    *(pytest.param(name, marks=pytest.mark.broad) for name in ("rig-hanging", "rig-upright", "recording", *MODELS)),
-    *(pytest.param(name, marks=pytest.mark.slow) for name in ("posterior", "posterior-predictive")),
-])  # fmt: skip
-def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
+@cache
+def script():
+    """benchmarks/figures.py, whose fits are made once for all pictures."""
     spec = importlib.util.spec_from_file_location("figures_of_the_pages", ROOT / "benchmarks" / "figures.py")
     figures = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(figures)
+    return figures
+
+
+@pytest.mark.parametrize("name", [
+    *(pytest.param(name, marks=pytest.mark.broad) for name in ("rig-hanging", "rig-upright", "recording", *MODELS)),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (
+        "fitted", "fitted-journal", "residuals", "residual-tests", "linear", "starts", "posterior",
+        "posterior-predictive",
+    )),
+])  # fmt: skip
+def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
+    figures = script()
     figures.write(figures.FIGURES[name](), tmp_path / "drawn.png")
     shown, drawn = (Image.open(p).convert("L") for p in (figures.IMAGES / f"figure-{name}.png", tmp_path / "drawn.png"))
     assert shown.size == drawn.size
