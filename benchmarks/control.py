@@ -38,7 +38,7 @@ def fitted(seed):
 
 
 CASES = {
-    "lqr": ((0.042, 4.0, {"angle": 0.1}), (0.038, 4.0, {"angle": 0.1})),
+    "lqr": ((0.042, 4.0, {"angle": 0.1}), (0.0147, 4.0, {"angle": 0.1})),
     "swing": ((0.037, 5.0, None), (0.04, 4.0, None)),
 }
 """Limit, seconds and where it begins."""
