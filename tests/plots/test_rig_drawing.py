@@ -14,6 +14,8 @@ from fracid.errors import InputError
 from fracid.models import RIGS, Model, Parameter, mass_matrix
 from fracid.models.library import MODEL
 from fracid.models.scene import on_paper
+from fracid.models.written.equations import Equation
+from fracid.models.written.equations import model_of as equations_model
 from fracid.plots import rig_drawing
 from helpers.energy import energy
 
@@ -201,3 +203,11 @@ def test_nothing_written_leaves_the_picture_or_lies_on_other_words(name, style):
     for text, box in boxes.items():
         others = [other for other, b in boxes.items() if other != text and box.overlaps(b)]
         assert not others, (text, others)
+
+
+def test_a_model_that_nothing_drives_is_drawn():
+    mass = {"mass": {"shape": "box", "from": ["x", 0], "to": ["x + 1", 0]}}
+    model = equations_model(
+        "spring", {"x": Equation("v"), "v": Equation("-x")}, {"x": Equation("x")}, {}, (), scene=mass
+    )
+    assert "positive sense." in model.plot().get_supxlabel()

@@ -120,8 +120,9 @@ def _note(figure: Figure, model: Model) -> None:
     """Below: what zero is, and which way the input drives."""
     zero = f" ({appearance.spoken(appearance.symbol(model.pendulum))} = 0: {model.zero})" if model.zero else ""
     push = model.parameter(model.drive).value if model.drive else 0.0
-    drives = f" A positive {appearance.plain(model.inputs[0])} drives θ {'positive' if push > 0 else 'negative'}."
-    note = f"Dashed: every output 0{zero}. Arrows: positive sense.{drives if push and model.inputs else ''}"
+    way = "positive" if push > 0 else "negative"
+    drives = [f" A positive {appearance.plain(n)} drives θ {way}." for n in model.inputs[:1] if push]
+    note = f"Dashed: every output 0{zero}. Arrows: positive sense.{''.join(drives)}"
     length = appearance.text_width(note, appearance.text_size(appearance.style_of(figure), appearance.SMALL))
     columns = int(len(note) * 0.92 * 72 * figure.get_figwidth() / length)
     figure.supxlabel(textwrap.fill(note, columns), x=0.02, ha="left", fontsize=appearance.SMALL)
