@@ -341,7 +341,7 @@ def test_the_figure_has_a_row_for_each_unknown_and_a_mark_for_each_cell():
         ({"levels": [1e-3, 1e-3]}, "name one twice; give each once"),
         ({"seeds": 0}, "seeds"),
         ({"optimiser": "annealing"}, "annealing"),
-        ({"cost": "rsme"}, "did you mean 'rmse'"),
+        ({"cost": "rsme"}, "did you mean rmse"),
         ({"executor": "process"}, "There is no executor 'process'"),
         (
             {"truth": np.array([0.9])},

@@ -35,7 +35,7 @@ def doubts(result: Mapping[str, Any]) -> dict[str, str]:
 
     Examples
     --------
-    >>> result = {"claim": "integer", "orders": {}, "recordings": {}, "outcome": "converged"}
+    >>> result = {"claim": "integer", "orders": {}, "recordings": {}, "outcome": Outcome.CONVERGED}
     >>> doubts(result), doubts(result | {"findings": [{"code": "misfit"}]})
     ({}, {'Fit': 'the model lacks something'})
     """
