@@ -405,16 +405,13 @@ class _Findings:
         if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
             return None
         while True:
-            most = TIMES * self.searched / self.problem.simulator.work
-            found = walked(self.near, self.known, most=most, jobs=given.jobs)
+            found = walked(self.near, self.known, jobs=given.jobs)
             bent = isinstance(found, Evaluation) or found.walked.any()
             if not (bent and self._halve(given)):  # bumps that the step makes are no valley
                 break
         if isinstance(found, Evaluation):
             return found
         self.known = found
-        if found.unwalked:
-            self.warnings.append(SAYS("walk-cut", ends=found.unwalked))
         return None
 
     def _halve(self, given: _Given) -> bool:

@@ -3,7 +3,6 @@
 import pytest
 
 from fracid import Free, Problem, identification, identify
-from fracid.estimation import interval_walk
 from fracid.selection import integer_alternatives
 from twins import RIG, release
 
@@ -57,20 +56,3 @@ def test_what_is_settled_before_the_work_is_spent_stays_so(monkeypatch):
     fit, *_ = examined(Problem(RIG, (twin,), {**ORDERS, "lambda": 1.0}, initial_state="held"), monkeypatch)
     assert fit.claim == "integer"
     assert not fit.alternative.cut
-
-
-def test_the_ends_of_intervals_get_twice_the_work_of_the_search_and_those_that_were_left_are_counted(monkeypatch):
-    monkeypatch.setattr(interval_walk, "OFF", 0.0)  # so that no first look is enough
-    monkeypatch.setattr(interval_walk, "CLOSE", 0.0)
-    allowed, walked = [], interval_walk.walked
-
-    def watched(here, known, *, most, jobs):
-        allowed.append(most)
-        found = walked(here, known, most=0.0, jobs=jobs)
-        assert found.unwalked == 4
-        return found
-
-    monkeypatch.setattr(identification, "walked", watched)
-    fit = identify(swings(1, {}), fixed_step=True)
-    assert 0 < allowed[0] <= identification.TIMES * fit.evaluations
-    assert any("4 may lie elsewhere" in w for w in fit.warnings)
