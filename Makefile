@@ -134,9 +134,9 @@ $(PACKING): tests/packaging/requirements.txt
 	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check -r tests/packaging/requirements.txt
 	touch $@
 
-# Executes the notebook of the paper anew, with its figures: a minute.
+# Executes the notebooks anew, with their figures: four minutes.
 notebook: $(READY)
-	$(BIN)/python tests/docs/notebook.py examples/paper.ipynb
+	$(BIN)/python tests/docs/notebook.py examples/*.ipynb
 
 # The compiled loops that are kept; they are checked against their source, so this only frees disk space.
 clean-cache:

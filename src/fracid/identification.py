@@ -824,13 +824,8 @@ def _without_interval(e: Estimate) -> Estimate:
                    reason="")  # fmt: skip
 
 
-SAID = {
-    "practically not": "is practically non-identifiable",
-    "not at all": "is not identifiable",
-    "at its bound": "lies at its bound",
-    "only in a ratio": "is known only in a ratio",
-}
-"""How a warning says a verdict."""
+UNTOLD = ("identifiable", "forgotten", "unknown")
+"""Verdicts that are no warning."""
 
 
 def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapping[str, Verdict]) -> Iterator[str]:
@@ -846,16 +841,15 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
-    alike: dict[tuple[str, str], list[str]] = {}
+    alike: dict[str, list[str]] = {}
     for v in verdicts.values():
-        if v.kind in SAID and not any(v.name in names for names in together):
-            alike.setdefault((v.kind, v.reason), []).append(GREEK.get(v.name, v.name))
-    for (kind, reason), unknowns in alike.items():
-        because = f": {reason}" if reason else ""
+        if v.kind not in UNTOLD and not any(v.name in names for names in together):
+            alike.setdefault(v.says, []).append(GREEK.get(v.name, v.name))
+    for says, unknowns in alike.items():
         if len(unknowns) == 1:
-            yield f"{unknowns[0]} {SAID[kind]}{because}."
+            yield f"{unknowns[0]} {says}."
         else:
-            yield f"{', '.join(unknowns[:-1])} and {unknowns[-1]} {_of_several(SAID[kind] + because)}."
+            yield f"{', '.join(unknowns[:-1])} and {unknowns[-1]} {_of_several(says)}."
 
 
 def _of_several(said: str) -> str:

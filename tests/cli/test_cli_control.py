@@ -44,6 +44,7 @@ def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(caps
     assert "<animate" in moving
     again = fracid.run_control(folder, limit=10, draws=3, seconds=3.0)
     assert again.result == record
+    assert {path.name for path in again.figures} >= {"motion.svg"}
     progress = [json.loads(line) for line in err.splitlines() if '"earlier"' in line]
     assert progress
     assert all(line["earlier"] == line["done"] for line in progress)

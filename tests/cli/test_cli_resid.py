@@ -160,7 +160,7 @@ def test_values_that_do_not_give_the_saved_rmse_are_told(capsys, good, tmp_path,
     path.write_text(json.dumps(result), encoding="utf-8")
     code, out, _ = run(capsys, "resid", tmp_path / "copy" / "run", "--recording", "again")
     assert code == 0
-    assert "! again: simulated again with the saved values, the rmse of alpha is" in out
+    assert "! again: simulated again with the saved values, the RMSE of alpha is" in out
 
 
 # --- what it refuses ---------------------------------------------------------------------------------------

@@ -6,13 +6,12 @@ from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
+from printed import far_apart
+
 ROOT = Path(__file__).parents[2]
-SAME = 0.5
-"""By which pixels may differ on average, of 255: fonts and machines round differently."""
 MODELS = sorted(p.stem.removeprefix("figure-") for p in (ROOT / "docs" / "images").glob("figure-model-*.png"))
 
 
@@ -36,8 +35,7 @@ def test_a_picture_is_what_its_line_of_the_script_draws(tmp_path, name):
     figures = script()
     figures.write(figures.FIGURES[name](), tmp_path / "drawn.png")
     shown, drawn = (Image.open(p).convert("L") for p in (figures.IMAGES / f"figure-{name}.png", tmp_path / "drawn.png"))
-    assert shown.size == drawn.size
-    assert np.abs(np.asarray(shown, float) - np.asarray(drawn, float)).mean() < SAME
+    assert not far_apart(shown, drawn)
 
 
 def test_of_every_picture_stands_what_makes_it():

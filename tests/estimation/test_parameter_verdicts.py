@@ -262,6 +262,7 @@ def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
     assert says.startswith("at its bound: 0; it is zero within the resolution of the data: remove it")
     found = verdicts(p, profiles=profile(p, parameters=["coulomb_theta"]).profiles)["coulomb_theta"]
     assert found.sentence.startswith("at its bound: 0; its interval is all below ")
+    assert found.says.startswith("lies at its bound: 0; its interval is all below ")
 
 
 def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():

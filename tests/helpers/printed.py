@@ -2,9 +2,14 @@
 
 import re
 
+import numpy as np
+
 NUMBER = re.compile(r"(?<![\w.])[-+±]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 SAME = 0.02
 """By which a number may differ, relatively; and by two in the last digit printed."""
+
+SAME_PICTURE = 0.5
+"""By which pixels may differ on average, of 255: fonts and machines round differently."""
 
 
 def words(line):
@@ -26,3 +31,10 @@ def alike(a, b):
     x, y = (float(text.replace(",", "").replace("±", "")) for text in (a, b))
     digit = 10.0 ** -len(a.partition("e")[0].partition(".")[2])
     return abs(x - y) <= max(SAME * abs(x), 2 * digit if "e" not in a else 1e-6)
+
+
+def far_apart(shown, drawn):
+    """Whether two pictures are not alike: of other sizes, or by more than fonts do."""
+    if shown.size != drawn.size:
+        return True
+    return bool(np.abs(np.asarray(shown, float) - np.asarray(drawn, float)).mean() > SAME_PICTURE)

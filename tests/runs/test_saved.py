@@ -171,7 +171,7 @@ def test_values_that_do_not_give_the_saved_rmse_are_told(copy):
     path.write_text(json.dumps(result), encoding="utf-8")
     notes = load_run(copy / "run").notes
     assert len(notes) == 4  # both outputs of both recordings
-    assert "simulated again with the saved values, the rmse of theta is" in notes[0]
+    assert "simulated again with the saved values, the RMSE of theta is" in notes[0]
 
 
 def test_an_unknown_without_a_saved_value_stays_at_its_start(copy):

@@ -18,7 +18,7 @@ from fracid.cli.app import (
 )
 from fracid.errors import SMALLEST, Failure, InputError
 from fracid.tasks.display import shown
-from fracid.units import half_of, to_second_digit
+from fracid.units import GREEK, half_of, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -86,7 +86,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
     for name, verdict in analysis.verdicts.items():
         if verdict.kind != "forgotten" and (verdict.kind != "identifiable" or verdict.reason):
             mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
-            say(console, escape(f"{name}: {verdict.sentence}"), mark, 2)
+            say(console, escape(f"{GREEK.get(name, name)} {verdict.says}"), mark, 2)
     print_study(console, analysis, after)
 
 

@@ -26,7 +26,7 @@ from fracid.figures import STYLES, Style, style_named
 from fracid.problem.costs import COSTS
 from fracid.safety.door import own_text
 from fracid.safety.text import cut
-from fracid.units import GREEK, shown_unit, with_unit
+from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -287,10 +287,16 @@ def encoder_band(axes: Axes, step: float | None, unit: str = "rad", *, upright: 
             line(edge, color=ORANGE, lw=0.8, zorder=3)
 
 
-def unit_of(recording: RecordingFit, name: str) -> tuple[str, float]:
-    """How an output is shown: its unit, "–" for a pure number, and the factor to it."""
-    display_unit, factor = shown_unit(recording.unit(name))
-    return display_unit or "–", factor
+def axis_unit(unit: str) -> tuple[str, float]:
+    """How an axis shows a unit, "–" for a pure number, and the factor to it.
+
+    Examples
+    --------
+    >>> axis_unit("kg m^2"), axis_unit("1")
+    (('kg m²', 1.0), ('–', 1.0))
+    """
+    display_unit, factor = shown_unit(unit)
+    return plain(typeset_unit(display_unit)) or "–", factor
 
 
 def encoder_step(resolution: Mapping[str, float | None] | None, name: str) -> float | None:
@@ -334,7 +340,7 @@ def angle_label(name: str, display_unit: str, zero: str) -> str:
     ('$\\\\alpha$, 0 = hanging [°]', '$\\\\theta$ [°]')
     """
     where = f", 0 = {plain(zero)}" if zero else ""
-    return f"{symbol(name)}{where} [{plain(display_unit)}]"
+    return f"{symbol(name)}{where} [{display_unit}]"
 
 
 def spoken(text: str) -> str:

@@ -65,7 +65,8 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
         for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
             _rungs(axes, comparison, output, recordings, use)
             appearance.title(axes, title if output == comparison.outputs[0] else "")
-        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)}{_in(comparison, output)}")
+        unit, _ = appearance.axis_unit(comparison.units.get(output, "rad"))
+        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)} [{unit}]")
     appearance.finish(figure, "RMSE by friction model")
     return figure
 
@@ -108,12 +109,6 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
 
 def _scores(row: Row, use: str) -> Mapping[str, Score]:
     return row.in_sample if use == "in_sample" else row.held_out
-
-
-def _in(comparison: Comparison, output: str) -> str:
-    """The unit, as an axis has it."""
-    unit, _ = shown_unit(comparison.units.get(output, "rad"))
-    return f" [{unit}]" if unit else ""
 
 
 def _shown(score: Score | None, output: str, comparison: Comparison) -> float:
@@ -171,7 +166,7 @@ def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
 
 def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     colours = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE, appearance.INK)
-    unit, factor = shown_unit(drifts[0].unit)
+    unit, factor = appearance.axis_unit(drifts[0].unit)
     for k, d in enumerate(drifts):
         whole = d.over == "releases"
         style: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white"} if whole else {"marker": "o", "lw": 1.2}
@@ -184,5 +179,5 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
     appearance.title(axes, verdict)
-    axes.set_xlabel(f"mean amplitude of the swing [{unit or '–'}]")
+    axes.set_xlabel(f"mean amplitude of the swing [{unit}]")
     axes.set_ylabel(f"order {appearance.symbol(order)} [–]")

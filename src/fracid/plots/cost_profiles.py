@@ -10,7 +10,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.plots import appearance
 from fracid.quantiles import CHI2_95, NORMAL_95
-from fracid.units import SHOWN_UNITS, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,8 +126,8 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
 
 def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
-    display_unit, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
+    display_unit, factor = appearance.axis_unit(unit)
     order = "order " if name in model.order_names else ""
     of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
     where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
-    return f"{order}{appearance.symbol(name)}{where} [{appearance.plain(typeset_unit(display_unit))}]", factor
+    return f"{order}{appearance.symbol(name)}{where} [{display_unit}]", factor

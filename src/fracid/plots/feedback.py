@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fracid.plots.appearance import BLUE, INK, ORANGE, VERMILLION, finish, label, new, plain, symbol
-from fracid.units import shown_unit
+from fracid.plots.appearance import BLUE, INK, ORANGE, VERMILLION, axis_unit, finish, label, new, plain, symbol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +55,8 @@ def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Fi
     label(scatter, f"margins of {len(control.trials)} draws", "gain margin [dB]", "phase margin [°]")
     time, y, u = loop.run(worst, controller, control.seed + control.worst_draw)
     for i, (n, colour) in enumerate(zip(c.outputs, (BLUE, ORANGE, VERMILLION, INK), strict=False)):
-        unit, factor = shown_unit(c.units[n])
-        motion.plot(time, factor * y[:, i], color=colour, label=f"{symbol(n)} [{unit or '–'}]")
+        unit, factor = axis_unit(c.units[n])
+        motion.plot(time, factor * y[:, i], color=colour, label=f"{symbol(n)} [{unit}]")
     label(motion, "motion of the worst draw", "time [s]", f"from {c.posture}")
     drive.step(time, u, where="post", color=INK, lw=0.7)
     label(drive, "its input", "time [s]", f"{plain(c.input)} [{c.unit}]")

@@ -82,7 +82,7 @@ def fitted_over_time(
             f"RMSE {with_unit(rmse, recording.unit(name))}" if brief and np.isfinite(rmse) else heading,
             "left",
         )
-        display_unit, _ = appearance.unit_of(recording, name)
+        display_unit, _ = appearance.axis_unit(recording.unit(name))
         where = appearance.angle_label(name, display_unit, recording.zero_of(name))
         panels[0].set_ylabel(where.replace(", ", ",\n") if brief else where)
         strips[0].set_ylabel(f"residual\n[{display_unit}]")
@@ -108,7 +108,7 @@ def _simulated(recording: RecordingFit) -> str:
 
 
 def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
-    time, (_, factor) = recording.time[span], appearance.unit_of(recording, name)
+    time, (_, factor) = recording.time[span], appearance.axis_unit(recording.unit(name))
     measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
     appearance.line(axes, time, measured, label="measured", **appearance.MEASURED)
     appearance.line(axes, time, fitted, label=_simulated(recording), **appearance.FITTED)
@@ -126,7 +126,7 @@ def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: s
 
 
 def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
-    residual = appearance.unit_of(recording, name)[1] * recording.residual(name)[span]
+    residual = appearance.axis_unit(recording.unit(name))[1] * recording.residual(name)[span]
     if not np.isfinite(residual).any():
         appearance.note(axes, "no residual")
         axes.set_yticks([])

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.plots.appearance import BLUE, FITTED, ORANGE, finish, label, new, note, plain, symbol
-from fracid.units import shown_unit
+from fracid.plots.appearance import BLUE, FITTED, ORANGE, axis_unit, finish, label, new, note, plain, symbol
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,7 +79,7 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
             magnitude.semilogx(omega, 20 * np.log10(np.maximum(np.abs(h), 1e-12)), **line, label=name)
             phase.semilogx(omega, np.degrees(np.unwrap(np.angle(h))), **line)
         own = system.units.get(output, "rad")
-        display_unit, factor = shown_unit(own)
+        display_unit, factor = axis_unit(own)
         step.plot(time, factor * exact[:, column], **FRACTIONAL)
         step.plot(time, factor * integer[:, column], **INTEGER)
         for axes in (magnitude, phase):
@@ -88,7 +87,7 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
                          label="band of the recording" if axes is magnitude else None)  # fmt: skip
         letter = symbol(output)
         about = f" from {posture}" if output == system.model.pendulum else ""
-        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit or '–'}]")
+        label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit}]")
         across, frequency = f"{plain(linear.inputs[0])} to {letter}", "frequency [rad/s]"
         label(magnitude, across, frequency, f"magnitude [dB re 1 {own}/{unit}]", None)
         label(phase, "", frequency, "phase [°]", None)

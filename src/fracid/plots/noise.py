@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
 from fracid.plots import appearance
-from fracid.units import SHOWN_UNITS, shown_unit, typeset_unit
+from fracid.units import shown_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +72,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
     for name, (left, right) in zip(rows, panels, strict=True):
         _unknown(left, right, study, name)
     for axes in panels[-1]:
-        axes.set_xlabel(f"noise, standard deviation [{shown_unit(study.cells[0].unit)[0] or '–'}]")
+        axes.set_xlabel(f"noise, standard deviation [{appearance.axis_unit(study.cells[0].unit)[0]}]")
     more = f" (the first {len(rows)} of {len(names)} free parameters)" if len(names) > len(rows) else ""
     cost = appearance.cost_label(study.cost_name)[0]
     appearance.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
@@ -82,7 +82,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
 def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
-    display_unit, factor = SHOWN_UNITS.get(unit := study.cells[0].unknowns[name].unit, (unit or "–", 1.0))
+    display_unit, factor = appearance.axis_unit(study.cells[0].unknowns[name].unit)
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
         place = (which + 0.5) / len(resolutions) - 0.5
@@ -100,7 +100,7 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str)
     title, _, recording = name.partition(" [")
     if recording:
         appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {appearance.symbol(title)} [{appearance.plain(typeset_unit(display_unit))}]")
+    left.set_ylabel(f"bias of {appearance.symbol(title)} [{display_unit}]")
     right.set_ylabel("coverage [%]")
 
 

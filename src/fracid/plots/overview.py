@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fracid.plots import appearance
 from fracid.recording.measures import PENDULUM
-from fracid.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,12 +48,12 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     near = _about_release(recording)
     inside = (recording.time >= near[0]) & (recording.time <= near[1])
     for (whole, close), name in zip(grid, recording.signals, strict=True):
-        unit = SHOWN_UNITS.get(recording.units[name], (recording.units[name], 1))[0]
+        unit = appearance.axis_unit(recording.units[name])[0]
         _signal(whole, recording, name, np.full(inside.shape, True))
         _signal(close, recording, name, inside)
         label = appearance.angle_label(name, unit, zero if name == PENDULUM else "")
         if not zero and recording.units[name] == "rad":
-            label = f"{appearance.symbol(name)} as recorded [{appearance.plain(unit)}]"
+            label = f"{appearance.symbol(name)} as recorded [{unit}]"
         whole.set_ylabel(label)
     release = recording.report.release
     appearance.title(grid[0][0], "whole recording")
@@ -77,7 +76,7 @@ def _about_release(recording: Recording) -> tuple[float, float]:
 
 
 def _signal(axes: Axes, recording: Recording, name: str, part: NDArray[np.bool_]) -> None:
-    _, factor = SHOWN_UNITS.get(recording.units[name], ("", 1.0))
+    _, factor = appearance.axis_unit(recording.units[name])
     report = next(s for s in recording.report.signals if s.name == name)
     appearance.line(axes, recording.time[part], factor * recording.signals[name][part], **appearance.FITTED)
     for start, length in recording.report.clock.gaps:

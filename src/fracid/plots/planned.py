@@ -9,7 +9,6 @@ import numpy as np
 
 from fracid.errors import InputError
 from fracid.plots import appearance
-from fracid.units import shown_unit, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +56,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     candidates = [c for c, _ in plan.landscape]
     by_release = len({c.release for c in candidates}) > 1
     for axes, name in zip(panels, names, strict=True):
-        unit, factor = shown_unit(plan.expected[name].unit)
+        unit, factor = appearance.axis_unit(plan.expected[name].unit)
         half = factor * HALF * np.array([errors[name] for _, errors in plan.landscape])
         lines = sorted({c.seconds for c in candidates}) if by_release else [None]
         for k, seconds in enumerate(lines):
@@ -75,7 +74,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                           label="chosen", zorder=4)  # fmt: skip
         axes.set_yscale("log")
         axes.set_xlabel("release [°]" if by_release else "duration [s]")
-        axes.set_ylabel(f"CI half-width of {appearance.symbol(name)} [{appearance.plain(typeset_unit(unit) or '–')}]")
+        axes.set_ylabel(f"CI half-width of {appearance.symbol(name)} [{unit}]")
     appearance.finish(figure, "Expected interval after one more experiment")
     return figure
 
@@ -104,13 +103,13 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
     grid = figure.subplots(len(curves), len(names), squeeze=False)
     for row, curve in zip(grid, curves, strict=True):
         for axes, name in zip(row, names, strict=True):
-            unit, factor = shown_unit("rad" if name in model.angles else "")
+            unit, factor = appearance.axis_unit(model.output_unit(name))
             y, half = factor * curve.outputs[name], factor * curve.half[name]
             shown = np.unique(np.linspace(0, len(y) - 1, 4000).astype(int))
             axes.fill_between(curve.time[shown], (y - half)[shown], (y + half)[shown], color=appearance.ORANGE,
                               alpha=0.4, lw=0, label="95 % band")  # fmt: skip
             axes.plot(curve.time[shown], y[shown], color=appearance.BLUE, lw=1.0, label="expected")
-            axes.set_ylabel(appearance.angle_label(name, unit or "–", model.zero if name == model.pendulum else ""))
+            axes.set_ylabel(appearance.angle_label(name, unit, model.zero if name == model.pendulum else ""))
         appearance.title(row[0], appearance.plain(str(curve.candidate), 90), "left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")

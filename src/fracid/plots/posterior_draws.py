@@ -9,7 +9,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.plots import appearance
-from fracid.units import SHOWN_UNITS, typeset_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,7 +119,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     for o, (axes, output) in enumerate(
         zip(figure.subplots(len(outputs), 1, squeeze=False)[:, 0], outputs, strict=True)
     ):
-        unit, factor = SHOWN_UNITS.get(e.units.get(output, "rad"), (e.units.get(output, "rad"), 1.0))
+        unit, factor = appearance.axis_unit(e.units.get(output, "rad"))
         time = e.start + e.time
         residual = e.measured[:, o] - fitted[:, o]
         if e.scored is not None:
@@ -131,7 +130,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
             axes.fill_between(time, low, high, color=appearance.BLUE, alpha=0.7, lw=0, zorder=3,
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         appearance.label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
-                         f"residual of {appearance.symbol(output)} [{appearance.plain(unit)}]")  # fmt: skip
+                         f"residual of {appearance.symbol(output)} [{unit}]")  # fmt: skip
     shown = appearance.plain(e.name) if problem is posterior.problem else (
         f"the first {e.time[-1]:.3g} s of {appearance.plain(e.name)}"
     )  # fmt: skip
@@ -200,5 +199,5 @@ def _reach(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
 def _label(posterior: Posterior, name: str) -> tuple[str, float]:
     """What stands at an axis, and the factor to its unit there."""
     unit = posterior.problem.unknowns[posterior.names.index(name)].unit
-    shown, factor = SHOWN_UNITS.get(unit, (unit or "–", 1.0))
-    return f"{appearance.symbol(name)} [{appearance.plain(typeset_unit(shown))}]", factor
+    shown, factor = appearance.axis_unit(unit)
+    return f"{appearance.symbol(name)} [{shown}]", factor

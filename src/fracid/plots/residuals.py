@@ -133,7 +133,7 @@ def residual_diagnostics(
     diagnosis = residual_analysis(recording, output, resolution) if analysis is None else analysis
     step = appearance.encoder_step(resolution, output)
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
+    unit, (display_unit, factor) = recording.unit(output), appearance.axis_unit(recording.unit(output))
     figure = appearance.new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
@@ -156,7 +156,7 @@ def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: 
     """The four of Figure 3: over time, against the fitted value, the distribution, the probability plot."""
     over_time, over_fitted, distribution, probability = panels
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (display_unit, factor) = recording.unit(output), appearance.unit_of(recording, output)
+    unit, (display_unit, factor) = recording.unit(output), appearance.axis_unit(recording.unit(output))
     residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     if residual.size:
         _over_time(over_time, recording.time, factor * whole, step, unit)

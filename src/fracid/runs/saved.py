@@ -42,6 +42,7 @@ from fracid.safety.schema import fault_of, record_of
 from fracid.safety.text import ascii_short
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
+from fracid.units import with_unit
 from fracid.validation.unknown_past import CutCheck
 
 DIFFERENT = 1e-6
@@ -93,9 +94,10 @@ class SavedRun(Fit):
             for output, now in r.rmse.items():
                 before = scores.get(output)
                 if before is not None and not abs(now - before) <= DIFFERENT * before:
+                    again, found = (with_unit(v, r.unit(output), ".6g") for v in (now, before))
                     yield (
-                        f"{name}: simulated again with the saved values, the rmse of {output} is {now:.6g} rad; the "
-                        f"run found {before:.6g}. Another version of fracid wrote it, or a model's file has changed."
+                        f"{name}: simulated again with the saved values, the RMSE of {output} is {again}; the run "
+                        f"found {found}. Another version of fracid wrote it, or a model's file has changed."
                     )
 
 

@@ -6,7 +6,7 @@ Every trial goes into the folder's journal as it ends, and the same call continu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +101,9 @@ def run_control(
         header = header_of_run(fit, "control")
         with begun(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)
-        if (scene := fit.problem.model.scene) is not None:
-            write_files(folder / FIGURES, {"motion.svg": scene_moving(scene, *found.worst_motion())})
-        return FinishedControl.written(folder, found.to_json() | {"source": str(run)}, plotted("control", found),
-                                       watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
+        scene = fit.problem.model.scene
+        moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
+        write_files(folder / FIGURES, moving)
+        finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, plotted("control", found),
+                                           watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
+        return replace(finished, figures=(*finished.figures, *(folder / FIGURES / name for name in moving)))

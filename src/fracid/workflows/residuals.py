@@ -18,11 +18,11 @@ from fracid.validation.residual_records import ResidualAnalysis, ResidualsBlock
 from fracid.validation.residuals import residual_analysis
 from fracid.workflows.figures import of_tests, saved
 from fracid.workflows.records import json_document, write_files
-from fracid.workflows.study import Finished
+from fracid.workflows.study import Written
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedResiduals(Finished):
+class FinishedResiduals(Written):
     """A run with the analyses of its residuals, and where they were written."""
 
     FILE = "residuals.json"

@@ -33,18 +33,29 @@ CALLED = {"noise": "study", "control": "controller"}
 
 
 @dataclass(frozen=True, repr=False)
-class Finished(CardDisplay):
-    """What a command found, with its folder."""
+class Written(CardDisplay):
+    """What a command wrote into a folder."""
 
     FILE: ClassVar[str]
-    FOUND: ClassVar[str]
-    """The attribute with the result itself."""
 
     folder: Path
     figures: tuple[Path, ...]
     """Empty where there was nothing to draw."""
     result: Mapping[str, Any]
     """The content of the JSON file."""
+
+    @property
+    def path(self) -> Path:
+        """Path of the JSON file."""
+        return self.folder / self.FILE
+
+
+@dataclass(frozen=True, repr=False)
+class Finished(Written):
+    """What a study found, with its folder and a page."""
+
+    FOUND: ClassVar[str]
+    """The attribute with the result itself."""
 
     def _card(self) -> Card:
         card: Card = getattr(self, self.FOUND)._card()
@@ -62,11 +73,6 @@ class Finished(CardDisplay):
         write_study_page(folder, cls.FILE)
         observer.stage("")
         return cls(folder, drawn, record, **found)
-
-    @property
-    def path(self) -> Path:
-        """Path of the JSON file."""
-        return self.folder / self.FILE
 
     @property
     def page(self) -> Path:
