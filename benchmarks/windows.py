@@ -3,8 +3,8 @@
     python benchmarks/windows.py --seeds 10 --jobs 2 --rate 100
     python benchmarks/windows.py --kinds tumbling --json     # at 500 Hz: hours on two cores
 
-The recordings are made by Runge and Kutta's method at a quarter of 2 ms, which shares no code with fracid: 60 s of a
-rotary pendulum at 500 Hz or less, the voltage held between samples, 4096 counts a turn, 1 mrad of noise, orders 1.
+The recordings are made by Runge and Kutta's method at 25 µs, which shares no code with fracid (at 0.5 ms a stick or a
+slip within a step is off by what the intervals of a tumbling rig are wide): 60 s of a rotary pendulum at 500 Hz or less, the voltage held between samples, 4096 counts a turn, 1 mrad of noise, orders 1.
 ``balanced`` is kept upright by LQR, which sees what is recorded, noise and all, and moves the arm to and fro;
 ``tumbling`` is driven by a voltage that jumps, so that the pendulum goes over the top again and again.  Each goes
 through the program as a user types it: ``fracid init --rig``, then ``fit`` of the untouched draft.  The exit code is 1
@@ -24,10 +24,11 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
-END, COUNT, NOISE = 60.0, 2 * np.pi / 4096, 1e-3
+END, STEP, COUNT, NOISE = 60.0, 25e-6, 2 * np.pi / 4096, 1e-3
 TRUTH = {
     "lambda": 1.0, "mu": 1.0, "C1": 1.33e-4, "C3": 1.3159e-4, "C4": 0.0151859, "C6": 1.33e-4, "J_theta": 4.0679e-4,
     "b_theta": 2.7e-4, "b_alpha": 5e-5, "coulomb_theta": 4e-4, "coulomb_alpha": 2e-5, "slip_speed": 0.02,
@@ -38,18 +39,35 @@ HOLDS = 0.9
 """Part of all values."""
 
 
+J, C1, C3, C4, C6, SLIP = (TRUTH[n] for n in ("J_theta", "C1", "C3", "C4", "C6", "slip_speed"))
+VISCOUS = np.array([TRUTH["b_theta"], TRUTH["b_alpha"]])
+DRY = np.array([TRUTH["coulomb_theta"], TRUTH["coulomb_alpha"]])
+
+
+@numba.njit(cache=True)
 def rates(x: np.ndarray, torque: float, zero: float, dry: float = 1.0) -> np.ndarray:
     """Return the derivative of θ, θ̇, α, α̇; α = 0 hangs where `zero` is 1 and stands, turned the other way, where −1."""
-    c, s = np.cos(x[2]), np.sin(x[2])
-    t = TRUTH
-    mass = np.array([[t["J_theta"] + t["C6"] * s**2, t["C3"] * c], [t["C3"] * c, t["C1"]]])
-    twice = t["C6"] * np.sin(2 * x[2])
-    arm = torque - (t["b_theta"] + twice * x[3]) * x[1] + t["C3"] * s * x[3] ** 2
-    rod = 0.5 * twice * x[1] ** 2 - t["b_alpha"] * x[3] - zero * t["C4"] * s
-    arm -= dry * t["coulomb_theta"] * np.tanh(x[1] / t["slip_speed"])
-    rod -= dry * t["coulomb_alpha"] * np.tanh(x[3] / t["slip_speed"])
-    arm_rate, rod_rate = np.linalg.solve(mass, [arm, rod])
-    return np.array([x[1], arm_rate, x[3], rod_rate])
+    s, c = np.sin(x[2]), np.cos(x[2])
+    J_s, coupling, twice = J + C6 * s**2, C3 * c, C6 * np.sin(2 * x[2])
+    arm = torque - (VISCOUS[0] + twice * x[3]) * x[1] + C3 * s * x[3] ** 2 - dry * DRY[0] * np.tanh(x[1] / SLIP)
+    rod = 0.5 * twice * x[1] ** 2 - VISCOUS[1] * x[3] - zero * C4 * s - dry * DRY[1] * np.tanh(x[3] / SLIP)
+    determinant = J_s * C1 - coupling**2
+    return np.array([
+        x[1], (C1 * arm - coupling * rod) / determinant, x[3], (J_s * rod - coupling * arm) / determinant
+    ])  # fmt: skip
+
+
+@numba.njit(cache=True)
+def moved(x: np.ndarray, torque: float, zero: float, seconds: float) -> np.ndarray:
+    """Return the state some seconds on, under a torque that stays."""
+    steps = round(seconds / STEP)
+    h = seconds / steps
+    for _ in range(steps):
+        a = rates(x, torque, zero)
+        b = rates(x + h / 2 * a, torque, zero)
+        c = rates(x + h / 2 * b, torque, zero)
+        x = x + h / 6 * (a + 2 * b + 2 * c + rates(x + h * c, torque, zero))
+    return x
 
 
 def recorded(
@@ -61,12 +79,7 @@ def recorded(
         seen = COUNT * np.round((x[[0, 2]] + NOISE * rng.standard_normal(2)) / COUNT)
         volt = control(k, seen)
         rows.append([k * step, *np.degrees(seen), volt])
-        torque, h = TRUTH["torque_per_volt"] * volt, 5e-4
-        for _ in range(round(step / h)):
-            a = rates(x, torque, zero)
-            b = rates(x + h / 2 * a, torque, zero)
-            c = rates(x + h / 2 * b, torque, zero)
-            x = x + h / 6 * (a + 2 * b + 2 * c + rates(x + h * c, torque, zero))
+        x = moved(x, TRUTH["torque_per_volt"] * volt, zero, step)
     return np.array(rows)
 
 
@@ -105,7 +118,7 @@ KINDS = {"balanced": balanced, "tumbling": tumbling}
 def answer(kind: str, seed: int, rate: float) -> dict[str, Any]:
     """Return what fracid says of one recording: each free value, its interval, and how far the truth is from it."""
     with tempfile.TemporaryDirectory() as folder:
-        np.savetxt(Path(folder) / "log.csv", KINDS[kind](seed, 1 / rate), delimiter=",", comments="", fmt="%.6g",
+        np.savetxt(Path(folder) / "log.csv", KINDS[kind](seed, 1 / rate), delimiter=",", comments="", fmt="%.9g",
                    header="time [s],theta [deg],alpha [deg],u [V]")  # fmt: skip
         began = time.perf_counter()
         for command in ("init log.csv --yes --rig qube-servo2", "fit log.toml --json --out run --jobs 1"):

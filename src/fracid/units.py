@@ -32,6 +32,9 @@ BESIDE = -10
 LOPSIDED = 1.15
 """An interval whose longer side is more than this part of its half-width is shown by its ends."""
 
+PLAIN = 0.01
+"""A value from here on is written without a power of ten, however narrow its interval."""
+
 MOST = 15
 """Digits that a number has."""
 
@@ -103,7 +106,7 @@ def to_second_digit(value: float, half: float) -> str:
     """
     place = _last_place(half)
     short = round(value, -place) + 0.0  # no -0
-    if LAST_PLACE <= place <= FIRST_PLACE:
+    if LAST_PLACE <= place <= FIRST_PLACE or (BESIDE <= place < LAST_PLACE and abs(short) >= PLAIN):
         return f"{short:.{max(0, -place)}f}"
     digits = math.floor(math.log10(abs(short) or 1.0)) - place + 1
     return f"{short:.{min(max(1, digits), MOST)}g}"
@@ -132,10 +135,12 @@ def with_half_width(value: float, half: float) -> str:
     --------
     >>> with_half_width(0.914578, 0.00016), with_half_width(0.00013361, 9.1e-07), with_half_width(0.914578, math.inf)
     ('0.91458 ± 0.00016', '(1.3361 ± 0.0091)e-04', '0.9146')
+    >>> with_half_width(0.99998674, 1.7e-08)
+    '0.999986740 ± 0.000000017'
     """
     if not 0 < half < math.inf:
         return f"{value:.4f}"
-    texts = to_second_digit(value, half), half_width(half)
+    texts = to_second_digit(value, half), half_width(half, value if abs(value) >= PLAIN else 0.0)
     if not any("e" in text for text in texts):
         return " ± ".join(texts)
     power = math.floor(math.log10(max(abs(float(text)) for text in texts)))

@@ -194,6 +194,13 @@ def test_a_column_of_a_few_values_that_stay_is_the_input_and_the_arm_says_its_si
         assert np.sign(float(line.split("start = ")[1].split(",")[0])) == sign
 
 
+def test_an_arm_is_watched_until_the_voltage_turns_and_not_when_it_has_turned_back(tmp_path):
+    push = np.interp(TIME, [1.0, 1.05, 1.051, 1.15, 1.151, 5.0], [1.0, 1.0, -10.0, -10.0, 8.0, 8.0]) * (TIME >= 1)
+    arm = np.interp(TIME, [1.0, 1.05, 1.15, 1.25], [0.0, 0.004, -0.15, -0.2])
+    draft = draft_project(written(tmp_path, theta=arm, pend=SWING, c=push), folder=tmp_path)
+    assert "the arm goes against the voltage" not in draft.text
+
+
 def test_a_command_that_is_logged_when_it_changes_is_held(tmp_path):
     path = tmp_path / "log.csv"
     rows = [f"{t:.3f},{a:.6f},{b:.6f},{'' if k % 40 else f'{np.sin(t):.4f}'}"

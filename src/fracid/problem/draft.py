@@ -400,8 +400,9 @@ def _way(recording: Recording) -> float:
     on = np.flatnonzero(u != 0)
     if not on.size:
         return 0.0
-    after = np.arange(on[0], min(on[0] + round(0.25 / recording.report.clock.step), theta.size))
-    displacement = theta[after[np.sign(u[after]) == np.sign(u[on[0]])]] - theta[on[0]]  # until the voltage turns round
+    end = min(on[0] + round(0.25 / recording.report.clock.step), theta.size)
+    turned = np.flatnonzero(u[on[0] : end] * u[on[0]] <= 0)
+    displacement = theta[on[0] : on[0] + turned[0] if turned.size else end] - theta[on[0]]
     furthest = float(displacement[np.argmax(np.abs(displacement))])
     observable = abs(furthest) > 0.02 * float(theta.max() - theta.min())
     return math.copysign(1.0, furthest * float(u[on[0]])) if observable else 0.0
