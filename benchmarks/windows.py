@@ -3,12 +3,13 @@
     python benchmarks/windows.py --seeds 10 --jobs 2 --rate 100
     python benchmarks/windows.py --kinds tumbling --json     # at 500 Hz: hours on two cores
 
-The recordings are made by Runge and Kutta's method at 25 µs, which shares no code with fracid (at 0.5 ms a stick or a
-slip within a step is off by what the intervals of a tumbling rig are wide): 60 s of a rotary pendulum at 500 Hz or less, the voltage held between samples, 4096 counts a turn, 1 mrad of noise, orders 1.
-``balanced`` is kept upright by LQR, which sees what is recorded, noise and all, and moves the arm to and fro;
-``tumbling`` is driven by a voltage that jumps, so that the pendulum goes over the top again and again.  Each goes
-through the program as a user types it: ``fracid init --rig``, then ``fit`` of the untouched draft.  The exit code is 1
-where fewer than nine in ten values lie within their intervals, or an order is claimed.
+The recordings are made by Runge and Kutta's method at 25 µs, which shares no code with fracid (at 0.5 ms it is off by
+what the intervals of a tumbling rig are wide): 60 s of a rotary pendulum at 500 Hz or less, the voltage held between
+samples, 4096 counts a turn, 1 mrad of noise, orders 1.  ``balanced`` is kept upright by LQR, which sees what is
+recorded, noise and all, and moves the arm to and fro; ``tumbling`` is driven by a voltage that jumps, so that the
+pendulum goes over the top again and again.  Each goes through the program as a user types it: ``fracid init --rig``,
+then ``fit`` of the untouched draft.  The exit code is 1 where fewer than nine in ten values lie within their intervals,
+or an order is claimed.
 """
 
 from __future__ import annotations
