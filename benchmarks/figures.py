@@ -1,4 +1,4 @@
-"""Draw every figure of docs/figures.md and docs/models.md into docs/images:  python benchmarks/figures.py [NAME ...]
+"""Draw each figure of docs/figures.md, models.md and examples.md into docs/images:  python benchmarks/figures.py [NAME]
 
 Two minutes; of simulated recordings, so that everyone can draw them again: the reference twin that fracid ships, a
 pendulum that swings alone with dry friction, and a release whose first second is missing.  The pictures are for a page,
@@ -8,10 +8,13 @@ in 128 colours; ``fracid draw`` and ``fracid.plots.save`` write those for a pape
 from __future__ import annotations
 
 import io
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +29,7 @@ from fracid.units import shown_unit
 ROOT = Path(__file__).parent.parent
 IMAGES = ROOT / "docs" / "images"
 TWIN = Path(fracid.__file__).parent / "twins" / "reference-twin.toml"
+EXAMPLES = ("duffing", "flexible-link", "simulate", "supercapacitor")
 WIDTH = 900
 """Of a picture [pixels]."""
 
@@ -109,7 +113,15 @@ def of_library(name: str) -> tuple[Figure, ...]:
     return (twin.model.plot(), curves) if twin.model.scene else (curves,)
 
 
-FIGURES: Mapping[str, Callable[[], Figure | tuple[Figure, ...]]] = {
+def of_example(name: str) -> Image.Image:
+    """What a file of examples/ draws, in a folder of its own: it writes its recording beside itself."""
+    with TemporaryDirectory() as folder:
+        script = Path(shutil.copy(ROOT / "examples" / f"{name.replace('-', '_')}.py", folder))
+        subprocess.run([sys.executable, str(script)], check=True, stdout=subprocess.DEVNULL)
+        return Image.open(script.with_suffix(".png")).convert("RGB")
+
+
+FIGURES: Mapping[str, Callable[[], Figure | Image.Image | tuple[Figure, ...]]] = {
     "rig-hanging": lambda: fracid.rotary_pendulum("srv02-rotpen").plot(),
     "rig-upright": lambda: fracid.rotary_pendulum("qube-servo2", zero="upright").plot(),
     "recording": lambda: fracid.load_project(TWIN).recordings[0].plot(zero="hanging"),
@@ -128,18 +140,26 @@ FIGURES: Mapping[str, Callable[[], Figure | tuple[Figure, ...]]] = {
     "posterior-predictive": lambda: drawn().plot_predictive(),
     "linear": lambda: plots.linear_response(integer_model(twin().problem), "hanging"),
     **{f"model-{name}": partial(of_library, name) for name in MODEL},
+    **{f"example-{name}": partial(of_example, name) for name in EXAMPLES},
 }
-"""By the name of the picture, ``figure-NAME.png``."""
+"""By the name of the picture, ``figure-NAME.png``; of an example ``example-NAME.png``."""
 
 
-def pixels(figure: Figure) -> Image.Image:
-    """Twice as large as on a page."""
+def path_of(name: str) -> Path:
+    """Where a picture lies."""
+    return IMAGES / f"{'' if name.startswith('example-') else 'figure-'}{name}.png"
+
+
+def pixels(figure: Figure | Image.Image) -> Image.Image:
+    """Twice as large as on a page; a picture as it is."""
+    if isinstance(figure, Image.Image):
+        return figure
     with io.BytesIO() as drawn:
         figure.savefig(drawn, format="png", dpi=2 * WIDTH / figure.get_figwidth())
         return Image.open(drawn).convert("RGB")
 
 
-def write(figures: Figure | tuple[Figure, ...], path: Path) -> None:
+def write(figures: Figure | Image.Image | tuple[Figure, ...], path: Path) -> None:
     """Side by side, in few colours and no wider than a page: some tens of kilobytes."""
     parts = [pixels(f) for f in (figures if isinstance(figures, tuple) else (figures,))]
     height = min(p.height for p in parts)
@@ -155,7 +175,7 @@ def write(figures: Figure | tuple[Figure, ...], path: Path) -> None:
 def main(wanted: list[str]) -> None:
     """Draw some, or all."""
     for name in wanted or FIGURES:
-        path = IMAGES / f"figure-{name}.png"
+        path = path_of(name)
         write(FIGURES[name](), path)
         print(f"{path.relative_to(ROOT)}  {path.stat().st_size / 1024:.0f} kB")
 

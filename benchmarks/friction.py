@@ -276,7 +276,7 @@ def main(wanted: list[str]) -> None:
             figures[f"srv02-{name}-end"] = last_swings(recording, friction)
     for name, figure in figures.items():
         (path,) = save(figure, IMAGES, f"friction-{name}", ("svg",))
-        print(f"{path.relative_to(ROOT)}  {path.stat().st_size / 1024:.0f} kB")
+        print(f"{path.name}  {path.stat().st_size / 1024:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from fracid.plots.writing import save
 from fracid.problem import Free, Problem
 
 ROOT = Path(__file__).parent.parent
+IMAGES = ROOT / "docs" / "images"
 PROJECT = ROOT / "examples" / "real" / "xl330" / "xl330.toml"
 LOAD = Free(0.1, 0.0, 1.0)
 LADDER: dict[str, dict[str, float | Free]] = {
@@ -77,7 +78,7 @@ def main() -> None:
         axes.set(xlabel="time [s]", title=e.name)
     figure.axes[0].set(ylabel="angle [°]")
     figure.axes[-1].legend(fontsize="small")
-    save(figure, ROOT / "docs" / "images", "servo", ("svg",))
+    save(figure, IMAGES, "servo", ("svg",))
 
 
 if __name__ == "__main__":

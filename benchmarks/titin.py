@@ -23,6 +23,7 @@ from fracid.plots.writing import save
 from fracid.problem import Experiment, Problem
 
 ROOT = Path(__file__).parent.parent
+IMAGES = ROOT / "docs" / "images"
 PROJECT = ROOT / "examples" / "real" / "titin" / "titin.toml"
 DRAWN = {"springpot": VERMILLION, "two Maxwell elements": BLUE}
 """Predictions in the picture."""
@@ -66,7 +67,7 @@ def main() -> None:
         rms = [(np.sqrt(np.mean(a**2)), np.sqrt(np.mean(b**2))) for a, b in zip(errors, deviations, strict=True)]
         rms.append(tuple(np.mean(rms, axis=0)))
         print(f"{name:34}" + "".join(f"{f'{a:.3f} ({b:.2f} SD)':>16}" for a, b in rms))
-    save(drawing(ramps, forces), ROOT / "docs" / "images", "titin", ("svg",))
+    save(drawing(ramps, forces), IMAGES, "titin", ("svg",))
 
 
 if __name__ == "__main__":

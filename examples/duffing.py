@@ -54,7 +54,7 @@ model = Model(
 
 
 def dashpot_rhs(t, x, u, p, out):  # noqa: ARG001
-    """The rival by hand: a dashpot, q = 1, which fracid makes of r = 0 by itself."""
+    """The integer-order alternative by hand: a dashpot, q = 1, which fracid makes of r = 0 by itself."""
     position, speed = x[0], x[1]
     c, k, k3 = p[0], p[1], p[2]
     out[0] = speed
@@ -121,8 +121,8 @@ def main():
     print(
         f"the nearest of {len(fit.alternative.trials)} alternatives: {1e3 * fit.alternative.cost:.4g} mm, {fit.claim}"
     )
-    rival = fracid.identify(problem(dashpot))
-    print(f"the same by hand, with a dashpot in its place: {1e3 * rival.cost:.4g} mm")
+    by_hand = fracid.identify(problem(dashpot))
+    print(f"the same by hand, with a dashpot in its place: {1e3 * by_hand.cost:.4g} mm")
     fit.plot().savefig(CSV.with_suffix(".png"), dpi=120)
 
 

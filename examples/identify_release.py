@@ -34,8 +34,8 @@ def main():
     # Is it the equation, or the step?  Is it the order, or a friction that the model lacks?
     shift = max(abs(moved) for moved in fit.discretisation.shift.values())
     print(f"at half the step the orders move by {shift:.1g}")
-    rival = fit.alternative
-    print(f"the integer-order model with free friction has {rival.cost / fit.cost:.1f} times the error")
+    alternative = fit.alternative
+    print(f"the integer-order model with free friction has {alternative.cost / fit.cost:.1f} times the error")
 
     # Are the residuals noise?
     (result,) = fit.recordings.values()

@@ -2,10 +2,10 @@
 
     python examples/noise_study.py      # prints what the intervals are worth, draws noise_study.png
 
-Before an experiment: would a 4096-count encoder on this rig tell the orders, or does it take a better one, or a release
-from further out?  A truth is simulated, read by encoders with noise, and identified again and again; then the estimates
-can be held against the truth, and the intervals against the estimates.  `fracid noise runs/NAME` does the same for the
-result of a fit, with more repetitions, on all cores.
+Before an experiment: does a 4096-count encoder on this rig determine the orders, or does it take a better one, or a
+release from a larger angle?  A truth is simulated, read by encoders with noise, and identified again and again; then
+the estimates can be compared with the truth, and the intervals with the estimates.  `fracid noise runs/NAME` does the
+same for the result of a fit, with more repetitions, on all cores.
 """
 
 from pathlib import Path

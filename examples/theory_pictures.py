@@ -77,8 +77,12 @@ def raw_sums():
     return figure
 
 
-if __name__ == "__main__":
+def main():
     warnings.simplefilter("ignore", PaperSchemeWarning)  # that it is wrong is what the picture shows
     for name, draw in (("theory-order-as-damping.png", order_as_damping), ("theory-raw-sums.png", raw_sums)):
         draw().savefig(IMAGES / name, dpi=130)
         print(IMAGES / name)
+
+
+if __name__ == "__main__":
+    main()

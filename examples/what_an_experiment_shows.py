@@ -29,7 +29,7 @@ from fracid.estimation.derivatives import jacobian
 from fracid.plots.appearance import BLUE, VERMILLION
 
 PAGE = Path(__file__).parent.parent / "docs" / "recording.md"
-PICTURE = PAGE.parent / "images" / "recording-angles.png"
+IMAGES = PAGE.parent / "images"
 
 TRUTH = fracid.rotary_pendulum(
     "srv02-rotpen", actuation="torque", b_theta=1e-2, b_alpha=3e-4, coulomb_theta=4e-3, coulomb_alpha=2.5e-4
@@ -217,8 +217,9 @@ def draw():
         axes.minorticks_off()
         axes.grid(color="0.92")
         axes.legend(frameon=False, fontsize=8)
-    figure.savefig(PICTURE, dpi=130)
-    return f"{PICTURE}\n"
+    path = IMAGES / "recording-angles.png"
+    figure.savefig(path, dpi=130)
+    return f"{path}\n"
 
 
 def percent(relative):

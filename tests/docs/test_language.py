@@ -119,8 +119,11 @@ def test_a_notebook_has_no_phrase_of_the_list(notebook):
     assert [p for text in prose for p in phrases(re.sub(r"`[^`\n]+`", "`code`", text))] == []
 
 
-@pytest.mark.parametrize("words", sorted(Path(SOURCE).rglob("*.toml")), ids=lambda path: path.stem)
-def test_the_words_of_results_have_no_phrase_of_the_list(words):
+TABLES = [*SOURCE.rglob("*.toml"), *(ROOT / "examples").rglob("*.toml"), *(ROOT / "examples").rglob("*.py")]
+
+
+@pytest.mark.parametrize("words", sorted(TABLES), ids=lambda path: path.stem)
+def test_the_words_of_results_and_the_examples_have_no_phrase_of_the_list(words):
     assert [*phrases(words.read_text(encoding="utf-8").replace("\\\n", ""))] == []
 
 

@@ -237,3 +237,25 @@ def test_a_model_written_as_toml_is_read_as_the_same_model(project):
     rig.rhs(0.0, x, np.ones(1), rig.parameter_vector(), out)
     model.rhs(0.0, x, np.ones(1), rig.parameter_vector(), other)
     np.testing.assert_allclose(other, out, rtol=1e-13)
+
+
+def test_an_output_in_a_unit_that_recordings_are_converted_from_is_refused(tmp_path):
+    t = np.arange(0.0, 4.0, 0.01)
+    np.savetxt(tmp_path / "swing.csv", np.c_[t, np.cos(9 * t)], delimiter=",", header="time,y", comments="")
+    text = """
+[model]
+name = "spring"
+[model.equations]
+y = "v"
+v = "-k*y"
+[model.outputs]
+y = { equals = "y", unit = "UNIT" }
+[model.parameters]
+k = { start = 80.0, lower = 1.0, upper = 200.0 }
+[[recording]]
+file = "swing.csv"
+y = { column = "y", unit = "mm" }
+"""
+    with pytest.raises(fracid.InputError, match=r'has y in mm, and what is recorded becomes m: .*unit = "m" in SI'):
+        project_from_text(text.replace("UNIT", "mm"), tmp_path / "spring.toml")
+    assert project_from_text(text.replace("UNIT", "m"), tmp_path / "spring.toml").problem.names[0] == "k"

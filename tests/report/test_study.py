@@ -100,7 +100,7 @@ SAYS = {
     "plan.json": (
         "1 experiment for",
         "1 × release.",
-        "95 % interval to expect of μ ± 0.0020, 10 times",
+        "Expected 95 % interval of μ ± 0.0020, 10 times",
         "10 times narrower than today",
     ),
     "profiles.json": ("Without a closed 95 % interval: μ.", "from 0.88 to none"),

@@ -10,7 +10,7 @@ and a *springpot* in this strain, five constants, one of which is an order:
 
     F = f0 + k e + c D^ν e,        0 < ν < 1: between a spring and a dashpot.
 
-What it is held against has Maxwell elements, springs in series with dashpots, in the springpot's place,
+What it is compared with has Maxwell elements, springs in series with dashpots, in the springpot's place,
 
     F = f0 + k e + Σ c_i (e − y_i),      ẏ_i = (e − y_i)/τ_i,
 

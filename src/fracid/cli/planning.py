@@ -1,4 +1,4 @@
-"""``fracid design RUN|PROJECT|RIG``: which experiments next, and what intervals to expect of them."""
+"""``fracid design RUN|PROJECT|RIG``: which experiments next, and their expected intervals."""
 
 from __future__ import annotations
 
@@ -140,9 +140,9 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
         narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.2g}"
         mark = "*" if name in plan.of else ""
         rows.append((f"{name}{mark}", value, ends, narrower, v.unit))
-    print_table(console, ("", "value", "95 % to expect", "narrower by", "unit"), rows)
+    print_table(console, ("", "value", "expected 95 %", "narrower by", "unit"), rows)
     star = "* The plan is chosen to narrow these. " if plan.of else ""
-    console.print(f"[dim]{star}Narrower by: today's 95 % interval divided by the one to expect.[/dim]", soft_wrap=True)
+    console.print(f"[dim]{star}Narrower by: today's 95 % interval divided by the expected one.[/dim]", soft_wrap=True)
     for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
         console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
                       "deviations away.", soft_wrap=True)  # fmt: skip

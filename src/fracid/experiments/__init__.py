@@ -11,6 +11,6 @@ file                   holds
 :mod:`.exchange`       the best set of k candidates, by exchange
 :mod:`.alternatives`   how far the best integer-order alternative stays from each candidate
 :mod:`.choice`         design(): from a run, a project or a rig to a Plan
-:mod:`.plan`           Plan: the experiments, the intervals to expect; its sheet, projects and curves
+:mod:`.plan`           Plan: the experiments, the expected intervals; its sheet, projects and curves
 =====================  ==================================================================================
 """

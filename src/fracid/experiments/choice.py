@@ -1,4 +1,4 @@
-"""``fracid.design``: the next experiments on a rig, and the intervals to expect of them."""
+"""``fracid.design``: the next experiments on a rig, and their expected intervals."""
 
 from __future__ import annotations
 

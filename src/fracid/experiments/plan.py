@@ -1,9 +1,9 @@
-"""A Plan: the experiments to do next, the intervals to expect of them, and the sheet to take to the laboratory.
+"""A Plan: the experiments to do next, their expected intervals, and the sheet to take to the laboratory.
 
 ======================  =========================================================================================
 file                    holds
 ======================  =========================================================================================
-``sheet.txt``           the experiments one after the other, and the intervals to expect
+``sheet.txt``           the experiments one after the other, and the expected intervals
 ``next.toml``           a project for the recordings to come, at the values of now
 ``next-clamped.toml``   the same of those with the arm clamped
 ``voltage-N.csv``       the voltage of experiment N, to be played to the motor
@@ -82,7 +82,7 @@ class Value(Record):
 
 
 class PlanBlock(Block):
-    """plan.json: the experiments to do next, and what to expect of them."""
+    """plan.json: the experiments to do next, and what they should show."""
 
     subject: str = Field(alias="for")
     criterion: str
@@ -182,8 +182,8 @@ class Plan(CardDisplay):
         return write_sheet(self, Path(folder))
 
     def summary(self) -> str:
-        """The card, and the intervals to expect of all free values, in lines."""
-        lines = [repr(self), "", "Values with the 95 % intervals to expect"]
+        """The card, and the expected intervals of all free values, in lines."""
+        lines = [repr(self), "", "Values with their expected 95 % intervals"]
         for n, v in self.expected.items():
             half = None if v.standard_error is None else NORMAL_95 * v.standard_error
             ends = rounded(v.value, half) + " (not shown by this plan)" * (half is None)

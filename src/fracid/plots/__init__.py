@@ -18,7 +18,7 @@ figure                        shows
 :func:`posterior_corner`      a posterior: each parameter's, and each pair's
 :func:`posterior_predictive`  how far simulations with draws of a posterior differ from the fitted one
 :func:`linear_response`       a linear model about a posture: Bode's plots and the step response
-:func:`design_landscape`      the interval to expect of one more experiment, against its release and duration
+:func:`design_landscape`      the expected interval after one more experiment, against its release and duration
 :func:`expected_curves`       what the experiments of a plan should show, with a band
 ============================  ============================================================================
 

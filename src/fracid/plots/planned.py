@@ -1,4 +1,4 @@
-"""A plan of experiments: the interval to expect against angle of release and duration, and the curves to expect."""
+"""A plan of experiments: the expected interval against angle of release and duration, and the expected curves."""
 
 from __future__ import annotations
 
@@ -113,5 +113,5 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
         appearance.title(row[0], appearance.plain(str(curve.candidate), 90), "left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    appearance.finish(figure, "Curves to expect")
+    appearance.finish(figure, "Expected curves")
     return figure

@@ -317,6 +317,9 @@ def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collect
 
     What a sensor scales, such as a potentiometer, is in its unit.
     """
+    for name, unit in {**model.input_units, **model.output_units}.items():
+        if (si := UNITS.get(unit, (1.0, unit))) != (1.0, unit):
+            raise InputError(SAYS("not-si", name=name, unit=unit, si=si[1]))
     possible: dict[str, tuple[str, ...]] = {n: ("rad", "1") for n in model.angles}
     possible |= {n: (model.output_unit(n), "1") for n in model.derived}
     possible |= {n: ("m", "1", "rad") for n in model.outputs if model.output_unit(n) == "m"}

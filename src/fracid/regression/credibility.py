@@ -29,7 +29,7 @@ SAID = {0.0: "small", MIDDLE: "middle", LARGE: "large"}
 
 
 def belief(amplitude: float, noise: float, noise_ratio: float) -> str:
-    """Say what to expect of a regression on motions of this amplitude.
+    """Say how good a regression can be on motions of this amplitude.
 
     Parameters
     ----------

@@ -39,6 +39,9 @@ function nearest(values, v) {
   return v - values[low] <= values[high] - v ? low : high;
 }
 
+// What an axis is called where there is so much room: its unit alone where it has a long name.
+const fitting = (label, room) => (6.5 * label.length <= room ? label : (label.match(/\[[^[]*$/) || [""])[0]);
+
 // Of a logarithmic axis the powers of ten alone, as 10⁻⁴.
 const powers = (u, ticks) => ticks.map(v => {
   if (v === null) return "";
@@ -112,7 +115,7 @@ class Chart {
       },
       axes: [
         axis(spec.xlabel, { size: spec.bare ? 6 : 24, space: 60, grid: grid(spec.logx), ...(spec.bare ? { values: () => [] } : spec.logx ? { values: powers } : {}) }),
-        axis(spec.ylabel, { size: 54, space: 26, grid: grid(spec.logy), ...(spec.logy ? { values: powers } : {}) }),
+        axis(fitting(spec.ylabel, spec.height), { size: 62, space: 26, grid: grid(spec.logy), ...(spec.logy ? { values: powers } : {}) }),
         ...(spec.right && spec.right.length ? [this.right(axis)] : []),
       ],
       series: [

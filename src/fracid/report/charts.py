@@ -163,6 +163,17 @@ def _bounds(values: list[FloatArray], log: bool, pad: float) -> tuple[float, flo
     return low - air, high + air
 
 
+def fitting(label: str, room: float) -> str:
+    """What an axis is called where there is so much room [px]: its unit alone where it has a long name.
+
+    Examples
+    --------
+    >>> fitting("α [°]", 60.0), fitting("displacement_of_holder [m]", 60.0), fitting("displacement_of_holder", 60.0)
+    ('α [°]', '[m]', '')
+    """
+    return label if 6.5 * len(label) <= room else label[label.rfind("[") :] if "[" in label else ""
+
+
 def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tuple[float, str], ...]:
     """Ticks of a residual's right axis, in encoder steps: ±1 and ±3 always, words where there is room for them.
 
@@ -236,7 +247,8 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     ]
     return drawn(
         "chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP,
-        lines=Markup("".join(lines)), steps=[(at, text) for at, text in chart.right if y.inside(at)],
+        ylabel=fitting(chart.ylabel, chart.height), lines=Markup("".join(lines)),
+        steps=[(at, text) for at, text in chart.right if y.inside(at)],
         marks=[_mark(m, x, y) for m in chart.marks if (x if m.axis == "x" else y).inside(m.at)],
     )  # fmt: skip
 

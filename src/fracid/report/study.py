@@ -118,9 +118,9 @@ def _planned(record: Mapping[str, Any]) -> Found:
             for n in record["of"] if gains.get(n))  # fmt: skip
     return Found(
         f"{count} experiment{'s' * (count > 1)} for {record['for']}: {todo}.",
-        said=tuple(f"95 % interval to expect of {aim}." for aim in aims),
+        said=tuple(f"Expected 95 % interval of {aim}." for aim in aims),
         facts=(f"{record['candidates']} candidates", f"criterion {record['criterion']}"),
-        values={"Values to expect after the plan": rows}, tables={"Experiments": plan} | away,
+        values={"Expected values after the plan": rows}, tables={"Experiments": plan} | away,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -67,7 +68,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     against = contradictions(material, lines)
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
     values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
-    orders = joined([value.replace(" ", "\N{NO-BREAK SPACE}") for value in values])
+    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
     if claim == "fractional":
         orders += _but_inside(material.result["orders"])
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders

@@ -10,10 +10,13 @@ from markupsafe import Markup
 
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
-from fracid.report.sentences import said
+from fracid.report.sentences import letter, said
 
 REACH = 0.12
 """Least half-width of the orders' axis: a whisker that fills it would look uncertain."""
+
+SHORT = 3
+"""Letters of an order's name that have room beside its interval; a longer one stands above it."""
 
 LETTER = 8.6
 """Of a value beside its whisker, its width [px]."""
@@ -60,9 +63,11 @@ def orders_drawn(
     """
     longest = max((len(said(e)) for e in orders.values()), default=0)
     low, high = ends or order_axis(list(orders.values()))
-    axis = Axis(low, high, 34.0, width - max(166.0, 16 + LETTER * longest))
+    above = 18 if max((len(letter(n)) for n in orders), default=0) > SHORT else 0
+    axis = Axis(low, high, 8.0 if above else 34.0, width - max(166.0, 16 + LETTER * longest))
     integers = {e.get("integer", 1.0) for e in orders.values()} - {None}
-    return drawn("orders.svg.j2", orders=orders, axis=axis, width=width, foot=30 * len(orders) + 4, integers=integers)
+    return drawn("orders.svg.j2", orders=orders, axis=axis, width=width, above=above,
+                 foot=(30 + above) * len(orders) + 4, integers=integers)  # fmt: skip
 
 
 def whisker(e: Mapping[str, Any], width: int = 180) -> Markup:

@@ -8,8 +8,8 @@ orders free is held against the best with orders 1, as many of one kind as of th
 held out                                                   verdict
 =========================================================  ============================================================
 lower by 2 % or more, on most recordings                   orders help on n of N held-out recordings, by p %
-no lower, but orders help viscous friction alone, and      orders replace Coulomb friction and lose to it
-viscous + Coulomb with orders 1 predicts better than that
+no lower, but orders help viscous friction alone, and      Coulomb friction explains the data better than free
+viscous + Coulomb with orders 1 predicts better than that  orders
 within 2 %                                                 orders make no difference: the integer-order model predicts
                                                            as well
 higher                                                     orders fit better and predict worse
