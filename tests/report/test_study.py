@@ -103,7 +103,7 @@ SAYS = {
         "Expected 95 % interval of μ ± 0.0020, 10 times",
         "10 times narrower than today",
     ),
-    "profiles.json": ("Without a closed 95 % interval: μ.", "from 0.88 to none"),
+    "profiles.json": ("Without a closed 95 % interval: μ.", "it lies above 0.88"),
 }
 
 

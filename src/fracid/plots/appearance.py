@@ -120,6 +120,7 @@ def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = ""
     if style.letters:
         _letter(panels)
     _wrap_titles(figure, panels)
+    _wrap_labels(figure, panels)
     figure.align_labels(panels)
     _no_latex(figure)
     _bring_to(style, figure)
@@ -170,6 +171,20 @@ def _wrap_titles(figure: Figure, panels: list[Axes]) -> None:
             if length > room:
                 lines = math.ceil(length / room)  # about as long as each other
                 axes.set_title(textwrap.fill(text, len(text) // lines + 6), loc=loc, fontsize=MEDIUM)
+
+
+def _wrap_labels(figure: Figure, panels: list[Axes]) -> None:
+    """Break the labels of axes that are longer than their panels: between words, and at the underscores of a name."""
+    for axes in panels:
+        where = axes.get_position()
+        for axis, part in ((axes.xaxis, where.width * figure.get_figwidth()),
+                           (axes.yaxis, where.height * figure.get_figheight())):  # fmt: skip
+            text, size = axis.get_label_text(), text_size(style_of(figure), float(axis.label.get_fontsize()))
+            lines = math.ceil(text_width(text, size) / (72 * 1.15 * part))
+            if lines > 1 and "\n" not in text:
+                words = text if "$" in text else text.replace("_", "_ ")
+                broken = textwrap.wrap(words, len(text) // lines + 6)
+                axis.set_label_text("\n".join(words if "$" in text else words.replace("_ ", "_") for words in broken))
 
 
 def _no_latex(figure: Figure) -> None:

@@ -102,7 +102,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
                 axes.plot(x, y, **PAPER, label="the paper's structure")
     _log(axes)
     short = [f"+ {f.rpartition(' + ')[2]}" if " + " in f else f for f in frictions]
-    axes.set_xticks(range(len(frictions)), [appearance.plain(name) for name in short])
+    axes.set_xticks(range(len(frictions)), [appearance.plain(name, 28) for name in short])
     axes.tick_params(axis="x", rotation=90)  # side by side, six names are wider than a column
     axes.set_xlim(-0.4, len(frictions) - 0.6)
 

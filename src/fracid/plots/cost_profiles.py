@@ -127,7 +127,7 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
 def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
     display_unit, factor = appearance.axis_unit(unit)
-    order = "order " if name in model.order_names else ""
+    order = "order " if name in model.order_names and not name.startswith("order") else ""
     of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
     where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
     return f"{order}{appearance.symbol(name)}{where} [{display_unit}]", factor

@@ -11,7 +11,7 @@
   const passes = {
     text: (row, typed) => row.textContent.toLowerCase().includes(typed.toLowerCase()),
     since: (row, day) => value(row, "started") >= day,
-    error: (row, most) => row.dataset.error !== "" && Number(row.dataset.error) <= Number(most) * Math.PI / 180,
+    error: (row, most) => row.dataset.error !== "" && Number(row.dataset.error) <= Number(most),
   };
 
   function show() {

@@ -27,7 +27,7 @@ from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
-from fracid.report.sentences import joined, letter, number
+from fracid.report.sentences import in_unit, joined, letter, number
 from fracid.report.study import Found, read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.safety.door import opened, text_of, write_text
@@ -36,7 +36,7 @@ from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
-from fracid.units import with_unit
+from fracid.units import shown_unit
 
 INDEX, PAGE = "index.html", "report.html"
 
@@ -291,10 +291,10 @@ def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:
     if not every or any(v is None for rmse in every for v in rmse.values()):
         return {"rmse": "failed", "error": None}
     means = {n: sum(rmse[n] for rmse in every) / len(every) for n in every[0]}
-    said = ", ".join(
-        f"{letter(n)} {with_unit(v, 'rad' if n in ('theta', 'alpha') else '1', '.2g')}" for n, v in means.items()
-    )
-    return {"rmse": said + " held out" * bool(held_out), "error": sum(means.values()) / len(means)}
+    shown = {n: shown_unit("rad" if n in ("theta", "alpha") else "") for n in means}
+    said = ", ".join(f"{letter(n)} {in_unit(v, shown[n])}" for n, v in means.items())
+    error = sum(shown[n][1] * v for n, v in means.items()) / len(means)
+    return {"rmse": said + " held out" * bool(held_out), "error": error}
 
 
 def _rows(result: Mapping[str, Any]) -> Any:

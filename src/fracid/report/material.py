@@ -19,7 +19,7 @@ from fracid.fit import Fit, ResultBlock
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.recording import Recording, inspect_recording
-from fracid.report.sentences import number
+from fracid.report.sentences import in_unit
 from fracid.runs.evaluations import tried
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, read_as
@@ -85,8 +85,7 @@ class Material:
 
     def shown(self, signal: str, value: float, form: str = ".2g") -> str:
         """A value of a signal in its shown unit."""
-        unit, factor = self.unit(signal)
-        return f"{number(factor * value, form)}{unit if unit == '°' else f' {unit}'.rstrip()}"
+        return in_unit(value, self.unit(signal), form)
 
     @cached_property
     def residuals(self) -> Residuals:

@@ -62,6 +62,18 @@ def number(value: float | None, form: str = ".4g") -> str:
     return typeset(text)
 
 
+def in_unit(value: float, shown: tuple[str, float], form: str = ".2g") -> str:
+    """A value in the unit that it is shown in, of which the factor is given.
+
+    Examples
+    --------
+    >>> in_unit(0.5, ("°", 57.3)), in_unit(5.1e-06, ("m", 1.0))
+    ('29°', '5.1×10⁻⁶ m')
+    """
+    unit, factor = shown
+    return f"{number(factor * value, form)}{unit if unit.startswith('°') else f' {unit}'.rstrip()}"
+
+
 def counted(value: float | None) -> str:
     """A count, or a difference of BIC: its thousands apart, below a hundred three figures of it.
 

@@ -28,7 +28,7 @@ from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import counted, interval, letter, number
+from fracid.report.sentences import counted, in_unit, interval, letter, number
 from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
@@ -37,7 +37,7 @@ from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
-from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
+from fracid.units import GREEK, half_of, shown_unit, to_second_digit, typeset_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH
 from fracid.validation.study_records import StudyBlock, label_of
 
@@ -137,10 +137,16 @@ def _drawn(record: Mapping[str, Any]) -> Found:
 def _profiled(record: Mapping[str, Any]) -> Found:
     rows = []
     for name, p in record["profiles"].items():
-        ends, known = p["interval95"], p["verdict"] == "two-sided"
-        low, high = ("none" if v is None else number(v, ".4g") for v in ends)
-        reason = p["sentence"] if None not in ends else f"{p['sentence']}; from {low} to {high}"
-        rows.append(_row(name, {**p, "interval95": None if None in ends else ends}, reason="" if known else reason,
+        low, high = p["interval95"]
+        ends = ((f"above {number(low, '.2g')}", low), (f"below {number(high, '.2g')}", high))
+        sides = [side for side, end in ends if end is not None]
+        if len(sides) < 2:
+            half = half_of(p["wald95"])
+            value = float(to_second_digit(p["value"], half)) if half > 0 else p["value"]
+            sentence = "; it lies ".join((p["sentence"], *sides))
+            p = {**p, "interval95": None, "value": value, "sentence": sentence}
+        known = p["verdict"] == "two-sided"
+        rows.append(_row(name, p, reason="" if known else p["sentence"],
                          verdict="identifiable" if known else p["verdict"]))  # fmt: skip
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
     answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else "Every 95 % interval is closed."
@@ -354,7 +360,7 @@ def _mean(scores: Mapping[str, Any]) -> float | None:
 
 def _shown(record: Mapping[str, Any]) -> Callable[[str, float, str], str]:
     units = record.get("units") or {}
-    return lambda output, value, form: with_unit(value, units.get(output, "rad"), form).replace("-", "−")
+    return lambda output, value, form: in_unit(value, shown_unit(units.get(output, "rad")), form)
 
 
 def _curves(folder: Path, record: Mapping[str, Any]) -> dict[str, Any] | None:

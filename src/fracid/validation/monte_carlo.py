@@ -242,11 +242,16 @@ class _Judged:
 TOGETHER, ALONE = ("few", "believed"), 3
 """Kinds of which more than so many are told in one sentence."""
 
+NAMED = 6
+"""Of more than so many in one sentence their number stands for their names, which the table has."""
+
 
 def _folded(group: Sequence[_Judged]) -> str:
     shares = [100 * j.held / j.intervals for j in group]
     least, most = min(j.intervals for j in group), max(j.intervals for j in group)
-    text = SAYS("coverage", names=listed(j.name for j in group), least=min(shares), most=max(shares))
+    names = f"{len(group)} parameters" if len(group) > NAMED else listed(j.name for j in group)
+    share = " to ".join(dict.fromkeys(f"{share:.0f}" for share in (min(shares), max(shares))))
+    text = SAYS("coverage", names=names, share=share)
     if group[0].kind == "believed":
         return Note(f"{text}: they can be believed.", "believed")
     each = f"{most}" if least == most else f"{least} to {most}"

@@ -51,6 +51,9 @@ GUARD = 1e-9
 SHORT = 3
 """Numbers, constants and states in a variable that is written wherever it is used."""
 
+LONG_NAME = 16
+"""Letters."""
+
 IN_A_ROW = 10
 """Numbers, constants and states."""
 
@@ -335,8 +338,10 @@ def _names(*es: Expression) -> list[str]:
 
 
 def _size(e: Expression) -> int:
-    """Numbers but 2, constants, states and variables in it."""
+    """Numbers but 2, constants, states and variables in it; a constant with a long name counts as several."""
     match e:
+        case Entry() if len(e.name) > LONG_NAME:
+            return len(e.name) // 8
         case Number(2):
             return 0
         case Operation(_, inner) | Call(_, inner):
