@@ -2,11 +2,14 @@
 
 import json
 import shutil
+from contextlib import nullcontext
 
 import jsonschema
+import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import Unfinished
 from fracid.runs.json_schemas import json_schema
 from program import run
 
@@ -75,3 +78,33 @@ def test_what_cannot_be_controlled_is_refused(capsys, folder, options, words):
     code, out, err = run(capsys, "control", folder, *options, "--out", folder.parent / "other")
     assert (code, out) == (2, "")
     assert words in err
+
+
+def stopped_after(count):
+    """An observer who presses Ctrl-C after so many trials."""
+
+    def tell(progress):
+        if progress.done >= count:
+            raise KeyboardInterrupt
+
+    return fracid.Observer(progress=lambda what: nullcontext(tell))
+
+
+def test_what_python_began_is_resumed_as_the_same_study(capsys, folder):
+    drawn = {"points": np.linspace(0.94, 0.96, 9)[:, None], "log_weights": np.full(9, -np.log(9.0))}
+    (folder / "posterior").mkdir()
+    np.savez(folder / "posterior" / "draws.npz", **drawn)
+    how = {
+        "kind": "swing", "posture": "upright", "at": {"theta": 0.1}, "input_": "voltage", "limit": 12.0, "rate": 400.0,
+        "delay": 5e-4, "off": {"alpha": 3.0}, "within": {"alpha": 0.7, "theta": 6.0}, "seconds": 6.0, "draws": 2,
+        "seed": 5, "posterior": True, "trust": True,
+    }  # fmt: skip
+    whole, begun = folder.parent / "whole", folder.parent / "begun"
+    with pytest.raises(Unfinished):
+        fracid.run_control(folder, out=begun, observer=stopped_after(1), **how)
+    assert not (begun / "control.json").exists()
+    code, _, err = run(capsys, "resume", begun)
+    assert (code, err) == (0, "")
+    assert json.loads((begun / "control.json").read_text(encoding="utf-8")) == (
+        fracid.run_control(folder, out=whole, **how).result
+    )

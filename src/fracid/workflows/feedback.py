@@ -97,7 +97,8 @@ def run_control(
             chosen = np.random.default_rng(seed).choice(len(weights), draws, p=weights / weights.sum())
             points = np.asarray(drawn["points"], float)[chosen]
         plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
-        words = command_of("control", run, {"out": out, "draws": draws, "seed": seed}) if command is None else command
+        options = {"draws": draws, "posterior": posterior, "trust": trust, "seed": seed, **loop}
+        words = command_of("control", run, {"out": out, **options}) if command is None else command
         header = header_of_run(fit, "control")
         with begun(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)

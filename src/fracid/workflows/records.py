@@ -75,17 +75,20 @@ def command_of(command: str, place: Path, options: Mapping[str, object]) -> list
         The project, or the folder of the run.
     options : mapping
         By the names of the command's options; None, False and an empty list are left out, True is a flag, and a list
-        is the option several times.
+        is the option several times, as is a mapping: name=value.
 
     Examples
     --------
     >>> command_of("fit", Path("rig.toml"), {"out": "runs/a", "seed": None, "cut": True, "multi_start": 16})
     ['fit', 'rig.toml', '--out', 'runs/a', '--cut', '--multi-start', '16']
+    >>> command_of("control", Path("runs/a"), {"input_": "torque", "off": {"angle": 0.2}})
+    ['control', 'runs/a', '--input', 'torque', '--off', 'angle=0.2']
     """
     words = [command, str(place)]
     for name, value in options.items():
-        option = f"--{name.replace('_', '-')}"
-        values: Iterable[object] = value if isinstance(value, list | tuple) else [value]
+        option = f"--{name.rstrip('_').replace('_', '-')}"
+        pairs = [f"{n}={v}" for n, v in value.items()] if isinstance(value, Mapping) else value
+        values: Iterable[object] = pairs if isinstance(pairs, list | tuple) else [pairs]
         for v in values:
             words += [option] if v is True else [] if v is None or v is False else [option, str(v)]
     return words
