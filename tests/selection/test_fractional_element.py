@@ -82,7 +82,7 @@ def test_a_rival_that_explains_two_springpots_no_better_is_no_evidence_against_f
     orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
     swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
     fit = fracid.identify(Problem(RIG, (swing,), orders, viscous | inertias | dry, initial_state="estimate"))
-    assert fit.claim == "undecided" or "not-excluded" in fit.claim_codes  # its orders' intervals hold 1
+    assert fit.claim == "undecided"  # though its orders' wide intervals hold 1
     assert fit.alternative is None or any(trial.as_well for trial in fit.alternative.trials)
     assert not any("no evidence of fractional dynamics" in said for said in fit.warnings)
     assert not any("stand in for friction" in found.identifiable for found in fit.orders.values())

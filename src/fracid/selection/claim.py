@@ -43,7 +43,8 @@ FLOOR = 0.02
 """The damping ratio by which an order must differ from an integer, its interval taken off: 0.013 in an order."""
 
 KNOWN = 0.1
-"""An order whose interval is wider than this to each side is not known."""
+"""An order whose interval is wider than this to each side is not known; half of it where residuals are no noise, for
+there an interval is too narrow."""
 
 
 NO_FIT = frozenset({"no-run", "no-fit"})
@@ -196,7 +197,8 @@ def claim_of(
             return Claim("integer", (alternative.warning, *open_question))
         return _undecided(alternative.warning, SAYS("unsettled"), *open_question, decides)
     if not off:
-        claim, decides = _not_off(orders), decides if unexplained else SAYS("decide-longer")
+        claim = _not_off(orders, KNOWN / 2 if unexplained else KNOWN)
+        decides = decides if unexplained else SAYS("decide-longer")
         remedy = [decides] if claim.claim == "undecided" and any(order.integers for order in orders) else []
         return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
     clear = [order for order in off if order.least_damping > FLOOR]
@@ -225,8 +227,8 @@ def _undecided(*reasons: str) -> Claim:
     return Claim("undecided", reasons)
 
 
-def _not_off(orders: Sequence[OrderFound]) -> Claim:
-    determined = [order for order in orders if order.half <= KNOWN and order.integers]
+def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
+    determined = [order for order in orders if order.half <= known and order.integers]
     without = [order for order in orders if not order.integers]
     others = [order for order in orders if order not in (*determined, *without)]
     names = " and ".join(GREEK.get(order.name, order.name) for order in others)
