@@ -683,3 +683,22 @@ def test_a_comparison_at_40_hz_chooses_its_step_else_orders_would_stand_in_for_i
     assert claims["chosen"].notes[0].startswith("The step was refined to")
     with_coulomb = claims["chosen"]["viscous + Coulomb, orders 1"]
     assert with_coulomb.values["coulomb_alpha"] == pytest.approx(1e-3, rel=0.02)
+
+
+def test_the_structures_of_a_long_recording_are_told_apart_on_the_part_that_they_are_compared_on(tmp_path, monkeypatch):
+    t = 1e-3 * np.arange(300_000)
+    np.savez(tmp_path / "long.npz", time=t, alpha=0.3 * np.cos(6 * t))
+    (tmp_path / "rig.toml").write_text(
+        '[model.parameters]\nb_alpha = { start = 1e-4, lower = 0.0, upper = 1.0 }\n'
+        '[[recording]]\nfile = "long.npz"\nalpha = { column = "alpha" }\n'
+    )  # fmt: skip
+    seen = []
+
+    def looked(problem, **_options):
+        seen.extend(len(e.measured) for e in problem.experiments)
+        raise InputError("enough")
+
+    monkeypatch.setattr("fracid.workflows.comparison.ladder", looked)
+    with pytest.raises(InputError, match="enough"):
+        fracid.run_comparison(tmp_path / "rig.toml", out=tmp_path / "out")
+    assert seen == [16_001]

@@ -17,6 +17,8 @@ from typing import Any
 from fracid.bayes.evidence import require_evidence
 from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
+from fracid.problem import Experiment, Problem
+from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
@@ -135,8 +137,9 @@ def run_comparison(
         "seed": project.seed if seed is None else seed, "starts": starts or project.starts,
     }  # fmt: skip
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
-    hierarchy = ladder(project.problem, keep=options["keep"], rungs=options["rungs"], others=project.validation,
-                       alternatives=project.alternatives)  # fmt: skip
+    base, others = to_compare(project.problem, project.validation)
+    beside = {n: alternative_of(base, p.model, p.orders, p.parameters) for n, p in project.alternatives.items()}
+    hierarchy = ladder(base, keep=options["keep"], rungs=options["rungs"], others=others, alternatives=beside)
     for structure in hierarchy.structures if evidence else ():
         require_evidence(structure.problem)
     study = _study(project, options)
@@ -148,14 +151,13 @@ def run_comparison(
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     return FinishedComparison.written(folder, record, of_comparison(comparison), watching, {
         "project.toml": project.text, TABLE: csv_text(comparison.lines()),
-        CURVES: json.dumps(_curves(project, comparison), separators=(",", ":")),
+        CURVES: json.dumps(_curves(base, others, comparison), separators=(",", ":")),
         **_best(project, hierarchy, comparison, folder),
     }, project=project, comparison=comparison)  # fmt: skip
 
 
-def _curves(project: Project, comparison: Comparison) -> dict[str, Any]:
+def _curves(base: Problem, others: Sequence[Experiment], comparison: Comparison) -> dict[str, Any]:
     """Each recording beside what the structures simulate of it, where the page can draw them all."""
-    base, others = to_compare(project.problem, project.validation)
     every = {e.name: e for e in (*base.experiments, *others)}
     shown = [*dict.fromkeys((*comparison.held_out, *every))][:MOST_RECORDINGS]
     some = {n: drawn(every[n].time.size, len(every)) for n in shown if n in every}
