@@ -18,7 +18,7 @@ from scipy import stats
 
 from fracid.errors import InputError, Unfinished
 from fracid.estimation.records import RecordingFit
-from fracid.plots import cost_plane, fitted_over_time, recording_overview, residual_plots, save
+from fracid.plots import appearance, cost_plane, fitted_over_time, recording_overview, residual_plots, save
 from fracid.plots.appearance import BINS, outline
 from fracid.plots.fitted import _fast_part
 from fracid.plots.residuals import _normal_quantiles
@@ -466,7 +466,7 @@ def test_an_output_of_any_name_can_be_drawn(tmp_path):
 @pytest.mark.broad
 def test_drawing_does_not_touch_pyplot():
     code = (
-        "import sys, tempfile, numpy as np; from fracid.plots import cost_plane, save;"
+        "import sys, tempfile, numpy as np; from fracid.plots import appearance, cost_plane, save;"
         "save(cost_plane([0, 1], [0, 1], np.eye(2) + 1), tempfile.mkdtemp(), 'plane');"
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
@@ -494,3 +494,15 @@ def test_an_overview_shows_each_signal_whole_and_close_up_in_its_unit(tmp_path):
     assert "about the release at 1.99" in words(figure)
     np.testing.assert_allclose(figure.axes[0].lines[0].get_ydata().max(), np.degrees(0.5))
     save(figure, tmp_path, "overview")
+
+
+def test_a_long_name_at_an_axis_breaks_at_its_underscores_and_one_with_lines_of_its_own_stays(caplog):
+    figure = appearance.new(4.0, 3.0)
+    first, second = figure.subplots(2)
+    first.set_ylabel("bias of damping_of_the_suspension_of_the_holder [s⁻¹]")
+    second.set_ylabel("residual\n[°]")
+    appearance.finish(figure, "long")
+    assert first.get_ylabel().replace("\n", "").replace(" ", "") == "biasofdamping_of_the_suspension_of_the_holder[s⁻¹]"
+    assert first.get_ylabel().count("\n") > 0
+    assert second.get_ylabel() == "residual\n[°]"
+    assert caplog.text == ""

@@ -180,8 +180,8 @@ def _wrap_labels(figure: Figure, panels: list[Axes]) -> None:
         for axis, part in ((axes.xaxis, where.width * figure.get_figwidth()),
                            (axes.yaxis, where.height * figure.get_figheight())):  # fmt: skip
             text, size = axis.get_label_text(), text_size(style_of(figure), float(axis.label.get_fontsize()))
-            lines = math.ceil(text_width(text, size) / (72 * 1.15 * part))
-            if lines > 1 and "\n" not in text:
+            lines = 1 if "\n" in text else math.ceil(text_width(text, size) / (72 * 1.15 * part))
+            if lines > 1:
                 words = text if "$" in text else text.replace("_", "_ ")
                 broken = textwrap.wrap(words, len(text) // lines + 6)
                 axis.set_label_text("\n".join(words if "$" in text else words.replace("_ ", "_") for words in broken))

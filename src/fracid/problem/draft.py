@@ -711,4 +711,4 @@ def toml_range(name: str, start: float, lower: float, upper: float, comment: str
     'k = { start = 2, lower = 1, upper = 3 }'
     """
     table = f"{name} = {{ start = {start:.4g}, lower = {lower:.3g}, upper = {upper:.3g} }}"
-    return f"{table:<70}# {comment}"
+    return f"{table:<69} # {comment}"
