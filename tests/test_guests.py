@@ -125,6 +125,76 @@ def test_tables_of_pandas_are_arrays_like_any(problem):
     )
 
 
+# --- polars ---------------------------------------------------------------------------------------------
+
+
+class Column:
+    """What polars' Series is to NumPy: an array on demand, in which missing values are NaN."""
+
+    def __init__(self, values):
+        self._values = values
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array([np.nan if v is None else v for v in self._values], dtype=dtype)
+
+    def __len__(self):
+        return len(self._values)
+
+    def __eq__(self, other):  # by elements, as all its operators
+        return Column([v == other for v in self._values])
+
+    __hash__ = None
+
+    def __bool__(self):
+        raise TypeError("the truth value of a Series is ambiguous")
+
+
+class Table:
+    """What polars' DataFrame is: columns with names, of two dimensions as an array; it has no ``items``."""
+
+    def __init__(self, columns):
+        self._columns = {n: Column(values) for n, values in columns.items()}
+
+    def __array__(self, dtype=None, copy=None):
+        return np.stack([np.asarray(c) for c in self._columns.values()], axis=-1).astype(dtype)
+
+    def __getitem__(self, name):
+        return self._columns[name]
+
+    def to_dict(self):
+        return dict(self._columns)
+
+
+def polars_or_its_like(columns):
+    """A table of polars where it is installed, else one that behaves so."""
+    try:
+        from polars import DataFrame
+    except ImportError:
+        return Table(columns)
+    return DataFrame(columns)
+
+
+@pytest.mark.parametrize("made", [Table, polars_or_its_like], ids=["its like", "polars"])
+def test_tables_of_polars_are_arrays_like_any_and_their_columns_are_signals_by_name(problem, made):
+    e = problem.experiments[0]
+    theta, alpha = e.measured.T
+    table = made({"time": e.time.tolist(), "alpha": alpha.tolist(), "theta": [None, *theta[1:].tolist()]})
+    recording = fracid.Recording.of("swing", table["time"], {"alpha": table["alpha"]})
+    np.testing.assert_array_equal(recording.signals["alpha"], alpha)
+    recording = fracid.Recording.of("swing", e.time, table.to_dict())
+    np.testing.assert_array_equal(recording.signals["theta"], [np.nan, *theta[1:]])
+    np.testing.assert_array_equal(fracid.derivative(table["alpha"], 0.5, H), fracid.derivative(alpha, 0.5, H))
+    angles = made({"theta": theta.tolist(), "alpha": alpha.tolist()})
+    np.testing.assert_array_equal(Experiment("swing", H, angles, np.zeros((1, 1))).measured, e.measured)
+    with pytest.raises(InputError, match=r"has no names of signals; .* of polars table.to_dict\(\)"):
+        fracid.Recording.of("swing", e.time, angles)
+    with pytest.raises(InputError, match="swing: alpha is no array of real numbers"):
+        fracid.Recording.of("swing", e.time, {"alpha": made({"alpha": ["a"] * len(e.time)})["alpha"]})
+
+
+# --- xarray, pint ---------------------------------------------------------------------------------------
+
+
 class Labelled:
     """What xarray's DataArray is to NumPy: names about an array that it gives on demand."""
 

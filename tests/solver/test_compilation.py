@@ -87,6 +87,43 @@ def test_a_file_of_another_function_is_not_believed(module, tmp_path):
     assert compiled(module.half) == (10.5, False)
 
 
+def unreadable(path):
+    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+IN_ITS_PLACE = {
+    "an empty folder": (Path.mkdir, False),
+    "a folder with something in it": (lambda path: (path / "x").mkdir(parents=True), False),
+    "a link to nothing": (lambda path: path.symlink_to("nothing"), True),
+    "a link to itself": (lambda path: path.symlink_to(path.name), True),
+    "a link to a folder": (lambda path: path.symlink_to(path.parent), True),
+    "a pipe": (os.mkfifo, True),
+    "a gigabyte": (lambda path: (path.touch(), os.truncate(path, 2**30)), True),
+}
+"""What may stand where a file was, and whether it gives way to the file once that is made again."""
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize(("made", "gives_way"), IN_ITS_PLACE.values(), ids=IN_ITS_PLACE)
+def test_whatever_stands_in_a_files_place_is_not_waited_for_and_costs_time_alone(module, tmp_path, made, gives_way):
+    compiled(module.double)
+    (file,) = files(tmp_path)
+    file.unlink()
+    made(file)
+    assert compiled(module.double) == (42.0, False)
+    assert compiled(module.double) == (42.0, gives_way)
+    assert files(tmp_path) == ([file] if gives_way else [])
+
+
+def test_a_file_that_may_not_be_read_is_compiled_anew(module, monkeypatch):
+    compiled(module.double)
+    with monkeypatch.context() as patch:
+        patch.setattr(compiling, "bytes_of", unreadable)
+        patch.setattr(compiling, "sources", lambda stays=compiling.sources(): stays)
+        assert compiled(module.double) == (42.0, False)
+    assert compiled(module.double) == (42.0, True)
+
+
 def test_what_is_whole_but_cannot_be_used_is_compiled_anew(module, monkeypatch):
     compiled(module.double)
     with monkeypatch.context() as patch:

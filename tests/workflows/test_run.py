@@ -2,8 +2,12 @@
 
 import errno
 import json
+import os
 import shutil
+import time
 from contextlib import nullcontext
+from datetime import datetime
+from itertools import cycle
 from types import SimpleNamespace
 
 import numpy as np
@@ -94,6 +98,40 @@ def test_a_fit_that_python_began_ends_the_same_by_another_call_and_by_resume_run
         assert ended.resumed
         assert ended.fit.x.tolist() == whole.fit.x.tolist()
         shutil.rmtree("run")
+
+
+YEARS = 365.25 * 86400.0
+
+
+def set_the_clock(patch):
+    """Set the system's clock back or forward by years whenever somebody looks; what only goes on stays as it is."""
+    real, jumps = time.time, cycle([-40.0, 40.0, -1.0, 0.0, 1.0])
+
+    def now():
+        return real() + YEARS * next(jumps)
+
+    class Set(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return cls.fromtimestamp(now(), tz)
+
+    patch.setattr(time, "time", now)
+    patch.setattr(time, "time_ns", lambda: int(1e9 * now()))
+    patch.setattr("fracid.runs.folder.datetime", Set)
+
+
+@pytest.mark.broad
+def test_a_fit_during_which_the_clock_is_set_is_the_same_and_so_is_one_that_is_gone_on_with(here, monkeypatch):
+    fracid.run("rig.toml", out="whole", figures=False)
+    set_the_clock(monkeypatch)
+    began = time.perf_counter()
+    fracid.run("rig.toml", out="run", figures=False, observer=after(2))
+    for n, path in enumerate(sorted((here / "run").rglob("*"))):
+        os.utime(path, (n % 3 * 40 * YEARS,) * 2)
+    assert fracid.resume_run("run").resumed
+    took = read(here / "run" / "result.json")["timing"]
+    assert result(here / "run") == result(here / "whole")
+    assert all(0.0 <= seconds <= time.perf_counter() - began for seconds in took.values()), took
 
 
 @pytest.mark.broad
