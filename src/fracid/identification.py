@@ -399,6 +399,8 @@ class _Findings:
                 self.near, self.result = found, replace(self.result, best=best if own else found.evaluation)
         known = uncertainty(problem, self.result.best.point, jobs=given.jobs, near=self.near)
         self.known = with_start(problem, self.result.best.point, known, jobs=given.jobs)
+        if self.window is not None and self.check is not None:  # that of the parts of the windows
+            self.known = self.check.widened(problem, self.result.best.point, self.known)
 
     def walk(self, given: _Given) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
@@ -446,6 +448,8 @@ class _Findings:
         finer = None if fixed else finer_step(problem, x, self.check, given.jobs, self.near)
         if finer is not None:
             self.take(finer, given)
+        if not fixed:  # what no finer step helped
+            self.known = self.check.widened(self.problem, self.result.best.point, self.known)
 
 
 def _examine(analysis: _Findings, given: _Given, clock: _Clock) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
+from fracid.estimation.covariance import half_width, uncertainty
 from fracid.estimation.drift import drift_of
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import (
@@ -22,6 +23,8 @@ from fracid.estimation.windows import (
     windowed,
 )
 from fracid.problem import Free
+from fracid.quantiles import NORMAL_95
+from fracid.validation.discretisation import Discretisation
 
 STEP, SPAN = 0.01, 20.0
 TRUTH = {"gravity": 0.147, "J": 3e-3, "b_angle": 2e-3, "coulomb_angle": 2e-3}
@@ -212,3 +215,15 @@ def test_a_rod_that_stands_is_identified_and_the_answer_improves_with_the_record
     assert sum(held) >= len(held) - 1
     assert max(widths[:2]) < 0.1
     assert widths[2] < 0.8 * min(widths[:2])
+
+
+def test_an_interval_allows_for_what_the_step_moves_unless_that_is_little(stand):
+    problem = windowed(stand, 0.6)
+    x = problem.start
+    known = uncertainty(problem, x)
+    halves = {n: half_width(known, x, i) for i, n in enumerate(problem.names)}
+    check = Discretisation(1.0, 1.0, 1.0, {}, {}, {"J": 0.5 * halves["J"], "b_angle": 0.1 * halves["b_angle"]})
+    wider = check.widened(problem, x, known)
+    grown = {n: half_width(wider, x, i) / halves[n] for i, n in enumerate(problem.names) if n in TRUTH}
+    assert grown["J"] == pytest.approx(math.hypot(1.0, 0.5 * NORMAL_95), rel=1e-3)
+    assert grown["b_angle"] == grown["coulomb_angle"] == 1.0

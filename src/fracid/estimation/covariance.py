@@ -193,14 +193,14 @@ class Uncertainty:
             return None
         return "walk" if len(self.walked) and self.walked[i] else "sandwich"
 
-    def with_start(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
-        """Wider by a start that moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
+    def wider(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
+        """Wider by what moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             wider = np.nan_to_num(np.hypot(1.0, shift / self.standard_error), nan=1.0, posinf=1.0)
         ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
         return replace(
             self, standard_error=self.standard_error * wider, covariance=self.covariance * np.outer(wider, wider),
-            ends=np.clip(ends, space.lower[:, None], space.upper[:, None]), start=shift,
+            ends=np.clip(ends, space.lower[:, None], space.upper[:, None]),
             rise=self.rise * wider[:, None] ** 2 if len(self.rise) else self.rise,
         )  # fmt: skip
 

@@ -295,7 +295,7 @@ def with_start(
         Threads.
     """
     shift = _start_shift(problem, x, known, jobs)
-    return known if shift is None or isinstance(known, Failure) else known.with_start(problem.space, x, shift)
+    return known if shift is None or isinstance(known, Failure) else replace(known.wider(problem.space, x, shift), start=shift)
 
 
 def _start_shift(

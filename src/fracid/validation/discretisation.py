@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,6 +64,8 @@ class Discretisation(Record):
     """The orders refined with pi2 at half the step, all other unknowns with them; empty for a user's own cost."""
     shift: Mapping[str, Unknown]
     """How far that moved them."""
+    moves: Mapping[str, Unknown] = field(default_factory=dict)
+    """How far it moved each unknown that all recordings share."""
     largest: Unknown = 0.0
     """The largest shift of an unknown, in CI half-widths."""
     warning: str = ""
@@ -76,6 +78,15 @@ class Discretisation(Record):
         found = np.array([self.cost, self.cost_half_step, self.cost_second_order])
         cost, half, second = on_all_samples(problem, found, here, there).tolist()
         return replace(self, cost=cost, cost_half_step=half, cost_second_order=second)
+
+    def widened(self, problem: Problem, x: FloatArray, known: Uncertainty | Failure) -> Uncertainty | Failure:
+        """Intervals that allow for what the step moves, where that is more than :data:`QUIET` of their half-width."""
+        if isinstance(known, Failure):
+            return known
+        moves = np.array([self.moves.get(u.name, 0.0) for u in problem.unknowns])
+        halves = np.array([half_width(known, x, i) or 0.0 for i in range(len(x))])
+        moves[np.abs(moves) <= QUIET * halves] = 0.0
+        return known.wider(problem.space, x, moves) if moves.any() else known
 
 
 COARSE_STEP = "step"
@@ -168,7 +179,8 @@ def _judged(
         warning += f" Type {remedy} in [fit]."
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
-    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning)
+    moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns) if u.experiment is None}
+    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, moves, largest, warning)
     if _costs_differ(problem.method, check):
         warning = SAYS("too-coarse", costs=costs, substeps=_substeps(problem), warning=warning).strip()
     return replace(check, warning=warning)
