@@ -295,7 +295,9 @@ def with_start(
         Threads.
     """
     shift = _start_shift(problem, x, known, jobs)
-    return known if shift is None or isinstance(known, Failure) else replace(known.wider(problem.space, x, shift), start=shift)
+    if shift is None or isinstance(known, Failure):
+        return known
+    return replace(known.wider(problem.space, x, shift), start=shift)
 
 
 def _start_shift(
