@@ -226,3 +226,12 @@ def test_a_structure_is_chosen_in_its_row_and_its_curves_are_drawn_and_a_checker
         browser.run(files("axe_core_python").joinpath("axe.min.js").read_text(encoding="utf-8") + "; 0")
         assert browser.run("axe.run().then(r => r.violations.map(v => [v.id, v.nodes.map(n => n.html)]))") == []
         assert browser.run("window.hit") is None
+
+
+def test_a_study_in_a_run_names_the_run_as_it_is_reached_from_here(tmp_path, monkeypatch):
+    (tmp_path / "runs" / "rig" / "design").mkdir(parents=True)
+    (tmp_path / "runs" / "rig" / "result.json").write_text("{}", encoding="utf-8")
+    written(tmp_path / "runs" / "rig" / "design", "plan.json")
+    monkeypatch.chdir(tmp_path)
+    page = write_study("runs/rig/design", "plan.json")
+    assert "fracid design runs/rig<" in page.read_text(encoding="utf-8")

@@ -320,7 +320,8 @@ def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
         expected = Recording.of("expected", curve.time, bands, kinds)
         files.append(save_recording(expected, folder / f"expected-{number}.csv", note=f"{curve.candidate}, 95 % band"))
     files += save(draw("expected_curves", curves, plan.subject.problem.model), folder / "figures", "expected")
-    files += save(plan.plot(), folder / "figures", "intervals")
+    if len({(c.release, c.seconds) for c, _ in plan.landscape}) > 1:  # one point shows nothing
+        files += save(plan.plot(), folder / "figures", "intervals")
     return tuple(files)
 
 

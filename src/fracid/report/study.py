@@ -298,7 +298,8 @@ def _options(record: Mapping[str, Any], run: Path | None) -> Iterator[str]:
 
 def _run(folder: Path) -> Path | None:
     """The run that a study is of, where the study lies in it."""
-    return next((place for place in (folder, folder.resolve().parent) if (place / "result.json").exists()), None)
+    above = folder.parent if folder.name not in ("", "..") else folder.resolve().parent
+    return next((place for place in (folder, above) if (place / "result.json").exists()), None)
 
 
 def _integers(run: Path | None) -> dict[str, float | None]:
@@ -320,7 +321,7 @@ def _figures(folder: Path, captions: Mapping[str, str]) -> Iterator[dict[str, st
             for file, kind in ((path, "svg+xml"), (path.with_suffix(".png"), "png")):
                 with suppress(OSError, ValueError):
                     content = base64.b64encode(bytes_of(file, LARGEST_FIGURE)).decode()
-                    yield {"source": f"data:image/{kind};base64,{content}", "caption": caption}
+                    yield {"source": f"data:image/{kind};base64,{content}", "caption": caption, "name": path.stem}
                     break
 
 
