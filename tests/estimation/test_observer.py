@@ -84,6 +84,21 @@ def test_over_twins_its_errors_and_innovations_are_as_large_as_it_says(watch):
     assert 0.97 < innovations < 1.03
 
 
+def test_an_unknown_drive_spreads_the_states_as_held_torques_of_its_size_do():
+    fit = fit_of(twin(0)[1], between={"torque": "hold"})
+    made, steps = observer(fit, noise={"angle": NOISE}, initial=dict.fromkeys(SPREAD, 0.0), drive=1.0), 6
+    made.start.drive[:] = 0.0, INTENSITY
+
+    def after(torque):
+        made.reset()
+        track = made.run(np.full((steps + 1, 1), np.nan), torque)
+        return np.array([track.states[n][-1] for n in MODEL.states])
+
+    still = after(np.zeros((steps + 1, 1)))
+    moved = [after(FORCE * (np.arange(steps + 1) == k)[:, None]) - still for k in range(1, steps + 1)]
+    np.testing.assert_allclose(made.covariance, np.transpose(moved) @ moved, rtol=5e-3)
+
+
 def test_the_drive_that_makes_a_recording_most_likely_is_that_which_drove_it():
     made = observer(fit_of(twin(0)[1]), noise={"angle": NOISE})
     assert made.start.drive[0] == 0.0

@@ -202,6 +202,25 @@ def _times(F, c, J, G, A, ca, w0, dx0, dx1, inside, out):
 
 
 @helper
+def _drive(F, i, J, A, whole, x1):
+    """Add what a step of the unknown part of f of state i adds to P: all other states feel it within the same step."""
+    modes = np.zeros(len(F.z))
+    x1[:] = 0.0
+    x1[i, 0] = whole
+    _solve(A.copy(), x1)
+    for r in range(len(x1)):
+        at_end = 1.0 if r == i else 0.0
+        for k in range(len(x1)):
+            at_end += J[r, k] * x1[k, 0]
+        for j in range(F.begin[r], F.begin[r + 1]):
+            modes[j] = F.b[j] * at_end + F.a[j] * (r == i)
+    for j in range(len(modes)):
+        share = F.drive[i] / F.h[0] * modes[j]
+        for k in range(len(modes)):
+            F.P[j, k] += share * modes[k]
+
+
+@helper
 def _predict(rhs, F, t, u, c, dc):
     states, modes = len(F.orders), len(F.z)
     h, xi, P = F.h[0], F.xi, F.P
@@ -237,11 +256,8 @@ def _predict(rhs, F, t, u, c, dc):
     _times(F, c, J, G, A, ca, w0, dx0, dx1, P, half)
     _times(F, c, J, G, A, ca, w0, dx0, dx1, np.ascontiguousarray(half.T), P)
     for i in range(states):
-        density = F.drive[i] / h
-        if density > 0.0:
-            for j in range(F.begin[i], F.begin[i + 1]):
-                for k in range(F.begin[i], F.begin[i + 1]):
-                    P[j, k] += density * (F.a[j] + F.b[j]) * (F.a[k] + F.b[k])
+        if F.drive[i] > 0.0:
+            _drive(F, i, J, A, ca[i] + w0[i], x1)
     for s in range(len(F.slow)):
         P[modes + s, modes + s] += F.slow[s, 4]
     F.u[:] = u
@@ -317,13 +333,8 @@ def run_filter(rhs, outputs, F, first, measured, inputs, variance, held, out):
     `out` takes a row a sample: states, slow states, their standard deviations, innovations, NIS, logs, count.
     """
     states, modes, slow, sensors = len(F.orders), len(F.z), len(F.slow), len(variance)
-    c, dc, x, innovation, row = (
-        np.zeros(modes),
-        np.zeros(modes),
-        np.zeros(states),
-        np.zeros(sensors),
-        np.zeros(len(F.xi)),
-    )
+    c, dc, row = np.zeros(modes), np.zeros(modes), np.zeros(len(F.xi))
+    x, innovation = np.zeros(states), np.zeros(sensors)
     _refresh(F, c, dc)
     for n in range(len(measured)):
         t, u = (first + n - 1) * F.h[0], inputs[n] if len(inputs) > 1 else inputs[0]
