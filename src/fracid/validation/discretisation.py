@@ -64,14 +64,14 @@ class Discretisation(Record):
     """The orders refined with pi2 at half the step, all other unknowns with them; empty for a user's own cost."""
     shift: Mapping[str, Unknown]
     """How far that moved them."""
-    moves: Mapping[str, Unknown] = field(default_factory=dict)
-    """How far it moved each unknown that all recordings share."""
     largest: Unknown = 0.0
     """The largest shift of an unknown, in CI half-widths."""
     warning: str = ""
     """A sentence, where an order moved by more than its interval's half width, or the finer run fails."""
     refinement: str = ""
     """What was said at a coarser step, where the fit chose this one: a sentence."""
+    moves: Mapping[str, Unknown] = field(default_factory=dict)
+    """How far it moved each unknown that all recordings share."""
 
     def on_all_samples(self, problem: Problem, here: float, there: float) -> Discretisation:
         """Its costs on all samples, where the fit costs `there`, of those on coarser ones, where it costs `here`."""
@@ -180,7 +180,7 @@ def _judged(
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns) if u.experiment is None}
-    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, moves, largest, warning)
+    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning, moves=moves)
     if _costs_differ(problem.method, check):
         warning = SAYS("too-coarse", costs=costs, substeps=_substeps(problem), warning=warning).strip()
     return replace(check, warning=warning)
