@@ -30,7 +30,7 @@ from fracid.cli.app import (
 )
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
-from fracid.tasks.display import shown
+from fracid.tasks.display import duration, shown
 from fracid.units import half_of, interval_beside, to_second_digit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
@@ -173,7 +173,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         f"[bold]{escape(p.model.name)}[/bold]{f', {p.model.zero}' if p.model.zero else ''}; "
         f"{p.method}, memory {p.memory.name}, step {1e3 * p.experiments[0].step / p.substeps:g} ms; "
         f"{fit.optimiser}, {fit.evaluations} evaluations: "
-        f"{escape(fit.outcome)}; result after {run.seconds:.1f} s, figures and page follow",
+        f"{escape(fit.outcome)}; result after {duration(run.seconds, fine=True)}, figures and page follow",
     )
     _print_estimates(console, fit)
     _print_recordings(console, fit)
