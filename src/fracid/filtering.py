@@ -23,7 +23,7 @@ from fracid.models.written.formulas import Formula
 from fracid.models.written.reading import read_outputs
 from fracid.problem import Problem
 from fracid.signals.noise import noise_floor, white_noise
-from fracid.solver.kalman import HIGHEST, LOWEST, Filter, run_filter, weights
+from fracid.solver.kalman import FAR, HIGHEST, LOWEST, Filter, bent, run_filter, weights
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 
@@ -102,13 +102,18 @@ class StateObserver:
         modes, c, dc = len(F.z), np.zeros(len(F.z)), np.zeros(len(F.z))
         C = np.zeros((states + len(self.slow), len(F.xi)))
         C[states:, modes:] = np.eye(len(self.slow))
+        doubt = np.zeros(len(C))
         for i in range(states):
             block = slice(F.begin[i], F.begin[i + 1])
             weights.py_func(F.orders[i], F.rates, block.stop - block.start, c, dc, block.start)
             C[i, block] = c[block]
             if F.of[i] >= 0:
                 C[i, modes + F.of[i]] = dc[block] @ F.xi[block]
-        return np.asarray(C @ F.P @ C.T)
+                sides = np.zeros((3, len(c)))
+                for side, far in zip(sides, (FAR, -FAR), strict=False):
+                    weights.py_func(F.orders[i] + far, F.rates, block.stop - block.start, side, sides[2], block.start)
+                doubt[i] = bent.py_func(F, i, c, dc, *sides[:2])[1]
+        return np.asarray(C @ F.P @ C.T + np.diag(doubt))
 
     def step(self, measured: Sequence[float], inputs: Sequence[float] = ()) -> Track:
         """Take one sample of the sensors, NaN for one that is missing, and the inputs."""

@@ -24,6 +24,7 @@ from fracid.export.whole import words_of, written, written_outputs
 from fracid.filtering import StateObserver
 from fracid.models.written.languages import C
 from fracid.safety.door import own_text
+from fracid.solver.kalman import FAR
 
 SAMPLES = 50
 """Of the test."""
@@ -78,7 +79,7 @@ def c_observer(
         "rhs": HERE, "states": states, "modes": len(F.z), "slow": K, "count": len(watch.sensors),
         "outputs": len(model.shown), "width": U, "substeps": watch.substeps, "held": int(watch.held),
         "rates": int(count), "spacing": repr(spacing), "before_lowest": repr(lowest * math.exp(-spacing)),
-        "pi": repr(math.pi), "rate": initialiser(lowest * np.exp(spacing * np.arange(count + 1))),
+        "pi": repr(math.pi), "far": repr(FAR), "rate": initialiser(lowest * np.exp(spacing * np.arange(count + 1))),
         "begin": initialiser(F.begin), "z": initialiser(F.z), "a": initialiser(F.a),
         "b": initialiser(F.b), "x_start": initialiser(F.xi),
         "P_start": initialiser(np.diag(F.P)), "order_start": initialiser(F.orders),

@@ -8,7 +8,8 @@ An order is held as a sum of exponentials on fixed rates :math:`p_j = p_1 e^{jΔ
 
 whose error falls like :math:`e^{-π^2/Δ}`.  All rates below :math:`p_1` are one that does not decay, all above the last
 one that does at once, with the sums of their weights.  An order is in the weights c alone, so that it can be estimated
-like a constant.  A state of order 1 that is known has one mode.
+like a constant, with the second order of :math:`c(q)\,y` in mean and variance.  A state of order 1 that is known has
+one mode.
 
 Each step is linearly implicit (:math:`f` at its end from its Jacobian, and once more by Newton's method), so that dry
 friction does not ask for a shorter one.  The transition :math:`F = \mathrm{diag}(z) + α\,U_0 + β\,U_1` is never
@@ -32,6 +33,9 @@ NEAR = 1e-6
 
 LOWEST, HIGHEST = 0.05, 1.95
 """Within which an order is estimated."""
+
+FAR = 0.03
+"""Step of second differences in an order."""
 
 
 class Filter(NamedTuple):
@@ -102,6 +106,35 @@ def _states(F, c, xi, x):
         x[i] = 0.0
         for j in range(F.begin[i], F.begin[i + 1]):
             x[i] += c[j] * xi[j]
+
+
+@helper
+def bent(F, i, c, dc, above, below):
+    """What the second order of c(q) · y adds to a state whose own order is not known: to its mean and its variance.
+
+    With δ the error of the order and ε that of the modes it is δ c' · ε + δ² c'' · y / 2, of normal δ and ε.
+    """
+    s, first, behind = len(F.z) + F.of[i], F.begin[i], F.begin[i + 1]
+    curved, along, spread = 0.0, 0.0, 0.0
+    for j in range(first, behind):
+        curved += (above[j] - 2 * c[j] + below[j]) / FAR**2 * F.xi[j] * F.P[s, s]
+        along += dc[j] * F.P[j, s]
+        inner = 0.0
+        for k in range(first, behind):
+            inner += F.P[j, k] * dc[k]
+        spread += dc[j] * inner
+    return along + curved / 2, along**2 + 2 * along * curved + curved**2 / 2 + F.P[s, s] * spread
+
+
+@helper
+def _bent(F, i, c, dc):
+    if F.of[i] < 0:
+        return 0.0, 0.0
+    first, count = F.begin[i], F.begin[i + 1] - F.begin[i]
+    above, below, unused = np.zeros(len(c)), np.zeros(len(c)), np.zeros(len(c))
+    weights(F.orders[i] + FAR, F.rates, count, above, unused, first)
+    weights(F.orders[i] - FAR, F.rates, count, below, unused, first)
+    return bent(F, i, c, dc, above, below)
 
 
 @helper
@@ -269,8 +302,11 @@ def _correct(outputs, F, t, u, c, dc, measured, variance, innovation):
     states, modes, N, sensors = len(F.orders), len(F.z), len(F.xi), len(measured)
     x, y = np.zeros(states), np.zeros(sensors)
     H, G = np.zeros((sensors, states)), np.zeros((sensors, len(F.slow)))
-    before, row, gain = F.xi.copy(), np.zeros(N), np.zeros(N)
+    before, row, gain, doubt = F.xi.copy(), np.zeros(N), np.zeros(N), np.zeros(states)
     _states(F, c, F.xi, x)
+    for i in range(states):
+        more, doubt[i] = _bent(F, i, c, dc)
+        x[i] += more
     outputs(t, x, u, F.p, y)
     _jacobian(outputs, F, t, x, u, y, H, G)
     nis, logs, count = 0.0, 0.0, 0
@@ -281,13 +317,14 @@ def _correct(outputs, F, t, u, c, dc, measured, variance, innovation):
         row[:] = 0.0
         for s in range(len(F.slow)):
             row[modes + s] = G[m, s]
+        expected, spread = y[m], variance[m]
         for i in range(states):
             if H[m, i] != 0.0:
+                spread += H[m, i] ** 2 * doubt[i]
                 for j in range(F.begin[i], F.begin[i + 1]):
                     row[j] += H[m, i] * c[j]
                     if F.of[i] >= 0:
                         row[modes + F.of[i]] += H[m, i] * dc[j] * before[j]
-        expected, spread = y[m], variance[m]
         for j in range(N):
             gain[j] = 0.0
         for k in range(N):
@@ -349,13 +386,13 @@ def run_filter(rhs, outputs, F, first, measured, inputs, variance, held, out):
         _states(F, c, F.xi, x)
         width = states + slow
         for i in range(states):
-            out[n, i] = x[i]
+            more, total = _bent(F, i, c, dc)
+            out[n, i] = x[i] + more
             row[:] = 0.0
             for j in range(F.begin[i], F.begin[i + 1]):
                 row[j] = c[j]
                 if F.of[i] >= 0:
                     row[modes + F.of[i]] += dc[j] * F.xi[j]
-            total = 0.0
             for j in range(len(row)):
                 if row[j] != 0.0:
                     inner = 0.0
