@@ -11,6 +11,7 @@ of the samples, over the stretch for which both matter most; where they differ i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -56,11 +57,12 @@ def counted_backwards(step: float, theta: FloatArray, alpha: FloatArray) -> Iter
 
 def _signs(step: float, theta: FloatArray, alpha: FloatArray, samples: int) -> tuple[float, float, bool]:
     """What is left of that without either acceleration, of sin α, and whether C1 and C3 have one sign."""
-    from scipy.signal import savgol_filter
+    half = samples // 2
+    cubic = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 4, increasing=True))
 
-    def slope(y: FloatArray, order: int) -> FloatArray:
-        smooth: FloatArray = savgol_filter(y, samples, 3, deriv=order, delta=step)[samples:-samples]
-        return smooth
+    def slope(y: FloatArray, order: int) -> FloatArray:  # Savitzky and Golay; scipy.signal takes a second to import
+        smooth = np.convolve(y, cubic[order, ::-1], "valid")[half + 1 : -half - 1]
+        return smooth * (math.factorial(order) / (half * step) ** order)
 
     a = slope(alpha, 0)
     columns = np.column_stack([

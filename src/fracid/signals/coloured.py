@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
+from scipy.linalg import solve_banded, solve_toeplitz  # scipy.signal takes a second to import
 from scipy.special import fdtrc
 
 from fracid.arrays import FloatArray
@@ -68,6 +67,7 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
     ...     return np.zeros((1000, 1))
     >>> t = np.arange(1000) / 100
     >>> y = np.exp(-t / 5) * np.cos(6 * t)
+    >>> from scipy.signal import lfilter
     >>> noise = lfilter([1.0], [1.0, -0.9], np.random.default_rng(0).standard_normal(t.size))
     >>> [is_coloured_noise(e, y[:, None], no_unknowns) for e in (noise, noise + 20 * y**3)]
     [True, False]
@@ -103,6 +103,7 @@ def whitening_filter(e: FloatArray) -> tuple[FloatArray, bool]:
 
     Examples
     --------
+    >>> from scipy.signal import lfilter
     >>> noise = lfilter([1.0], [1.0, -0.9], np.random.default_rng(0).standard_normal(10_000))
     >>> found, white = whitening_filter(noise)
     >>> found.round(1).tolist(), white
@@ -121,7 +122,8 @@ def whitening_filter(e: FloatArray) -> tuple[FloatArray, bool]:
 
 def whitened(signals: FloatArray, whitening: FloatArray) -> FloatArray:
     """Signals through the filter, from the first sample on that has all that it needs before it."""
-    return np.asarray(lfilter(whitening, [1.0], signals, axis=0)[len(whitening) - 1 :])
+    p, n = len(whitening) - 1, len(signals)
+    return np.asarray(sum(part * signals[p - k : n - k] for k, part in enumerate(whitening)))
 
 
 def _regressors(motion: FloatArray) -> Iterator[FloatArray]:
@@ -136,7 +138,7 @@ def _regressors(motion: FloatArray) -> Iterator[FloatArray]:
         v = v / max(np.std(v), np.finfo(float).tiny)
         yield from (y, y**2, y**3, v, v * np.abs(v))
         for τ in np.geomspace(2.0, n / 4, 4):
-            yield lfilter([1 / τ], [1.0, 1 / τ - 1.0], y)
+            yield solve_banded((1, 0), [np.ones(n), np.full(n, 1 / τ - 1.0)], y / τ)
 
 
 def _directions(columns: FloatArray) -> FloatArray:
