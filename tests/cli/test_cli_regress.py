@@ -99,7 +99,7 @@ def test_json_holds_the_same_and_out_writes_it(capsys, folder, tmp_path):
     assert found == json.loads((tmp_path / "new" / "regression.json").read_text(encoding="utf-8"))
     jsonschema.validate(found, json.loads(json_schema("regression.json")))
     c = found["parameters"]["C1"]
-    assert set(c) == {"value", "unit", "standard_error", "interval95", "bias", "verdict"}
+    assert set(c) == {"value", "unit", "standard_error", "interval95", "bias", "kind", "verdict"}
     assert c["interval95"][1] - c["interval95"][0] == pytest.approx(3.92 * c["standard_error"], rel=1e-3)
     orders = {"lambda": 0.95, "mu": 0.97}  # those that the constants belong to
     assert found["start"] == orders | {n: found["parameters"][n]["value"] for n in ("C1", "J_theta")}

@@ -109,18 +109,12 @@ def _print_constants(console: Console, f: Regression) -> None:
         if 0 < half < inf:
             value, interval = to_second_digit(c.value, half), f"± {half_width(half, c.value)}"
         bias = "" if c.bias is None else f"{c.bias:+.1g}"
-        rows.append((name, value, interval, bias, c.unit, _short(c.verdict)))
+        rows.append((name, value, interval, bias, c.unit, c.kind))
     print_table(console, ("", "value", "95 % interval", "bias", "unit", ""), rows, fold=())
-    doubted = [(n, c.verdict) for n, c in f.parameters.items() if _short(c.verdict) != c.verdict]
+    doubted = [(n, c.verdict) for n, c in f.parameters.items() if c.kind not in ("identified", "known")]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
         names = ", ".join(n for n, text in doubted if text == verdict)
         warn(console, f"{names}: {verdict}")
-
-
-def _short(verdict: str) -> str:
-    """What a table has room for; the whole stands below it."""
-    kinds = ("identified", "known", "biased", "not excited", "only together")
-    return next((kind for kind in kinds if verdict.startswith(kind)), "in doubt")
 
 
 def _lines(f: Regression) -> list[tuple[str, str]]:

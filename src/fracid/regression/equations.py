@@ -30,7 +30,7 @@ from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import smoothing
-from fracid.regression.linear import POOR, Constant, Regression
+from fracid.regression.linear import POOR, Constant, Regression, Worth
 from fracid.regression.rows import from_rest
 
 SAYS = Words("regression/equations.toml")
@@ -197,14 +197,8 @@ def regress_equations(problem: Problem) -> Regression:
     for k, n in enumerate(unknown):
         value, bias = found.values[k], again.values[k] - found.values[k]
         se = float(np.hypot(found.errors[k], bias))
-        verdict = "identified"
-        if poor:
-            verdict = f"the equation of {poor[0]} fits by {found.fit[poor[0]]:.0f} % only"
-        elif abs(value) < SURE * se:
-            verdict = "not excited: its interval includes 0"
-        elif abs(bias) > SURE * found.errors[k] and abs(bias) > NEAR * abs(value):
-            verdict = f"biased: a longer window moves it by {bias:+.2g}"
-        constants[n] = Constant(float(value), model.parameter(n).unit, se, float(bias), verdict)
+        worth = _worth(found, k, poor, se, bias)
+        constants[n] = Constant(float(value), model.parameter(n).unit, se, float(bias), *worth)
     one = "it" if len(held) == 1 else "them"
     note = [f"{', '.join(held)}: the equations are not linear in {one}; held at the project's start."] if held else []
     if problem.orders:
@@ -215,6 +209,17 @@ def regress_equations(problem: Problem) -> Regression:
         found.condition, sum(map(len, found.residuals.values())), 0.13 / width, "a Gaussian window from the spectrum",
         width, {}, float(np.ptp(problem.experiments[0].measured[:, 0]) / 2), None, tuple(note),
     )  # fmt: skip
+
+
+def _worth(found: _Estimate, k: int, poor: Sequence[str], se: float, bias: float) -> Worth:
+    value = found.values[k]
+    if poor:
+        return "in doubt", f"the equation of {poor[0]} fits by {found.fit[poor[0]]:.0f} % only"
+    if abs(value) < SURE * se:
+        return "not excited", "not excited: its interval includes 0"
+    if abs(bias) > SURE * found.errors[k] and abs(bias) > NEAR * abs(value):
+        return "biased", f"biased: a longer window moves it by {bias:+.2g}"
+    return "identified", "identified"
 
 
 @dataclass(frozen=True)

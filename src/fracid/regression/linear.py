@@ -67,6 +67,11 @@ POOR = 85.0
 """An equation that fits by less [%] does not fit."""
 
 
+Kind = Literal["identified", "known", "biased", "not excited", "only together", "in doubt"]
+Worth = tuple[Kind, str]
+"""What a constant is worth, and the same in words."""
+
+
 @dataclass(frozen=True)
 class Constant(Record):
     """One constant as the regression sees it."""
@@ -79,13 +84,15 @@ class Constant(Record):
     None where it was not found."""
     bias: Number
     """What noise in the columns adds to the value, estimated by adding it once more [unit]; None as above."""
+    kind: Kind
+    """What it is worth."""
     verdict: str
-    """``identified``, ``known``, ``only together with …``, ``not excited``, or in which direction it is biased."""
+    """The same in words: with which others it is known, in which direction it is biased, or what is in doubt."""
 
     @property
     def identified(self) -> bool:
         """Whether to use the value by itself."""
-        return self.verdict == "identified"
+        return self.kind == "identified"
 
     @computed_field  # type: ignore[prop-decorator]
     @property
@@ -416,24 +423,26 @@ def _constants(
     for i, name in enumerate(names):
         value = float(beta[i])
         if name in fixed_values:
-            constants[name] = Constant(value, units[name], None, None, "known")
+            constants[name] = Constant(value, units[name], None, None, "known", "known")
         elif i in dependent:
             partners = [names[j] for j in dependent[i]]
-            constants[name] = Constant(value, units[name], None, None, _together(partners))
+            constants[name] = Constant(value, units[name], None, None, *_together(partners))
         else:
             k = gauge.free.index(i)
             dependents = [names[j] for j, combination in dependent.items() if i in combination]
             close = [names[gauge.free[j]] for j in np.flatnonzero(np.abs(correlation[k]) > 0.97) if j != k]
             error, off = float(errors[k]), float(bias[k])
-            constants[name] = Constant(value, units[name], error, off, _verdict(value, error, off, dependents, close))
+            constants[name] = Constant(value, units[name], error, off, *_verdict(value, error, off, dependents, close))
     return constants
 
 
-def _together(partners: Sequence[str]) -> str:
-    return f"only together with {', '.join(partners)}" if partners else "not excited: its column is empty"
+def _together(partners: Sequence[str], why: str = "") -> Worth:
+    if partners:
+        return "only together", f"only together with {', '.join(partners)}{why}"
+    return "not excited", f"not excited{why or ': its column is empty'}"
 
 
-def _verdict(value: float, error: float, bias: float, dependents: Sequence[str], close: Sequence[str]) -> str:
+def _verdict(value: float, error: float, bias: float, dependents: Sequence[str], close: Sequence[str]) -> Worth:
     """Say in words what the data know of a constant."""
     if dependents:
         return _together(dependents)
@@ -441,11 +450,10 @@ def _verdict(value: float, error: float, bias: float, dependents: Sequence[str],
         way = "lowers" if bias * value < 0.0 else "raises"
         percent = 100 * abs(bias / (value - bias)) if value != bias else math.inf
         part = f"about {percent:.0f} %" if percent < 100 and abs(bias) < abs(value) else "half or more"
-        return f"biased: noise in the columns {way} it by {part}"
+        return "biased", f"biased: noise in the columns {way} it by {part}"
     if math.hypot(error, bias) > 0.2 * abs(value):
-        why = f"its standard error is {100 * error / max(abs(value), 1e-300):.0f} % of it"
-        return f"only together with {', '.join(close)}: {why}" if close else f"not excited: {why}"
-    return "identified"
+        return _together(close, f": its standard error is {100 * error / max(abs(value), 1e-300):.0f} % of it")
+    return "identified", "identified"
 
 
 def _combinations(
@@ -486,8 +494,9 @@ def _doubted(regression: Regression, search: OrderSearch | None, late: bool, est
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]
     why += ["its simulated response is not like the measured one"] if regression.estimator != estimator else []
-    verdicts = {n: replace(c, verdict=why[0]) if why and c.identified else c for n, c in regression.parameters.items()}
-    return replace(regression, parameters=verdicts, warnings=(*regression.warnings, *messages))
+    constants = {n: replace(c, kind="in doubt", verdict=why[0]) if why and c.identified else c
+                 for n, c in regression.parameters.items()}  # fmt: skip
+    return replace(regression, parameters=constants, warnings=(*regression.warnings, *messages))
 
 
 # --- as the start of a fit -----------------------------------------------------------------------------------
