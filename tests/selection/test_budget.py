@@ -1,9 +1,12 @@
 """What follows a search takes no more than twice its work, and says what it left out."""
 
+import json
+
 import pytest
 
-from fracid import Free, Problem, identification, identify
-from fracid.selection import integer_alternatives
+from fracid import Free, Problem, Unfinished, compare, identification, identify
+from fracid.selection import comparison, integer_alternatives
+from fracid.tasks.journal import Journal
 from twins import RIG, release
 
 ORDERS = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -56,3 +59,36 @@ def test_what_is_settled_before_the_work_is_spent_stays_so(monkeypatch):
     fit, *_ = examined(Problem(RIG, (twin,), {**ORDERS, "lambda": 1.0}, initial_state="held"), monkeypatch)
     assert fit.claim == "integer"
     assert not fit.alternative.cut
+
+
+@pytest.mark.broad
+def test_the_alternatives_of_a_comparison_end_after_so_many_times_the_work_of_its_fits_when_it_is_gone_on_with_too(
+    tmp_path, monkeypatch
+):
+    fitted, held_out = (release(f"swing {alpha}", alpha=alpha, step=4e-3, end=3.0, noise=1e-4,
+                                orders={"lambda": 1.0, "mu": 0.95}) for alpha in (0.5, 0.3))  # fmt: skip
+    problem = Problem(RIG, (fitted,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
+    seen = []
+
+    def cut_off_once(*args, watch, **options):
+        seen.append(watch)
+        if len(seen) == 1:
+            raise KeyboardInterrupt
+        return integer_alternatives.integer_alternatives(*args, watch=watch, **options)
+
+    monkeypatch.setattr(comparison, "LEAST", 0.0)
+    monkeypatch.setattr(comparison, "TIMES", 2 / comparison.MORE)
+    monkeypatch.setattr(comparison, "integer_alternatives", cut_off_once)
+    options = {"validation": [held_out], "rungs": ["viscous"]}
+    with Journal(tmp_path / "journal.jsonl", {}) as journal, pytest.raises(Unfinished):
+        compare(problem, **options, journal=journal)
+    fits = [json.loads(line)["value"] for line in (tmp_path / "journal.jsonl").read_text().splitlines()[1:]]
+    work = sum(fit.get("work", 0) for fit in fits)
+    with Journal(tmp_path / "journal.jsonl", {}) as journal:
+        found = compare(problem, **options, journal=journal)
+    assert [watch.most for watch in seen] == [2 * work] * 2
+    assert 0 < seen[1].work <= 1.25 * seen[1].most  # it ends after the runs that are under way
+    assert found.alternative.cut
+    assert found.claim == "undecided"
+    assert found.claim_reasons[0].endswith("was not all tried: it takes more than twenty times the fits.")
+    assert found.claim_reasons[1].startswith("To decide: fewer or shorter recordings")

@@ -215,7 +215,8 @@ def claim_of(
     if alternative is None:
         return _undecided(SAYS("not-compared", orders=orders_off))
     if alternative.cut:
-        return _undecided(SAYS("cut", orders=orders_off), SAYS("decide-all"))
+        limit, decide = ("limit-compared", "decide-all-compared") if compared else ("limit", "decide-all")
+        return _undecided(SAYS("cut", orders=orders_off, limit=SAYS(limit)), SAYS(decide))
     memories = alternative.memories
     if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
         return _no_more_than(memories[-1], orders_off, coloured)

@@ -31,6 +31,7 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ from fracid.selection.comparison_records import (
     drawn,
 )
 from fracid.selection.comparison_verdict import as_good_as_integer, not_helped, verdict_of
-from fracid.selection.integer_alternatives import integer_alternatives
+from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, integers_of
 from fracid.selection.ladder import Ladder, Structure, assignment, ladder
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
@@ -90,6 +91,11 @@ SAME = 1e-3
 
 GIVEN = "the project as it stands"
 """From whose fit every structure may start."""
+
+MORE = 10.0
+"""Times the work that a fit gives to models of integer order, for who compares wants all of them; yet it ends."""
+
+_cost = attrgetter("cost")
 
 WARM = 15
 """Steps of least squares from the optimum of a structure below, before it is known to be the best start."""
@@ -362,7 +368,7 @@ def _fit_project(
     else:
         best = given.evaluate(given.start)
     values = assignment(given, best.point) if math.isfinite(best.cost) else {}
-    return as_json(GivenBlock, {"values": values, "opened": opened})
+    return as_json(GivenBlock, {"values": values, "opened": opened, "work": watch.work})
 
 
 def _fit_structure(
@@ -374,11 +380,12 @@ def _fit_structure(
     `below` has where it may start, each with all values: the minima of the structures that it holds, and the fit of the
     project.  `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
-    structure, others = place.fold.ladder[name], place.fold.held_out
+    structure, others, watch = place.fold.ladder[name], place.fold.held_out, Watch()
     problem = structure.problem
     best, outcome = (
-        _fitted(structure, below, seed, starts, jobs) if before is None else _refitted(structure, below, *before, jobs)
-    )
+        _fitted(structure, below, seed, starts, jobs, watch) if before is None
+        else _refitted(structure, below, *before, jobs, watch)
+    )  # fmt: skip
     values = problem.named(best.point)
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
@@ -386,7 +393,7 @@ def _fit_structure(
         return as_json(FittedBlock, {
             "values": values, "cost": None, "outcome": str(errors), "in_sample": scores, "parameters": len(values),
             "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
-            "squares": None, "samples": 2.0,
+            "squares": None, "samples": 2.0, "work": watch.work,
         })  # fmt: skip
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
     predicted = {e.name: _predicted(structure, values, e, place.fold.window, jobs) for e in others}
@@ -413,21 +420,21 @@ def _fit_structure(
         "curves": {
             name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
         },
-        "outcome": outcome,
+        "outcome": outcome, "work": watch.work,
     })  # fmt: skip
 
 
 def _fitted(
-    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, jobs: int
+    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, jobs: int, watch: Watch
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the structures below and from its own start, or by windows.
 
     All go a few steps, and the lowest on: rich friction creeps to its minimum.
     """
-    problem, watch = structure.problem, Watch()
+    problem = structure.problem
     if not problem.names:
         return problem.evaluate(problem.start), "nothing is free"
-    begun = [_begun(problem, structure.embed(values), f"from the optimum of {origin}", jobs, watch)
+    begun = [_lower(problem, structure.embed(values), f"from the optimum of {origin}", jobs, watch, budget=WARM)
              for origin, values in below.items()]  # fmt: skip
     if structure.given and GIVEN in below:  # its own search is that
         pass
@@ -444,37 +451,37 @@ def _fitted(
     return min(best, _descended(problem, best.point, jobs, watch), key=_cost), how
 
 
-def _begun(problem: Problem, x: FloatArray, how: str, jobs: int, watch: Watch) -> tuple[Evaluation, str]:
-    """A few steps of least squares."""
-    return min(problem.evaluate(x), _descended(problem, x, jobs, watch, budget=WARM), key=_cost), how
+def _lower(
+    problem: Problem, x: FloatArray, how: str, jobs: int, watch: Watch, **options: Any
+) -> tuple[Evaluation, str]:
+    """What least squares comes to, or x where that is no lower."""
+    return min(problem.evaluate(x), _descended(problem, x, jobs, watch, **options), key=_cost), how
 
 
 def _refitted(
     structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, coarse: int,
-    jobs: int,
+    jobs: int, watch: Watch,
 ) -> tuple[Evaluation, str]:  # fmt: skip
     """The minimum at a finer step that the one at `coarse` steps leads to, where no structure that it holds is lower.
 
     Else the lowest from there, and from the structures below at the finer step.
     """
-    problem, watch, own = structure.problem, Watch(), structure.embed(values)
+    problem, own = structure.problem, structure.embed(values)
     if not problem.names:
         return problem.evaluate(own), how
     nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
     before = replace(problem, substeps=coarse).cost(own)
-    near = min(problem.evaluate(own), _descended(problem, own, jobs, watch), key=_cost)
+    near, _ = _lower(problem, own, how, jobs, watch)
     lowest = min([near, *nested], key=_cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
     ends = [(near, how)]
-    if problem.cost_function.loss is not None and problem.names:  # the finer step has shifted the phase
+    if problem.cost_function.loss is not None:  # the finer step has shifted the phase
         ends.append((growing(problem, own, jobs, watch).best, how))
     if late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
         ends += _climbed(structure, jobs, watch)
-    for origin, simpler in below.items():
-        x = structure.embed(simpler)
-        onward = _descended(problem, x, jobs, watch)
-        ends.append((min(problem.evaluate(x), onward, key=_cost), f"from the optimum of {origin}"))
+    ends += [_lower(problem, structure.embed(simpler), f"from the optimum of {origin}", jobs, watch)
+             for origin, simpler in below.items()]  # fmt: skip
     return min(ends, key=lambda end: end[0].cost)
 
 
@@ -484,13 +491,9 @@ def _climbed(structure: Structure, jobs: int, watch: Watch) -> Iterator[tuple[Ev
     if structure.top not in late:  # a drag or a cable came in last: it may matter more than all that came before
         simple = without(problem, [n for rung in late.values() for n in rung])
         x = structure.embed(assignment(simple, growing(simple, simple.start, jobs, watch).best.point))
-        yield _begun(problem, x, "from the simpler structure", jobs, watch)
+        yield _lower(problem, x, "from the simpler structure", jobs, watch, budget=WARM)
     elif not structure.fractional:
         yield by_windows(problem, jobs, watch, budget=WARM).best, "by windows"
-
-
-def _cost(evaluation: Evaluation) -> float:
-    return evaluation.cost
 
 
 def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
@@ -552,6 +555,8 @@ class _Study:
     done: int = 0
     earlier: int = 0
     """Of the fits that are done, those that were in the journal before."""
+    work: int = 0
+    """Of the fits that are done, as their watches count it, whether they were in the journal or not."""
     given: Mapping[str, dict[str, float]] = field(default_factory=dict)
     """Fold → all values of the project as it stands, fitted; nothing where no run of it ends."""
     began: float = field(default_factory=time.perf_counter)
@@ -648,6 +653,7 @@ class _Study:
         part = Part("fits", self.done, self.total)
         results = replace(self.execution, progress=over_all, part=part).run(work, tasks)
         self.done += len(tasks)
+        self.work += sum(found.get("work", 0) for found in results.values())
         return results
 
     def _run(self, work: Callable[..., Any], tasks: list[Task], note: str) -> dict[str, Any]:
@@ -680,8 +686,8 @@ class _Study:
         """What of integer order comes nearest to a fractional structure."""
         own = self.origin.load()[2]
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
-        how = self.execution.jobs, self.starts, self.seed
-        task = self.task("alternatives", row, _half_widths(row), others, *how)
+        how = {"jobs": self.execution.jobs, "starts": self.starts, "seed": self.seed}
+        task = self.task("alternatives", row, _half_widths(row), others, MORE * max(TIMES * self.work, LEAST), how)
         content = self._run(_try_alternatives, [task], "integer-order alternatives")[task.key]["alternative"]
         return None if content is None else record_of(Alternative, content)
 
@@ -727,12 +733,13 @@ def _log_evidence(place: _Place, name: str, values: Mapping[str, float], jobs: i
 
 def _try_alternatives(
     place: _Place, name: str, values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]],
-    jobs: int, starts: int, seed: int,
+    most: float, how: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
+    """Look for them with so much work at most, which is counted in steps, as beside a fit."""
     problem, x = place.minimum(name, values)
     every = place.fold.ladder.structures
     beside = {s.friction: _from_there(s.problem, others[s.name]) for s in every if s.name in others}
-    nearest = integer_alternatives(problem, problem.evaluate(x), half, jobs=jobs, own=beside, starts=starts, seed=seed)
+    nearest = integer_alternatives(problem, problem.evaluate(x), half, own=beside, watch=Watch(most=most), **how)
     return {"alternative": None if nearest is None else as_json(Alternative, nearest)}
 
 

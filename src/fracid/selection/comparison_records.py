@@ -335,6 +335,7 @@ class GivenBlock(Block):
 
     values: dict[str, float]
     opened: list[OpenedBound] = Field([])
+    work: int = Field(0)
 
 
 class RecordedBlock(Block):
@@ -378,6 +379,7 @@ class FittedBlock(Block):
     left_over: dict[str, LeftOver] = Field({})
     curves: Curves = Field({})
     outcome: str
+    work: int = Field(0)
 
 
 def fault_of_fitted(content: Any, outputs: Iterable[str]) -> str:
