@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.figures import Style
 
+FAILED = "no residual: the simulation failed"
+
 
 def residual_plots(
     recording: RecordingFit,
@@ -80,7 +82,7 @@ def residual_plots(
     step = appearance.encoder_step(resolution, output)
     figure = appearance.new(9.5, 7, style)
     _panels(figure.subplots(2, 2).flat, recording, output, step)
-    _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes)
+    _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes, FAILED)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
 
@@ -147,7 +149,7 @@ def residual_diagnostics(
     appearance.label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
     density = f"density of the power [{_squared(display_unit)}/Hz]"
     appearance.label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
-    _blank(() if mask.any() else figure.axes)
+    _blank(() if mask.any() else figure.axes, FAILED)
     appearance.finish(figure, _headline(recording, output, step))
     return figure
 
@@ -181,10 +183,10 @@ def _squared(unit: str) -> str:
     return "1" if unit == "–" else f"{unit}²"
 
 
-def _blank(panels: Sequence[Axes]) -> None:
+def _blank(panels: Sequence[Axes], why: str) -> None:
     for axes in panels:
         axes.set(xticks=[], yticks=[])
-        appearance.note(axes, "no residual: the simulation failed")
+        appearance.note(axes, why)
 
 
 def _headline(recording: RecordingFit, output: str, step: float | None) -> str:
@@ -204,17 +206,14 @@ def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, analy
     `factor` is from SI to the unit shown, in which `whole` is.
     """
     if not np.isfinite(analysis.whiteness.correlation_time):
-        for axes in (lags, spectrum):
-            axes.set(xticks=[], yticks=[])
-            appearance.note(axes, "nothing that can be tested")
+        _blank((lags, spectrum), "nothing that can be tested")
         return
     part = longest_stretch(np.isfinite(whole))
     _autocorrelation(lags, whole[part], analysis)
-    if not analysis.spectrum.sentence:
-        spectrum.set(xticks=[], yticks=[])
-        appearance.note(spectrum, "uneven samples have none")
-        return
-    _spectrum(spectrum, whole[part], factor, analysis)
+    if analysis.spectrum.sentence:
+        _spectrum(spectrum, whole[part], factor, analysis)
+    else:
+        _blank((spectrum,), "uneven samples have none")
 
 
 def _autocorrelation(axes: Axes, residual: FloatArray, analysis: ResidualAnalysis) -> None:

@@ -523,13 +523,10 @@ class _Page:
 
     def _motor(self, k: float) -> tuple[float, str]:
         """Where the search for the torque per volt begins, and which way the arm goes; "" where nothing says."""
-        if "torque_per_volt" in self.starts:
-            k = self.starts["torque_per_volt"]
-            return k, "the arm goes with the voltage" if k > 0 else "the arm goes against the voltage"
-        way = _way(self.recording)
-        return (
-            (math.copysign(k, way), f"the arm goes {'with' if way > 0 else 'against'} the voltage") if way else (k, "")
-        )
+        given = self.starts.get(MOTOR)
+        way = _way(self.recording) if given is None else given or -1.0
+        start = given if given is not None else math.copysign(k, way or k)
+        return start, f"the arm goes {'with' if way > 0 else 'against'} the voltage" if way else ""
 
     def _presliding(self, joint: str) -> str:
         """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""

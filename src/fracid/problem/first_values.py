@@ -235,20 +235,19 @@ def _fitted(
     rows = [equations.model.parameter(n) for n in names]
     logs = np.array([p.lower >= 0.0 and p.value > 0.0 for p in rows])
     scale = np.array([1.0 if log else reach[n] for n, log in zip(names, logs, strict=True)])
-    lower = np.array(
-        [np.log(max(p.lower, 1e-12)) if log else p.lower / s for p, log, s in zip(rows, logs, scale, strict=True)]
-    )
-    upper = np.array(
-        [np.log(min(p.upper, 1e12)) if log else p.upper / s for p, log, s in zip(rows, logs, scale, strict=True)]
-    )
+
+    def moved(values: Sequence[float]) -> FloatArray:
+        """What the search moves."""
+        v = np.array(values)
+        return np.asarray(np.where(logs, np.log(np.clip(v, 1e-12, 1e12)), v / scale))
+
+    lower, upper = moved([p.lower for p in rows]), moved([p.upper for p in rows])
 
     def values(z: FloatArray) -> dict[str, float]:
         x = np.where(logs, np.exp(np.where(logs, z, 0.0)), z * scale)
         return {**base, **{n: float(np.clip(v, p.lower, p.upper)) for n, v, p in zip(names, x, rows, strict=True)}}
 
-    first = np.array(
-        [np.log(max(base[n], 1e-12)) if log else base[n] / s for n, log, s in zip(names, logs, scale, strict=True)]
-    )
+    first = moved([base[n] for n in names])
     rng, best, least = np.random.default_rng(0), dict[str, float](), np.inf
     for k in range(starts):
         z = np.clip(first + (k > 0) * np.where(logs, 2.0, 0.1) * rng.standard_normal(len(names)), lower, upper)

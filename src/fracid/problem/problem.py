@@ -306,10 +306,6 @@ class Problem(CardDisplay):
             outputs[first : first + len(simulated)] = simulated
         return outputs
 
-    def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
-        """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
-        return self.simulator.history(x, e)
-
     # --- variants ----------------------------------------------------------------------------------
 
     def until(self, horizon: float) -> Problem:

@@ -199,7 +199,7 @@ class Twin(CardDisplay):
             experiment.name, model, model.named_orders(orders), _by_name(model.parameter_names, values),
             _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
             problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
-            experiment.between, problem.history(x, experiment),
+            experiment.between, problem.simulator.history(x, experiment),
         )  # fmt: skip
 
     def changed(self, **changes: Any) -> Twin:
