@@ -90,7 +90,7 @@ class Drawing:
         if plane is not None:
             best = fit.x[list(fit.problem.order_indices[:2])]
             pieces.append(
-                self.drawer.asked(_drawn, _of_plane, folder, plane, best, folder, fit.problem.cost_function.name)
+                self.drawer.asked(_drawn, of_plane, folder, plane, best, folder, fit.problem.cost_function.name)
             )
         self.observer.stage("page")
         residuals = {name: tested for r in recordings for name, tested in r.residuals().items()}
@@ -245,13 +245,8 @@ def of_search(fit: Fit, style: str = "screen") -> Figures:
         yield "cut", fit.cut.plot(style=style)
 
 
-def of_plane(fit: Fit, plane: CostPlane, folder: Path, style: str = "screen") -> Figures:
+def of_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
-    best = fit.x[list(fit.problem.order_indices[:2])]
-    return _of_plane(plane, best, folder, fit.problem.cost_function.name, style)
-
-
-def _of_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
     from fracid.runs.evaluations import tried
 
     evaluations, (first, second) = tried(folder, plane.names), best.tolist()

@@ -207,27 +207,33 @@ def run(
         searching = False
         laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
-        interrupted = fit.outcome is Outcome.INTERRUPTED
-        seconds = time.perf_counter() - start_time
-        watching.result(FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume))
-        pictures: tuple[Path, ...] = ()
-        undrawn = ""
-        try:
-            write_time = time.perf_counter()
-            pictures = draw(fit)
-            laps["figures"] = time.perf_counter() - write_time
-            laps["total"] = time.perf_counter() - start_time
-            result = write_result(folder, fit, project, laps)
-            if not interrupted:
-                opened.finish()
-        except KeyboardInterrupt:
-            watching.interrupted()
-            interrupted, undrawn = True, "Interrupted while the figures were drawn."
-        except (InputError, Unfinished, OSError, MemoryError) as error:
-            undrawn = str(error) or "There is not enough memory for the figures."
+        interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
+        found = FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume)
+        watching.result(found)
+        finished = _with_figures(found, draw, opened, laps, start_time, watching)
     watching.stage("")
-    seconds = laps.get("total", time.perf_counter() - start_time)
-    return FinishedRun(project, fit, folder, pictures, result, interrupted, seconds, undrawn, resume)
+    return replace(finished, seconds=laps.get("total", time.perf_counter() - start_time))
+
+
+def _with_figures(
+    found: FinishedRun, draw: Callable[[Fit], tuple[Path, ...]], opened: Run, laps: dict[str, float], began: float,
+    observer: Observer,
+) -> FinishedRun:  # fmt: skip
+    """Draw a fit whose result is written, and write how long that took; or say why there are no figures."""
+    try:
+        before = time.perf_counter()
+        found = replace(found, figures=draw(found.fit))
+        laps["figures"] = time.perf_counter() - before
+        laps["total"] = time.perf_counter() - began
+        found = replace(found, result=write_result(found.folder, found.fit, found.project, laps))
+        if not found.interrupted:
+            opened.finish()
+    except KeyboardInterrupt:
+        observer.interrupted()
+        return replace(found, interrupted=True, undrawn="Interrupted while the figures were drawn.")
+    except (InputError, Unfinished, OSError, MemoryError) as error:
+        return replace(found, undrawn=str(error) or "There is not enough memory for the figures.")
+    return found
 
 
 def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Project:

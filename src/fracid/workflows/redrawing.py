@@ -125,8 +125,10 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
 
 
 def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
-    found = plane_of(run, jobs)
-    plane: Figures = iter(()) if found is None else of_plane(run, found, run.folder, style)
+    found, best = plane_of(run, jobs), run.x[list(run.problem.order_indices[:2])]
+    plane: Figures = iter(())
+    if found is not None:
+        plane = of_plane(found, best, run.folder, run.problem.cost_function.name, style)
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters), style),
         of_recordings(run.recordings, run.resolutions, style),
