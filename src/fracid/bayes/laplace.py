@@ -101,24 +101,30 @@ class StudentProposal:
 
 
 @dataclass(frozen=True)
-class ImportanceSample:
-    """Weighted draws of a posterior."""
+class WeightedDraws:
+    """Of a posterior."""
 
     points: FloatArray
     """Shape (n_draws, n); without those whose runs fail."""
     log_weights: FloatArray
     """Weights of the draws, sum 1, shape (n_draws,)."""
-    log_likelihood: FloatArray
-    """Shape (n_draws,)."""
     log_evidence: float
     """Of the likelihood relative to its value at the minimum."""
     evidence_error: float
     """Its standard error [nats]."""
+    simulations: int
+    """With those that only improved the proposal."""
+
+
+@dataclass(frozen=True)
+class ImportanceSample(WeightedDraws):
+    """Weighted draws of a posterior, from a proposal."""
+
+    log_likelihood: FloatArray
+    """Shape (n_draws,)."""
     khat: float
     draws: int
     """Within the bounds, those whose runs fail too."""
-    simulations: int
-    """With those that only improved the proposal."""
 
     @property
     def trusted(self) -> bool:
@@ -266,8 +272,8 @@ class _Round:
         total = float(logsumexp(weights))
         log_weights = weights - total
         error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
-        return ImportanceSample(self.points[some], log_weights, self.values[some], total - math.log(self.drawn),
-                                error, khat, len(ratios), simulations)  # fmt: skip
+        return ImportanceSample(self.points[some], log_weights, total - math.log(self.drawn), error, simulations,
+                                self.values[some], khat, len(ratios))  # fmt: skip
 
 
 def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | None]:

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.bayes.laplace import log_likelihoods
+from fracid.bayes.laplace import WeightedDraws, log_likelihoods
 from fracid.bayes.target import BoxPrior, Likelihood
 from fracid.errors import InputError, at_least
 from fracid.tasks.job import Progress, Task, one_blas_thread
@@ -45,24 +45,9 @@ REMAINDER = 0.01
 """Part of the evidence in the live points at which exploring ends."""
 
 
-@dataclass(frozen=True)
-class NestedSample:
-    """Weighted draws of a posterior."""
-
-    points: FloatArray
-    """Shape (n_draws, n)."""
-    log_weights: FloatArray
-    """Weights of the draws, sum 1, shape (n_draws,)."""
-    log_evidence: float
-    """Of the likelihood relative to its value at the minimum."""
-    evidence_error: float
-    """Its standard error [nats]."""
-    simulations: int
-
-
 def nested_sample(
     likelihood: Likelihood, prior: BoxPrior, *, draws: int, seed: int, execution: Execution | None = None
-) -> NestedSample:
+) -> WeightedDraws:
     """Draw from the whole prior by nested sampling.
 
     Parameters
@@ -111,7 +96,7 @@ class _Batches:
         return np.array([NOTHING if v is None else v for v in values])
 
 
-def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> NestedSample:
+def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> WeightedDraws:
     try:
         from nautilus import Sampler
     except ImportError:
@@ -128,8 +113,8 @@ def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> N
     log_weights = log_weights - np.logaddexp.reduce(log_weights)
     some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
     kept = log_weights[some]
-    return NestedSample(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
-                        1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
+    return WeightedDraws(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
+                         1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
 
 
 def _at_least_two(from_unit: Any, batches: _Batches, n: int) -> tuple[Any, Any]:
