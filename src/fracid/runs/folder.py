@@ -287,6 +287,10 @@ def refuse_anothers(folder: Path, project: Path) -> None:
         )
 
 
+CODE, VERSION = "the code ", "the version of "
+"""How the keys begin of inputs that are no data: where they are others a result may be, too."""
+
+
 def inputs_of(project: Project) -> dict[str, str]:
     """Hash all that a run of a project depends on: the file, its recordings, its code; and name the versions.
 
@@ -302,8 +306,8 @@ def inputs_of(project: Project) -> dict[str, str]:
     inputs = {f"the project file {project.path.name}": sha256(project.text.encode()).hexdigest()}
     inputs |= {f"the recording {r.name!r}": r.sha256 for r in project.recordings}
     for file in project.own_code:
-        inputs[f"the code {os.path.relpath(file, project.path.parent)}"] = sha256(bytes_of(file)).hexdigest()
-    return inputs | {f"the version of {package}": number for package, number in versions().items()}
+        inputs[f"{CODE}{os.path.relpath(file, project.path.parent)}"] = sha256(bytes_of(file)).hexdigest()
+    return inputs | {f"{VERSION}{package}": number for package, number in versions().items()}
 
 
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:

@@ -28,7 +28,7 @@ from pydantic import Field, computed_field
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.runs.folder import RunState
+from fracid.runs.folder import CODE, VERSION, RunState
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Infinite, Listed, Record, fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
@@ -191,14 +191,14 @@ def _changed(run: SavedRun, state: RunState) -> dict[str, tuple[str, str]]:
     changes = {
         what: (str(inputs[what]), now[what])
         for what in now
-        if what in inputs and inputs[what] != now[what] and what.startswith(("the version", "the code"))
+        if what in inputs and inputs[what] != now[what] and what.startswith((CODE, VERSION))
     }
     try:
         there = read_as(run.folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
     except OSError:
         there = {}
     if state.code != code():
-        changes["the code of fracid"] = state.code, code()
+        changes[f"{CODE}of fracid"] = state.code, code()
     here = machine()
     return changes | {
         f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]
@@ -208,8 +208,7 @@ def _changed(run: SavedRun, state: RunState) -> dict[str, tuple[str, str]]:
 def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
     """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
     text = ", ".join(
-        what if what.startswith("the code") else f"{what} ({before}, now {now})"
-        for what, (before, now) in changed.items()
+        what if what.startswith(CODE) else f"{what} ({before}, now {now})" for what, (before, now) in changed.items()
     )
     return text[:1].upper() + text[1:]
 

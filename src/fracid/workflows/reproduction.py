@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.runs.folder import JOURNAL, open_folder, refuse_used
+from fracid.runs.folder import CODE, JOURNAL, VERSION, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, reproduce
 from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.safety.schema import Block, read_as
@@ -108,10 +108,10 @@ def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
         what: (str(before[what]), str(after[what])) for what in after if before.get(what, after[what]) != after[what]
     }
     for what in changes:
-        if not what.startswith(("the version", "the code", "versions")):
+        if not what.startswith((CODE, VERSION, "versions")):
             raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
     machines = [_read(folder / "environment.json") for folder in (run, again)]
-    named = {"platform": "the platform", "processor": "the processor", "code": "the code of fracid"}
+    named = {"platform": "the platform", "processor": "the processor", "code": f"{CODE}of fracid"}
     return changes | {
         words: (str(machines[0].get(what)), str(machines[1][what]))
         for what, words in named.items()
