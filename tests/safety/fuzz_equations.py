@@ -210,7 +210,7 @@ def _more_than_mathematics(code: str) -> str:
 
 def fuzz(numbers: range) -> tuple[Counter[str], dict[int, str]]:
     """Read texts; return what came of them, and what went wrong."""
-    for text in ("\x00", "2*sign(speed)", "log(not m, 2)"):  # what is imported, or read of fracid's own, at the first use
+    for text in ("\x00", "2*sign(speed)", "log(not m, 2)"):  # what is read or imported at the first use
         judged(text)
     gc.disable()  # when garbage is looked for is Python's affair, and is no text's time
     try:
