@@ -40,7 +40,7 @@ PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "si
 """Function or operation → what stands for it where a language has none of the same meaning."""
 
 LANGUAGES = tomllib.loads(own_text("models/written/languages.toml"))
-"""Language → what it has otherwise than C."""
+"""Language → what it has otherwise than C; of ``Writer`` what C has."""
 
 LEVELS = {"or": 1, "and": 1, "not": 7, **dict.fromkeys(COMPARISONS, 3), "+": 5, "-": 5, "*": 6, "/": 6, "neg": 7}
 """How tightly each binds; what binds less than its place asks for stands in brackets."""
@@ -56,7 +56,7 @@ def _what(e: object) -> str:
 class Writer:
     """One language, as C has it where nothing else is said."""
 
-    signs: ClassVar[dict[str, str]] = {"and": "&&", "or": "||", "not": "!", "neg": "-"}
+    signs: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["signs"]
     functions: ClassVar[dict[str, str]] = {}
     """Function → its name in the language, where that is another."""
     lacks: ClassVar[dict[str, str]] = PORTABLE
@@ -64,18 +64,23 @@ class Writer:
     """Functions that the language has not and that are not portable."""
     words: ClassVar[str] = ""
     """That a variable cannot be called."""
-    comment: ClassVar[Sequence[str]] = ("/* ", " */")
-    ends: ClassVar[Sequence[str]] = (";", "}")
-    """Of a statement, and of a block."""
     indent: ClassVar[str] = "    "
     real: ClassVar[str] = "double"
     cast: ClassVar[str] = ""
     """Before an integer that is used as a number."""
+    first: ClassVar[int] = 0
+    """Index of an array's first entry."""
+    shorter: ClassVar[bool] = True
+    """Whether it has ``+=``."""
+    complex: ClassVar[Sequence[str]] = ()
+    """What may be complex here, where others say that there is no value."""
+    says: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["says"]
+    """How numbers, statements and functions are written."""
 
     def __init_subclass__(cls) -> None:
         """What the table of languages says of one."""
         for name, value in LANGUAGES.get(cls.__name__, {}).items():
-            setattr(cls, name, value)
+            setattr(cls, name, {**cls.says, **value} if name == "says" else value)
 
     def __init__(
         self, program: Program, taken: Sequence[str] = (), title: str = "", called: str = "static void right_hand_side"
@@ -98,7 +103,7 @@ class Writer:
             )
         own = [self._function(f, self._called(f.name)) for f in self.program.functions if f not in there]
         borrowed = [self._function(f, f.name) for f in self._borrowed() if f not in there]
-        return "\n".join([*borrowed, *own, self._main()])
+        return self.say("whole", "\n".join([*borrowed, *own, self.main()]))
 
     def _borrowed(self) -> tuple[Function, ...]:
         """The portable functions that are called, also by each other."""
@@ -112,23 +117,23 @@ class Writer:
 
     # --- expressions
 
+    def say(self, what: str, *parts: object, **named: object) -> str:
+        """A template with its parts."""
+        return self.says[what].format(*parts, real=self.real, **named)
+
     def number(self, v: float) -> str:
         """To the last bit."""
-        return repr(v) if math.isfinite(v) else "NAN" if v != v else "INFINITY" if v > 0 else "-INFINITY"
+        return repr(v) if math.isfinite(v) else self.says["nan" if v != v else "inf" if v > 0 else "-inf"]
 
     def entry(self, e: Entry) -> str:
         """Of an array, or a constant by its name."""
         if e.array == "p":
             return f"p.{self.name(e.name)}"
-        if isinstance(e.index, Number):
-            array, index = (
-                ("f", self.program.slot(int(e.index.value))) if e.array == "out" else (e.array, e.index.value)
-            )
-            return self._at(array, str(index))
-        return self._at(e.array, f"(int)({self.expression(e.index)})")
-
-    def _at(self, array: str, index: str) -> str:
-        return f"{array}[{index}]"
+        if not isinstance(e.index, Number):
+            return self.say("at", e.array, self.say("index", self.expression(e.index)))
+        k = int(e.index.value)
+        array, place = ("f", self.program.slot(k)) if e.array == "out" else (e.array, k)
+        return self.say("at", array, place + self.first)
 
     def name(self, name: str) -> str:
         """As the language takes it."""
@@ -152,8 +157,10 @@ class Writer:
                 return self.entry(e), ATOM
             case Call(f, arguments):
                 return self.call(f, arguments), ATOM
+            case Choice(test, yes, no) if "Choice" in self.lacks:
+                return self.call("Choice", (test, yes, no)), ATOM
             case Choice(test, yes, no):
-                return self.choice(test, yes, no)
+                return self.choice(test, yes, no), 0
             case Operation(sign, operands) if sign in self.lacks:
                 return self.call(sign, operands), ATOM
             case Operation("**", operands):
@@ -181,9 +188,9 @@ class Writer:
         """A function in most languages."""
         return self.call("pow", (base, exponent)), ATOM
 
-    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+    def choice(self, test: Expression, yes: Expression, no: Expression) -> str:
         """One of two."""
-        return f"{self.expression(test, 3)} ? {self.expression(yes, 1)} : {self.expression(no, 1)}", 0
+        return f"{self.expression(test, 3)} ? {self.expression(yes, 1)} : {self.expression(no, 1)}"
 
     def call(self, f: str, arguments: Sequence[Expression]) -> str:
         """Of a function of the language, of a portable one, or of the program's."""
@@ -215,43 +222,41 @@ class Writer:
                     once = not loops and not (
                         isinstance(target, Name) and target.name in later & self._assigned(body[k + 1 :])
                     )
-                    word = self.declares(once) if first else ""
-                    yield pad + self._remark(word + self.assigned(target, value) + self.ends[0], note)
+                    word = self.say("once" if once else "variable") if first else ""
+                    yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
                 case If(test, yes, no, note):
-                    yield pad + self._remark(self.opens("if", self.expression(test)), note)
+                    yield pad + self._remark(self.say("if", self.expression(test)), note)
                     yield from self.block(yes, inner, depth + 1, loops)
                     while len(no) == 1 and isinstance(no[0], If) and not inner:
-                        yield pad + self._remark(self.opens("else if", self.expression(no[0].test)), no[0].note)
+                        yield pad + self._remark(self.say("else if", self.expression(no[0].test)), no[0].note)
                         yield from self.block(no[0].body, inner, depth + 1, loops)
                         no = no[0].orelse
                     if no:
-                        yield pad + self.opens("else", "")
+                        yield pad + self.says["else"]
                         yield from self.block(no, inner, depth + 1, loops)
                     yield from self._closed(pad)
                 case Loop(inside, test, variable):
-                    head = self.opens("while", self.expression(test)) if variable is None else self.counted(s)
-                    yield pad + head
+                    yield pad + (self.counted(s, variable) if variable else self.say("while", self.expression(test)))
                     yield from self.block(inside, set(), depth + 1, True)
                     yield from self._closed(pad)
                 case Return(value):
                     yield from (pad + line for line in self.returned(value, k == len(body) - 1 and depth == 1))
                 case _:
-                    yield f"{pad}{s.word}{self.ends[0]}"
+                    yield pad + self.say("statement", s.word)
 
     def assigned(self, target: Name | Entry, value: Expression) -> str:
         """``a = b``, or ``a += b`` where that says it."""
         match value:
-            case Operation(sign, (first, more)) if first == target and sign in ("+", "-", "*", "/"):
+            case Operation("+" | "-" | "*" | "/" as sign, (first, more)) if first == target and self.shorter:
                 return f"{self.expression(target)} {sign}= {self.expression(more)}"
         return f"{self.expression(target)} = {self.expression(value)}"
 
     def _closed(self, pad: str) -> Iterator[str]:
-        if self.ends[1]:
-            yield pad + self.ends[1]
+        if self.says["end"]:
+            yield pad + self.says["end"]
 
     def _remark(self, line: str, note: str) -> str:
-        note = note.replace("*/", "* /").replace("/*", "/ *")
-        return f"{line}  {self.comment[0]}{note}{self.comment[1]}" if note else line
+        return f"{line}  {self.say('remark', note.replace('*/', '* /').replace('/*', '/ *'))}" if note else line
 
     @staticmethod
     def _names(node: object) -> set[str]:
@@ -265,59 +270,41 @@ class Writer:
     def _in_one_branch(self, s: If, name: str) -> bool:
         return name not in self._names(s.test) and (name in self._names(s.body)) != (name in self._names(s.orelse))
 
-    def declares(self, once: bool) -> str:
-        """Before a variable's first assignment."""
-        return f"{'const ' * once}{self.real} "
-
     def declared(self, names: Sequence[str]) -> list[str]:
-        """Variables that are assigned further in."""
+        """Variables that are assigned further in, where they have to be declared."""
         zeros = ", ".join(f"{self.name(n)} = {self.number(0.0)}" for n in names)
-        return [f"{self.declares(False)}{zeros};"] if names else []
+        return [self.say("statement", self.say("variable") + zeros)] if names and self.says["variable"] else []
 
-    def opens(self, word: str, test: str) -> str:
-        """The line above a block."""
-        return f"{'} ' * word.startswith('else')}{word}{f' ({test})' * bool(test)} {{"
-
-    def counted(self, s: Loop) -> str:
+    def counted(self, s: Loop, variable: Name) -> str:
         """A loop with a number that counts."""
-        assert s.variable is not None
-        k, ends = self.name(s.variable.name), [f"(int)({self.expression(e)})" for e in (s.start, s.stop)]
-        return f"for (int {k} = {ends[0]}; {k} {'<' if s.step > 0 else '>'} {ends[1]}; {k} += {s.step}) {{"
+        return self.say("for", k=self.name(variable.name), start=self.expression(s.start), step=s.step,
+                        stop=self.expression(s.stop), limit=self.expression(s.stop, 6), less="<" if s.step > 0 else ">",
+                        before="-" if s.step > 0 else "+")  # fmt: skip
 
     def returned(self, value: Expression | None, last: bool) -> list[str]:  # noqa: ARG002
         """From a function."""
-        return [f"return {self.expression(value)};" if value else "return;"]
+        return [self.say("statement", f"return {self.expression(value)}" if value else "return")]
 
     # --- functions
 
+    def _lines(self, body: Sequence[Statement], own: set[str]) -> str:
+        return "".join(f"{line}\n" for line in self.block(body, own, 1))
+
+    def _about(self, text: str) -> str:
+        return self.say("about", self.say("remark", text)) if text else ""
+
     def _function(self, f: Function, name: str) -> str:
-        own = self._names(f.body) - set(f.arguments)
-        lines = self.block(f.body, own, 1)
-        about = [f"{self.comment[0]}{f.about}{self.comment[1]}"] if f.about else []
-        head = self.head(name, [self.name(a) for a in f.arguments])
-        return "\n".join([*self.function(about, head, [*lines]), ""])
+        head = self.say("head", name, ", ".join(self.say("argument", self.name(a)) for a in f.arguments))
+        lines = self._lines(f.body, self._names(f.body) - set(f.arguments))
+        return self.say("function", about=self._about(f.about), head=head, lines=lines)
 
-    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
-        """With what its author says of it."""
-        return [*about, head, "{", *lines, "}"]
-
-    def head(self, name: str, arguments: list[str]) -> str:
-        """First line of a function of numbers."""
-        return f"static {self.real} {name}({', '.join(f'{self.real} {a}' for a in arguments)})"
-
-    def _main(self) -> str:
-        lines = [*self.block(self.program.body, self._names(self.program.body), 1)]
-        return "\n".join([*self.main(lines), ""])
-
-    def main(self, lines: list[str]) -> list[str]:
+    def main(self) -> str:
         """The right-hand side itself."""
-        used = {e.array for e in parts(self.program.body) if isinstance(e, Entry)}
-        unused = [f"{self.indent}(void){a};" for a in ("x", "u") if a not in used]
-        head = f"{self.called}(const {self.real} x[], const {self.real} u[], {self.real} f[])"
-        return [*self._about(), head, "{", *unused, *lines, "}"]
-
-    def _about(self) -> list[str]:
-        return [f"{self.comment[0]}{self.title}{self.comment[1]}"] if self.title else []
+        body, n = self.program.body, len(self.program.states)
+        used = {e.array for e in parts(body) if isinstance(e, Entry)}
+        return self.say("main", about=self._about(self.title), called=self.called, n=n, behind=n + 1,
+                        all=n + len(self.program.relaxing), lines=self._lines(body, self._names(body)),
+                        unused="".join(self.say("unused", a) for a in ("x", "u") if a not in used))  # fmt: skip
 
 
 class C(Writer):
@@ -349,13 +336,9 @@ class JavaScript(Writer):
 
     functions: ClassVar[dict[str, str]] = {n: f"Math.{n}" for n in (*FUNCTIONS, "abs", "pow")}
 
-    def number(self, v: float) -> str:
-        """As Python writes it."""
-        return super().number(v).replace("INFINITY", "Infinity").replace("NAN", "NaN")
-
     def entry(self, e: Entry) -> str:
         """Any name may follow a point."""
-        return f"p.{e.name}" if e.array == "p" else super().entry(e).replace("(int)", "")
+        return f"p.{e.name}" if e.array == "p" else super().entry(e)
 
     def call(self, f: str, arguments: Sequence[Expression]) -> str:
         """A remainder is an operation."""
@@ -363,60 +346,14 @@ class JavaScript(Writer):
             return f"({self.expression(arguments[0], 6)} % {self.expression(arguments[1], 7)})"
         return super().call(f, arguments)
 
-    def declares(self, once: bool) -> str:
-        """Before a variable's first assignment."""
-        return "const " if once else "let "
 
-    def counted(self, s: Loop) -> str:
-        """A loop with a number that counts."""
-        return super().counted(s).replace("(int)", "").replace("int ", "let ", 1)
-
-    def head(self, name: str, arguments: list[str]) -> str:
-        """First line of a function of numbers."""
-        return f"function {name}({', '.join(arguments)})"
-
-    def main(self, lines: list[str]) -> list[str]:
-        """The right-hand side itself."""
-        return [*self._about(), "function right_hand_side(x, u, f)", "{", *lines, "}"]
-
-    def text(self, beside: Writer | None = None) -> str:
-        """All of it within a function of the constants."""
-        return f"const model = (p) => {{\n{super().text(beside)}return right_hand_side;\n}};\n"
-
-
-class Plain(Writer):
-    """A language without declarations and braces."""
-
-    def declares(self, once: bool) -> str:  # noqa: ARG002
-        """Nothing."""
-        return ""
-
-    def declared(self, names: Sequence[str]) -> list[str]:  # noqa: ARG002
-        """Nothing."""
-        return []
-
-
-class Matlab(Plain):
+class Matlab(Writer):
     """MATLAB and Octave: ``[f, rates] = rhs(x, u, p)``."""
-
-    complex: ClassVar[Sequence[str]]
-    """What may be complex here, where others say that there is no value."""
-    REAL: ClassVar[str] = (
-        "function value = real_or_nan(value)\n% A number that is complex is none.\n"
-        "  value(imag(value) ~= 0) = NaN;\nend\n\n"
-    )
 
     def text(self, beside: Writer | None = None) -> str:
         """With the function that takes complex numbers away, where one may be."""
         text, there = super().text(beside), beside.text() if beside else ""
-        return self.REAL + text if "real_or_nan(" in text and "real_or_nan(" not in there else text
-
-    def number(self, v: float) -> str:
-        """As Python writes it."""
-        return super().number(v).replace("INFINITY", "Inf").replace("NAN", "NaN")
-
-    def _at(self, array: str, index: str) -> str:
-        return f"{array}({int(index) + 1})" if index.isdigit() else f"{array}({index.removeprefix('(int)')} + 1)"
+        return self.says["real"] + text if "real_or_nan(" in text and "real_or_nan(" not in there else text
 
     def power(self, base: Expression, exponent: Expression) -> tuple[str, int]:
         """An operation, which is done from left to right."""
@@ -424,50 +361,18 @@ class Matlab(Plain):
         whole = isinstance(exponent, Number) and float(exponent.value).is_integer()
         return (power, 8) if whole else (f"real_or_nan({power})", ATOM)
 
-    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
-        """A function, which evaluates both."""
-        return self.call("Choice", (test, yes, no)), ATOM
-
     def call(self, f: str, arguments: Sequence[Expression]) -> str:
         """The cube root has a name for all roots."""
         if f == "cbrt":
             return super().call("nthroot", (*arguments, Number(3)))
         return f"real_or_nan({super().call(f, arguments)})" if f in self.complex else super().call(f, arguments)
 
-    def assigned(self, target: Name | Entry, value: Expression) -> str:
-        """In full."""
-        return f"{self.expression(target)} = {self.expression(value)}"
-
-    def opens(self, word: str, test: str) -> str:
-        """The line above a block."""
-        return f"{word.replace(' ', '')} {test}".rstrip()
-
-    def counted(self, s: Loop) -> str:
-        """A loop with a number that counts."""
-        assert s.variable is not None
-        start, stop, past = self.expression(s.start), self.expression(s.stop, 6), "-" if s.step > 0 else "+"
-        return f"for {self.name(s.variable.name)} = {start}:{s.step}:{stop} {past} 1"
-
     def returned(self, value: Expression | None, last: bool) -> list[str]:
         """The value has a name."""
         return [*([f"value = {self.expression(value)};"] if value else []), *([] if last else ["return"])]
 
-    def head(self, name: str, arguments: list[str]) -> str:
-        """First line of a function of numbers."""
-        return f"function value = {name}({', '.join(arguments)})"
 
-    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
-        """What its author says of it stands within."""
-        return [head, *about, *lines, "end"]
-
-    def main(self, lines: list[str]) -> list[str]:
-        """The right-hand side itself, and the rates of states that relax."""
-        n, kept = len(self.program.states), len(self.program.relaxing)
-        return ["function [f, rates] = rhs(x, u, p)", *self._about(), f"  f = zeros({n + kept}, 1);", *lines,
-                f"  rates = f({n + 1}:end);  f = f(1:{n});  % with which states that relax forget", "end"]  # fmt: skip
-
-
-class Python(Plain):
+class Python(Writer):
     """Python in Numba's language: ``rhs(t, x, u, p, out)``, with the constants at their places in p."""
 
     functions: ClassVar[dict[str, str]] = {n: f"math.{n}" for n in FUNCTIONS}
@@ -477,10 +382,6 @@ class Python(Plain):
         """By its place."""
         return f"{e.array}[{self.expression(e.index)}]"
 
-    def number(self, v: float) -> str:
-        """As it is."""
-        return f"math.{repr(v).replace('-', '')}" if not math.isfinite(v) else repr(v)
-
     def operation(self, sign: str, *operands: Expression) -> tuple[str, int]:
         """``not`` binds less tightly than elsewhere."""
         return (f"(not {self.expression(operands[0])})", ATOM) if sign == "not" else super().operation(sign, *operands)
@@ -489,41 +390,20 @@ class Python(Plain):
         """An operation."""
         return f"{self.expression(base, ATOM)} ** {self.expression(exponent, ATOM)}", 8
 
-    def choice(self, test: Expression, yes: Expression, no: Expression) -> tuple[str, int]:
+    def choice(self, test: Expression, yes: Expression, no: Expression) -> str:
         """One of two."""
-        return f"{self.expression(yes, 1)} if {self.expression(test, 1)} else {self.expression(no, 1)}", 0
+        return f"{self.expression(yes, 1)} if {self.expression(test, 1)} else {self.expression(no, 1)}"
 
-    def opens(self, word: str, test: str) -> str:
-        """The line above a block."""
-        return f"{word.replace('else if', 'elif')} {test}".rstrip() + ":"
-
-    def counted(self, s: Loop) -> str:
-        """A loop with a number that counts."""
-        assert s.variable is not None
-        start, stop = (f"int({self.expression(e)})" for e in (s.start, s.stop))
-        return f"for {self.name(s.variable.name)} in range({start}, {stop}, {s.step}):"
-
-    def returned(self, value: Expression | None, last: bool) -> list[str]:
-        """With its value."""
-        return [super().returned(value, last)[0].rstrip(";")]
-
-    def head(self, name: str, arguments: list[str]) -> str:
-        """First line of a function of numbers."""
-        return f"def {name}({', '.join(arguments)}):"
-
-    def function(self, about: list[str], head: str, lines: list[str]) -> list[str]:
-        """What its author says of it stands within."""
-        return [head, *(self.indent + line for line in about), *lines]
-
-    def main(self, lines: list[str]) -> list[str]:
+    def main(self) -> str:
         """The right-hand side itself; with which rate a state forgets it writes where there is room."""
-        n = len(self.program.states)
-        flat = all(isinstance(s, Assign) for s in self.program.body)
+        n, body = len(self.program.states), self.program.body
+        lines = [*self.block(body, self._names(body), 1)]
+        flat = all(isinstance(s, Assign) for s in body)
         places = tuple(f"    out[{n + i}] =" for i in self.program.relaxing) if flat else ()
         rates = [line for line in lines if line.startswith(places)]
         room = [f"    if len(out) > {n}:", *(self.indent + line for line in rates)] if rates else []
-        return ["def rhs(t, x, u, p, out):", *(line for line in lines if line not in rates), *room,
-                *([] if lines else ["    pass"])]  # fmt: skip
+        return "\n".join(["def rhs(t, x, u, p, out):", *(line for line in lines if line not in rates), *room,
+                          *([] if lines else ["    pass"]), ""])  # fmt: skip
 
     def made(self, name: str = "rhs") -> Callable[..., Any]:
         """The right-hand side, or one of the functions, to be called."""
