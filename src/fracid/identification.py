@@ -402,18 +402,26 @@ class _Findings:
         if self.window is not None and self.check is not None:  # that of the parts of the windows
             self.known = self.check.widened(problem, self.result.best.point, self.known)
 
+    @property
+    def allowed(self) -> float:
+        """The work of a stage after the search, at most."""
+        return max(TIMES * self.searched, LEAST)
+
     def walk(self, given: _Given) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
         if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
             return None
         while True:
-            found = walked(self.near, self.known, jobs=given.jobs)
+            most = self.allowed / self.problem.simulator.work
+            found = walked(self.near, self.known, most=most, jobs=given.jobs)
             bent = isinstance(found, Evaluation) or found.walked.any()
             if not (bent and self._halve(given)):  # bumps that the step makes are no valley
                 break
         if isinstance(found, Evaluation):
             return found
         self.known = found
+        if found.unwalked:
+            self.warnings.append(SAYS("walk-cut", ends=found.unwalked))
         return None
 
     def _halve(self, given: _Given) -> bool:
@@ -581,7 +589,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     nearest = integer_alternatives(
         part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
         own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
-        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(most=max(TIMES * analysis.searched, LEAST)),
+        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(most=analysis.allowed),
     )  # fmt: skip
     element = None if all(e.noise for e in left.values()) else fractional_element(
         part, beside, goal=nearest.cost if nearest else None, jobs=jobs

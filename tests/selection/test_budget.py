@@ -5,6 +5,7 @@ import json
 import pytest
 
 from fracid import Free, Problem, Unfinished, compare, identification, identify
+from fracid.estimation import interval_walk
 from fracid.selection import comparison, integer_alternatives
 from fracid.tasks.journal import Journal
 from twins import RIG, release
@@ -92,3 +93,21 @@ def test_the_alternatives_of_a_comparison_end_after_so_many_times_the_work_of_it
     assert found.claim == "undecided"
     assert found.claim_reasons[0].endswith("was not all tried: it takes more than twenty times the fits.")
     assert found.claim_reasons[1].startswith("To decide: fewer or shorter recordings")
+
+
+def test_the_ends_of_intervals_get_twice_the_work_of_the_search_and_those_that_were_left_are_counted(monkeypatch):
+    monkeypatch.setattr(interval_walk, "OFF", 0.0)  # so that no first look is enough
+    monkeypatch.setattr(interval_walk, "CLOSE", 0.0)
+    monkeypatch.setattr(identification, "LEAST", 0.0)
+    allowed, walked = [], interval_walk.walked
+
+    def watched(here, known, *, most, jobs):
+        allowed.append(most)
+        found = walked(here, known, most=0.0, jobs=jobs)
+        assert found.unwalked == 4
+        return found
+
+    monkeypatch.setattr(identification, "walked", watched)
+    fit = identify(swings(1, {}), fixed_step=True)
+    assert 0 < allowed[0] <= identification.TIMES * fit.evaluations
+    assert any("4 may lie elsewhere" in w for w in fit.warnings)

@@ -172,6 +172,8 @@ class Uncertainty:
     shape (n_unknowns,)."""
     walked: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
+    unwalked: int = 0
+    """Ends that were left while they were looked for, as the work was spent."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""

@@ -9,9 +9,9 @@ there, V should have risen by its limit L (:attr:`fracid.estimation.covariance.U
 should be 1.  Where it is off by more than a seventh, the end is moved to where it is: by the secant of h, a line
 where the cost is a parabola, or to the bound.  The derivatives of the minimum serve all refits, each run corrects them
 on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs; where they do not lead to the
-ground of a valley, they are asked anew, and no interval ends before what the walks of the others went through below its
-limit.  If a point lies lower than the minimum, that was none, and the search goes on
-from there.
+ground of a valley, one half as far is asked first, then, once, derivatives of its own.  An end whose ground is not
+found stays where the tangent has it, and no interval ends before what the walks of the others went through below its
+limit.  If a point lies lower than the minimum, that was none, and the search goes on from there.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.derivatives import jacobian
 from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.minimum import onward
-from fracid.estimation.tangent import Tangent, tangent
+from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 from fracid.tasks.job import in_threads
 
@@ -40,10 +41,10 @@ OFF = 0.15
 CLOSE = 0.1
 """A height that is off by less ends the walk."""
 
-ROUNDS = 3
-"""Of derivatives, at most, on the way to a refit: those of the minimum, then fresh ones."""
+SHORT = 0.6
+"""Of the way to the tangent's end: where a step that is shorter does not lead to the ground, derivatives are asked."""
 
-POINTS, RUNS = 6, 20
+POINTS, RUNS = 8, 20
 """Of one walk, at most: points, and runs after which no other point is begun."""
 
 EXACT = 0.3
@@ -56,7 +57,7 @@ LOWER = 0.05
 """Part of its limit by which V is lower at a lower point."""
 
 
-def walked(here: Tangent, known: Uncertainty, *, jobs: int = 1) -> Uncertainty | Evaluation:
+def walked(here: Tangent, known: Uncertainty, *, most: float = math.inf, jobs: int = 1) -> Uncertainty | Evaluation:
     """The intervals where the cost ends them, or a point that is lower than the minimum.
 
     What belongs to one recording is walked where the tangent is far off for what all share.
@@ -67,6 +68,8 @@ def walked(here: Tangent, known: Uncertainty, *, jobs: int = 1) -> Uncertainty |
         At the minimum.
     known : Uncertainty
         There.
+    most : float
+        Runs, after which no further point is begun, half of them for what belongs to one recording.
     jobs : int
         Threads.
 
@@ -87,33 +90,42 @@ def walked(here: Tangent, known: Uncertainty, *, jobs: int = 1) -> Uncertainty |
     ('sandwich', True)
     """
     shared = [i for i, u in enumerate(here.problem.unknowns) if u.experiment is None]
-    found = _walked(here, known, shared, jobs)
+    found = _walked(here, known, shared, 0.5 * most, jobs)
     if isinstance(found, Evaluation):
         return found
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = np.log((found.ends - here.x[:, None]) / (known.ends - here.x[:, None]))[shared]
     if not np.any(np.abs(moved[np.isfinite(moved)]) > math.log(BENT)):
         return found
-    return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], jobs)
+    return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], 0.5 * most, jobs)
 
 
-def _walked(here: Tangent, known: Uncertainty, which: Sequence[int], jobs: int) -> Uncertainty | Evaluation:
+def _walked(
+    here: Tangent, known: Uncertainty, which: Sequence[int], most: float, jobs: int
+) -> Uncertainty | Evaluation:
     """The same of some unknowns; those without an interval stay so."""
-    sides = [
-        (i, side) for i in which for side in (0, 1) if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side])
-    ]
     start = linearised(here)
-    found = in_threads(jobs, lambda where: _end(start, known, *where), sides)
-    points = [point for _, way in found for point in way]
-    lowest = min((point.evaluation for point in points), key=lambda e: e.cost, default=here.evaluation)
-    if any(end is None for end, _ in found):
-        return lowest
+    ways = open_ = [
+        _Way(start, known, i, side) for i in which for side in (0, 1)
+        if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side]) and known.ends[i, side] != here.x[i]
+    ]  # fmt: skip
+    for _ in range(POINTS):  # each a point at once, so that what is spent is the same for any number of threads
+        in_threads(jobs, _Way.look, open_)
+        points = [point for way in ways for point in way.points]
+        if any(way.lower for way in ways):
+            return min((point.evaluation for point in points), key=lambda e: e.cost)
+        open_ = [way for way in open_ if way.goes_on]
+        spent = sum(way.runs for way in ways) > most
+        if spent or not open_:
+            break
     ends = known.ends.copy()
-    for (i, side), (end, _) in zip(sides, found, strict=True):
-        ends[i, side] = end
+    for way in ways:
+        if way.found is not None and way.distance != way.first:
+            ends[way.i, way.side] = way.found
     ends = _as_far_as_any(start, known, ends, points)
     moved = np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
-    return replace(known, ends=ends, walked=moved | known.walked if len(known.walked) else moved)
+    moved = moved | known.walked if len(known.walked) else moved
+    return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + spent * len(open_))
 
 
 def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, points: Sequence[Linearised]) -> FloatArray:
@@ -133,36 +145,71 @@ def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, point
     return ends
 
 
-def _end(here: Linearised, known: Uncertainty, i: int, side: int) -> tuple[float | None, list[Linearised]]:
-    """Where the interval of unknown i ends on one side, and the points on the way; None if one of them is lower."""
-    space, value, end = here.near.problem.space, float(here.x[i]), float(known.ends[i, side])
-    limit = float(known.rise[i, side])
-    room = float(abs((space.upper if side else space.lower)[i] - value))
-    sign, distance = (1 if side else -1), abs(end - value)
-    inside, outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
-    last, way = here, list[Linearised]()
-    if distance == 0:
-        return end, way
-    for point in range(POINTS):
-        there = _refitted(last, i, value + sign * distance, EXACT * limit)
-        if there is None:  # the runs fail there
-            outside, distance = (distance, math.inf), 0.5 * (inside[0] + distance)
-            continue
-        last, rise = there, there.value - here.value
-        way.append(there)
-        if rise < -LOWER * limit:
-            return None, way
-        height = math.sqrt(max(rise + there.foreseen(there.step([i])), 0.0) / limit)
-        if abs(height - 1) <= (OFF if point == 0 else CLOSE) or (distance == room and height <= 1):
-            return (end if point == 0 else value + sign * distance), way
-        if height < 1:
-            inside = (distance, height)
-        else:
-            outside = (distance, height)
-        distance = min(room, _next(inside, outside))
-        if len(last.axes) > RUNS:
-            break
-    return value + sign * distance, way
+class _Way:
+    """To where the interval of unknown i ends on one side."""
+
+    def __init__(self, here: Linearised, known: Uncertainty, i: int, side: int) -> None:
+        self.here = self.last = here
+        self.i, self.side, self.sign, self.limit = i, side, (1 if side else -1), float(known.rise[i, side])
+        space, value = here.near.problem.space, float(here.x[i])
+        self.room = abs(float((space.upper if side else space.lower)[i]) - value)
+        self.distance = self.first = abs(float(known.ends[i, side]) - value)
+        self.inside, self.outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
+        self.seen, self.fresh, self.lost, self.goes_on, self.runs = False, False, False, True, 0
+        self.lower = False
+        """Whether a point is lower than the minimum."""
+        self.points: list[Linearised] = []
+        self.found: float | None = None
+        """The end, where it is not the tangent's."""
+
+    def look(self) -> None:
+        """At one point, and where the next one is."""
+        there = self._refitted()
+        if there is None:  # the runs fail there, or its ground is not seen from so far
+            self.outside, self.distance = (self.distance, math.inf), 0.5 * (self.inside[0] + self.distance)
+            return
+        self.last, rise = there, there.value - self.here.value
+        if rise < -LOWER * self.limit:
+            self.lower, self.goes_on = True, False
+            return
+        height = math.sqrt(max(rise + there.foreseen(there.step([self.i])), 0.0) / self.limit)
+        as_foreseen = not self.seen and max(abs(height - 1), abs(height * self.first / self.distance - 1)) <= OFF
+        self.seen = self.seen or self.distance == self.first
+        ends = as_foreseen or abs(height - 1) <= CLOSE or (self.distance == self.room and height <= 1)
+        self.goes_on = not ends and len(there.axes) <= RUNS
+        if as_foreseen:
+            return
+        if not ends:
+            if height < 1:
+                self.inside = (self.distance, height)
+            else:
+                self.outside = (self.distance, height)
+            self.distance = min(self.room, _next(self.inside, self.outside))
+        if ends or (self.inside[0] > 0 and (math.isfinite(self.outside[1]) or not self.lost)):
+            self.found = float(self.here.x[self.i]) + self.sign * self.distance
+
+    def _refitted(self) -> Linearised | None:
+        """The minimum over all other unknowns at the distance; None where the runs fail or do not lead there."""
+        enough, moved = EXACT * self.limit, np.zeros(len(self.here.x))
+        moved[self.i] = self.here.x[self.i] + self.sign * self.distance - self.last.x[self.i]
+        begun = self.last.at(self.last.x + self.last.step([self.i], moved))
+        self.runs += 1
+        if begun is None:
+            return None
+        there = onward(begun, enough, held=[self.i])
+        self.runs += len(there.axes) - len(begun.axes)
+        near = self.distance - self.inside[0] <= SHORT * self.first
+        if near and not self.fresh and -there.foreseen(there.step([self.i])) > enough:
+            J, self.fresh = jacobian(there.near.problem, there.x, np.arange(len(there.x))), True
+            self.runs += 2 * len(there.x)
+            if isinstance(J, Failure):
+                return None
+            there = onward(linearised(replace(there.tangent, derivatives=J)), enough, held=[self.i])
+            self.runs += len(there.axes) - 2
+        arrived = -there.foreseen(there.step([self.i])) <= enough
+        self.lost = self.lost or not arrived
+        self.points.append(there)
+        return there if arrived else None
 
 
 def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
@@ -172,19 +219,3 @@ def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:
         return min(ahead, 0.5 * (inside[0] + outside[0]))
     slope = (outside[1] - inside[1]) / (outside[0] - inside[0])
     return inside[0] + (1 - inside[1]) / slope
-
-
-def _refitted(last: Linearised, i: int, value: float, enough: float) -> Linearised | None:
-    """The minimum over all other unknowns with unknown i at a value; None where the runs fail."""
-    moved = np.zeros(len(last.x))
-    moved[i] = value - last.x[i]
-    there = last.at(last.x + last.step([i], moved))
-    for _ in range(ROUNDS):
-        if there is None:
-            return None
-        there = onward(there, enough, held=[i])
-        if -there.foreseen(there.step([i])) <= enough:
-            break
-        fresh = tangent(there.near.problem, there.x)  # a bent valley: these derivatives do not lead to its ground
-        there = None if isinstance(fresh, Failure) else linearised(fresh)
-    return there
