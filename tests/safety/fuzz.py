@@ -24,22 +24,21 @@ message is one printable line.  Anything else is a failure:
 Formats that a package reads in a process of its own are read in the child, under the same limit of memory and a shorter
 one of time: where fracid says that reading ended the process, or took too much, the child is ``stopped``, as it should.
 
-The inputs are run in child processes that hold to these limits; one that dies is replaced, and the input that killed
-it is told.  Counts and failures are kept in ``runs/fuzz/READER.json``, beside a digest of the readers' source:
-when that changes counting begins anew, and the old counts are kept as a total.
+The inputs are run in child processes that hold to these limits (:func:`fuzz`, of run folders and trees too); one that
+dies is replaced, and the input that killed it is told.  Counts and failures are kept in ``runs/fuzz/READER.json``,
+beside a digest of the readers' source: when that changes counting begins anew, and the old counts are kept as a total.
 """
 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import hashlib
 import json
 import math
-import mmap
 import os
 import resource
 import signal
-import struct
 import sys
 import tempfile
 import time
@@ -47,23 +46,33 @@ import traceback
 import unicodedata
 import warnings
 from collections import Counter
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import PACKAGED, READERS, answer_here, input_of, swings
+from corpus import SEEDS, swings
+from fuzz_inputs import PACKAGED, READERS, input_of
+from logs import answer_here
 
-__all__ = ["Tally", "fuzz", "judge", "say_and_exit", "tried"]
+__all__ = [
+    "Ended", "Limits", "counts", "fault_of_message", "fuzz", "fuzz_reader", "judge", "kept", "options", "read",
+    "say_and_exit", "where",
+]  # fmt: skip
 
 ROOT = Path(__file__).parents[2]
+SHARED = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+"""A folder in memory, where there is one."""
 SECONDS = 5.0
 """Of processor time, for one input."""
 MEMORY = 1 << 30
 """Beyond the idle process's [bytes]; asking for four times as much, without touching it, is refused by the system."""
+HANGS = 600
+"""Seconds without an end after which a process that takes no processor time hangs."""
 STEPS = 25
 """Evaluations after which a search has taken its first steps."""
 WHOLE_FITS = 40
@@ -71,35 +80,47 @@ WHOLE_FITS = 40
 LONGER = 24.0
 """So many times as long such a one may take."""
 BATCH = 300.0
-"""Seconds after which counts are kept; a child needs some to import all that it reads with."""
+"""Seconds after which counts are kept."""
 LONGEST = 700
 """Of a message [characters]."""
 
+Judge = Callable[[int], str]
+"""Runs the input of that number and says how it ended; what went wrong stands after an exclamation mark."""
+Ended = tuple[Counter[str], dict[int, str]]
+"""How often inputs ended each way, and what went wrong in which."""
 
-# --- one input ------------------------------------------------------------------------------------------
+
+# --- one input of a reader ------------------------------------------------------------------------------
 
 
-def judge(reader: str, number: int, folder: Path) -> str:
+def judge(reader: str, folder: Path, number: int) -> str:
     """Read one input; return ``taken``, the name of fracid's error, or what went wrong after an exclamation mark."""
     from fracid.errors import FracidError
 
-    ending, raw = input_of(reader, number)
-    file = folder / f"input{ending}"
-    file.write_bytes(raw)
+    file = laid_out(reader, folder, number)
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
-            _read(reader, number, file)
+            read(reader, number, file)
         except FracidError as error:
-            outcome = _fault_of(str(error)) or type(error).__name__
+            outcome = fault_of_message(str(error)) or type(error).__name__
         except (Exception, RecursionError) as error:
-            outcome = f"! {type(error).__name__}: {error} {_where(error)}"
+            outcome = f"! {type(error).__name__}: {error} {where(error)}"
         else:
             outcome = "taken"
     return f"! warning: {heard[0].message}" if heard and reader not in PACKAGED else outcome
 
 
-def _read(reader: str, number: int, file: Path) -> None:
+def laid_out(reader: str, folder: Path, number: int) -> Path:
+    """The file of an input, beside the recording that projects name."""
+    ending, raw = input_of(reader, number)
+    (folder / "swing.csv").write_bytes(swings() if reader == "search" else input_of("text", 0)[1])
+    file = folder / f"input{ending}"
+    file.write_bytes(raw)
+    return file
+
+
+def read(reader: str, number: int, file: Path) -> None:
     """Read the file in one of the ways that a caller may."""
     from fracid.problem.project import project_from_text
     from fracid.recording import load_recording
@@ -176,7 +197,7 @@ def _assert_whole(recording: Any) -> None:
         assert np.isfinite(signal_).all()
 
 
-def _fault_of(message: str) -> str | None:
+def fault_of_message(message: str) -> str | None:
     """Return what is wrong with a message, None if it is one printable line that a person can read."""
     if any(unicodedata.category(c) in ("Cc", "Cf", "Zl", "Zp", "Cs") for c in message):
         return f"! message is not one printable line: {message[:200]!r}"
@@ -187,186 +208,161 @@ def _fault_of(message: str) -> str | None:
     return None
 
 
-def _where(error: BaseException) -> str:
+def where(error: BaseException) -> str:
+    """The last lines of fracid's that an exception went through."""
     frames = traceback.extract_tb(error.__traceback__)
     ours = [f"{Path(f.filename).name}:{f.lineno}" for f in frames if "fracid" in f.filename]
     return "at " + " ".join(ours[-3:])
 
 
-def tried(
-    numbers: range, judge: Callable[[int], str], seconds: float = math.inf
-) -> tuple[Counter[str], dict[int, str]]:
-    """How inputs end, until they or the time are used up: how often each way, and what went wrong in which."""
-    ended, failures, end = Counter[str](), dict[int, str](), time.monotonic() + seconds
-    for number in numbers:
-        if time.monotonic() > end:
-            break
-        outcome = judge(number)
-        ended["failed" if outcome.startswith("!") else outcome] += 1
-        if outcome.startswith("!"):
-            failures[number] = outcome[2:]
+# --- many inputs, in processes that may die -------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an input may do."""
+
+    seconds: Callable[[int], float]
+    """Number → processor time [s]."""
+    space: int | None = None
+    """Address space beyond the idle process's [bytes]; None for any."""
+    apart: bool = False
+    """Each in a process of its own, and not one after the other until one dies."""
+    stopped: str = ""
+    """What the death of the process is called, where it is no failure."""
+
+
+def fuzz(numbers: range, judge: Judge, limits: Limits, seconds: float = math.inf) -> Ended:
+    """Run inputs until they or the time [s] are used up; return how they ended."""
+    ended, failures = Counter[str](), dict[int, str]()
+    number, end = numbers.start, time.monotonic() + seconds
+    while number < numbers.stop and time.monotonic() < end:
+        some = range(number, number + 1 if limits.apart else numbers.stop)
+        with closing(_outcomes(some, judge, limits)) as outcomes:
+            for outcome in outcomes:
+                ended["failed" if outcome.startswith("!") else outcome] += 1
+                if outcome.startswith("!"):
+                    failures[number] = outcome[2:400]
+                number += 1
+                if time.monotonic() > end:
+                    break
     return ended, failures
+
+
+def _outcomes(numbers: range, judge: Judge, limits: Limits) -> Iterator[str]:
+    """How inputs end, one after the other in a process of its own: to that of which it dies, if it does."""
+    end, pipe = os.pipe()
+    if (pid := os.fork()) == 0:
+        code = 1
+        try:
+            with os.fdopen(pipe, "w") as said:
+                _child(numbers, judge, limits, said)
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(pipe)
+    number = numbers.start
+    try:
+        with os.fdopen(end) as lines:
+            for line in lines:
+                yield json.loads(line)
+                number += 1
+    except GeneratorExit:
+        os.kill(pid, signal.SIGKILL)
+        raise
+    finally:
+        _, status = os.waitpid(pid, 0)
+    if status:
+        code = os.waitstatus_to_exitcode(status)
+        death = f"died by {signal.Signals(-code).name}" if code < 0 else f"exit {code}"
+        late = f"more than {limits.seconds(number):g} s of processor time"
+        yield limits.stopped or f"! {late if code == -signal.SIGPROF else death}"
+
+
+def _child(numbers: range, judge: Judge, limits: Limits, said: TextIO) -> None:
+    """Run inputs within limits, and tell of each; one that takes too much memory is the last, for its peak stays."""
+    if limits.space is not None:
+        mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + limits.space,) * 2)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    faulthandler.disable()  # who waits for it tells of its death
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    idle = _peak()
+    for number in numbers:
+        signal.alarm(HANGS)
+        signal.setitimer(signal.ITIMER_PROF, limits.seconds(number))
+        outcome = judge(number)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        if (used := _peak() - idle) > MEMORY:
+            outcome = f"! used {used / 2**30:.2f} GiB"
+        said.write(json.dumps(outcome) + "\n")
+        said.flush()
+        if used > MEMORY:
+            return
+
+
+def _peak() -> int:
+    """The most memory that this process has had [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def options(about: str, inputs: int = 1_000_000, seconds: float = math.inf) -> argparse.Namespace:
+    """What was typed of a command that runs inputs by their numbers."""
+    parser = argparse.ArgumentParser(description=f"{about}; see the top of the file.")
+    parser.add_argument("--inputs", type=int, default=inputs)
+    parser.add_argument("--from", type=int, default=0, dest="first")
+    parser.add_argument("--seconds", type=float, default=seconds)
+    parser.add_argument("--again", type=int, metavar="NUMBER", help="one input once more")
+    parser.add_argument("--good", type=Path, help="good runs, made there if there are none")
+    asked = parser.parse_args()
+    first, count = (asked.first, asked.inputs) if asked.again is None else (asked.again, 1)
+    asked.numbers = range(first, first + count)
+    return asked
 
 
 def say_and_exit(ended: Counter[str], failures: dict[int, str]) -> None:
     """Print how the inputs ended; exit code 1 where anything went wrong."""
-    print(f"{sum(ended.values())} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
+    print(f"{ended.total()} inputs: {', '.join(f'{k}: {n}' for k, n in sorted(ended.items()))}")
     for number, what in failures.items():
         print(f"{number}: {what}")
     sys.exit(1 if failures else 0)
 
 
-# --- a child process that reads one after the other -----------------------------------------------------
+# --- readers, and the counts that are kept of them ------------------------------------------------------
 
 
-def _child(reader: str, numbers: range, at: mmap.mmap, results: int, folder: Path) -> None:
-    """Read the inputs, each announced in `at` before, and write counts to the pipe every now and then."""
-    quiet = os.memfd_create("output")
-    if os.environ.get("PYTEST_CURRENT_TEST") is None:
-        os.dup2(quiet, 1)
-        os.dup2(quiet, 2)
-    for seed in range(12):
-        judge(reader, seed, folder)  # imports, compiles
-    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    most = mapped + (MEMORY if reader in PACKAGED else 4 * MEMORY)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
-    idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.signal(signal.SIGPROF, signal.SIG_DFL)
-    tally, said, written = Tally(), 0, time.monotonic()
-    with os.fdopen(results, "w") as pipe:
-        for number in numbers:
-            at[:8] = struct.pack("<q", number)
-            signal.setitimer(signal.ITIMER_PROF, _limit(reader, number))
-            outcome = judge(reader, number, folder)
-            signal.setitimer(signal.ITIMER_PROF, 0)
-            if (size := os.lseek(quiet, 0, os.SEEK_CUR)) > said and reader not in PACKAGED:
-                outcome, said = f"! wrote: {os.pread(quiet, 200, said).decode('utf-8', 'replace')}", size
-            used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - idle
-            if used > MEMORY:
-                outcome = f"! used {used / 2**30:.2f} GiB"
-            tally.add(number, outcome)
-            if time.monotonic() - written > 1 or number == numbers[-1] or used > MEMORY:
-                pipe.write(json.dumps(tally.__dict__ | {"next": number + 1}) + "\n")
-                pipe.flush()
-                tally, written = Tally(), time.monotonic()
-            if used > MEMORY:
-                return  # the peak of a process does not fall: the next child begins anew
+def fuzz_reader(reader: str, numbers: range, seconds: float, keep: Path | None = None) -> Ended:
+    """Run inputs of a reader until they or the time [s] are used up; those that fail are kept in a folder."""
+    with tempfile.TemporaryDirectory(dir=SHARED) as scratch:
+        one = partial(judge, reader, Path(scratch))
+        for number in range(2 if reader == "search" else len(SEEDS[reader]())):
+            one(number)  # a good one, to import and compile
+        packaged = reader in PACKAGED
+        limits = Limits(partial(_limit, reader), MEMORY if packaged else 4 * MEMORY, stopped="stopped" * packaged)
+        ended, failures = fuzz(numbers, one if packaged else partial(_silent, one), limits, seconds)
+    for number in failures if keep else ():
+        ending, raw = input_of(reader, number)
+        keep.mkdir(parents=True, exist_ok=True)
+        (keep / f"{reader}-{number}{ending}").write_bytes(raw)
+    return ended, failures
 
 
-@dataclass
-class Tally:
-    """What came of the inputs."""
-
-    outcomes: dict[str, int] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-    """Number to what went wrong; at most 500 are kept, all are counted."""
-
-    def add(self, number: int, outcome: str) -> None:
-        """Count one."""
-        failed = outcome.startswith("!")
-        kind = "failed" if failed else outcome
-        self.outcomes[kind] = self.outcomes.get(kind, 0) + 1
-        if failed and len(self.failures) < 500:
-            self.failures[str(number)] = outcome[2:400]
-
-    def join(self, outcomes: dict[str, int], failures: dict[str, str]) -> None:
-        """Add another."""
-        self.outcomes = dict(Counter(self.outcomes) + Counter(outcomes))
-        self.failures = dict([*self.failures.items(), *failures.items()][:500])
-
-    @property
-    def inputs(self) -> int:
-        """How many."""
-        return sum(self.outcomes.values())
-
-
-def fuzz(reader: str, numbers: range, seconds: float, keep: Path | None = None) -> tuple[Tally, int]:
-    """Run inputs until they or the time are used up; return what came of them, and the first that was not run.
-
-    Parameters
-    ----------
-    reader : str
-        A key of ``READERS``.
-    numbers : range
-        Which inputs.
-    seconds : float
-        At most, of wall-clock time.
-    keep : Path, optional
-        Folder for inputs that fail.
-    """
-    tally, start, end = Tally(), numbers.start, time.monotonic() + seconds
-    at = mmap.mmap(-1, 8)
-    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-    with tempfile.TemporaryDirectory(dir=memory) as scratch:
-        folder = Path(scratch)
-        _lay_out(reader, folder)
-        while start < numbers.stop and time.monotonic() < end:
-            start = _one_child(reader, range(start, numbers.stop), end, at, folder, tally)
-        for number in tally.failures if keep else ():
-            ending, raw = input_of(reader, int(number))
-            keep.mkdir(parents=True, exist_ok=True)
-            (keep / f"{reader}-{number}{ending}").write_bytes(raw)
-    return tally, start
-
-
-def _lay_out(reader: str, folder: Path) -> None:
-    """The recording that projects name."""
-    (folder / "swing.csv").write_bytes(swings() if reader == "search" else READERS["text"][1]()[0])
-
-
-def _one_child(reader: str, numbers: range, end: float, at: mmap.mmap, folder: Path, tally: Tally) -> int:
-    """Run inputs in one child until it dies, is done or its time is up; return the next number."""
-    at[:8] = struct.pack("<q", numbers.start)
-    results, pipe = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        code = 1
-        try:
-            os.close(results)
-            _child(reader, numbers, at, pipe, folder)
-            code = 0
-        finally:
-            os._exit(code)
-    os.close(pipe)
-    reached, killed = numbers.start, False
-    with os.fdopen(results) as lines:
-        for line in lines:
-            said = json.loads(line)
-            tally.join(said["outcomes"], said["failures"])
-            reached = said["next"]
-            if time.monotonic() > end and reached < numbers.stop:
-                os.kill(pid, signal.SIGKILL)
-                killed = True
-                break
-    _, status = os.waitpid(pid, 0)
-    if status == 0 or killed:
-        return reached
-    number = struct.unpack("<q", at[:8])[0]
-    died = signal.Signals(os.WTERMSIG(status)).name if os.WIFSIGNALED(status) else f"exit {os.WEXITSTATUS(status)}"
-    # those between the last report and the death are run again by the next child, but for the last
-    tally.add(
-        number,
-        "stopped"
-        if reader in PACKAGED
-        else f"! more than {_limit(reader, number):g} s of processor time"
-        if died == "SIGPROF"
-        else f"! died by {died}",
-    )
-    return _again_without(reader, range(reached, number), folder, tally, at, end, number)
-
-
-def _again_without(
-    reader: str, numbers: range, folder: Path, tally: Tally, at: mmap.mmap, end: float, last: int
-) -> int:
-    """Run what a dead child had not reported, and pass over the input that killed it."""
-    start = numbers.start
-    while start < numbers.stop:
-        start = _one_child(reader, range(start, numbers.stop), end + 60, at, folder, tally)
-    return last + 1
-
-
-# --- the counts that are kept ---------------------------------------------------------------------------
+def _silent(judge: Judge, number: int) -> str:
+    """The same, but that a word on standard output or error is a failure."""
+    said = os.memfd_create("said")
+    before = {stream: os.dup(stream) for stream in (1, 2)}
+    for stream in before:
+        os.dup2(said, stream)
+    try:
+        outcome = judge(number)
+    finally:
+        for stream, file in ((1, sys.stdout), (2, sys.stderr)):
+            file.flush()
+            os.dup2(before[stream], stream)
+            os.close(before[stream])
+        words = os.pread(said, 200, 0)
+        os.close(said)
+    return f"! wrote: {words.decode('utf-8', 'replace')}" if words else outcome
 
 
 SOURCES = {
@@ -390,44 +386,40 @@ def _digest(reader: str) -> str:
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()[:12]
 
 
-def _kept(reader: str, out: Path) -> dict[str, Any]:
+def kept(reader: str, out: Path) -> dict[str, Any]:
+    """What was run so far of a reader as it is now, and how much of earlier source."""
     file = out / f"{reader}.json"
-    kept = json.loads(file.read_text()) if file.exists() else {"next": 0, "before": 0}
-    if kept.get("source") != _digest(reader):
-        kept |= {"before": kept["before"] + sum(kept.get("outcomes", {}).values())}
-        kept |= {"source": _digest(reader), "outcomes": {}, "failures": {}, "seconds": 0.0}
-    return kept
+    found = json.loads(file.read_text()) if file.exists() else {"next": 0, "before": 0}
+    if found.get("source") != _digest(reader):
+        found |= {"before": found["before"] + sum(found.get("outcomes", {}).values())}
+        found |= {"source": _digest(reader), "outcomes": {}, "failures": {}, "seconds": 0.0}
+    return found
 
 
 def _go_on(reader: str, inputs: int, seconds: float, out: Path) -> None:
     """Run more inputs of a reader, until so many of the present source are done, and keep the counts."""
-    kept = _kept(reader, out)
-    begun = time.monotonic()
-    for number in list(kept["failures"]):  # what has been mended since, outside of the reader, no longer counts
-        tally, _ = fuzz(reader, range(int(number), int(number) + 1), 60)
-        if not tally.failures and tally.inputs:
-            del kept["failures"][number]
-            total = Counter(kept["outcomes"]) - Counter(failed=1) + Counter(tally.outcomes)
-            kept["outcomes"] = dict(total)
-    _keep(reader, kept, out)
-    left = inputs - sum(kept["outcomes"].values())
-    while left > 0 and (time_left := begun + seconds - time.monotonic()) > 0:
-        since, source = time.monotonic(), kept["source"]
-        tally, after = fuzz(reader, range(kept["next"], kept["next"] + left), min(time_left, BATCH), out / "failures")
-        if _digest(reader) != source:  # changed under way: a child may have imported either
-            kept = _kept(reader, out) | {"next": after}
-            continue
-        total = Tally(kept["outcomes"], kept["failures"])
-        total.join(tally.outcomes, tally.failures)
-        kept |= {"next": after, "outcomes": total.outcomes, "failures": total.failures}
-        kept["seconds"] += time.monotonic() - since
-        _keep(reader, kept, out)
-        left = inputs - total.inputs
+    found, end = kept(reader, out), time.monotonic() + seconds
+    for number in [*found["failures"]]:  # what has been mended since, outside of the reader, no longer counts
+        ended, failures = fuzz_reader(reader, range(int(number), int(number) + 1), 60)
+        if not failures:
+            del found["failures"][number]
+            found["outcomes"] = dict(Counter(found["outcomes"]) - Counter(failed=1) + ended)
+    _keep(reader, found, out)
+    while (left := inputs - sum(found["outcomes"].values())) > 0 and (since := time.monotonic()) < end:
+        some = range(found["next"], found["next"] + left)
+        ended, failures = fuzz_reader(reader, some, min(end - since, BATCH), out / "failures")
+        now = kept(reader, out)
+        if now["source"] == found["source"]:  # else it changed under way: a child may have imported either
+            now["outcomes"] = dict(Counter(now["outcomes"]) + ended)
+            now["failures"] |= {str(number): what for number, what in failures.items()}
+            now["seconds"] += time.monotonic() - since
+        found = now | {"next": some.start + ended.total()}
+        _keep(reader, found, out)
 
 
-def _keep(reader: str, kept: dict[str, Any], out: Path) -> None:
+def _keep(reader: str, found: dict[str, Any], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
-    (out / f"{reader}.tmp").write_text(json.dumps(kept, indent=1))
+    (out / f"{reader}.tmp").write_text(json.dumps(found, indent=1))
     (out / f"{reader}.tmp").replace(out / f"{reader}.json")
 
 
@@ -438,15 +430,20 @@ def _print_table(out: Path, readers: list[str]) -> int:
     )
     failed = 0
     for reader in readers:
-        kept = _kept(reader, out)
-        outcomes = kept["outcomes"]
-        n, taken, bad = sum(outcomes.values()), outcomes.get("taken", 0), outcomes.get("failed", 0)
-        rate = n / kept["seconds"] if kept["seconds"] else 0.0
-        print(f"{reader:9} {n:9} {taken:9} {n - taken - bad:9} {bad:7} {rate:9.0f} {kept['before']:13}")
+        found = kept(reader, out)
+        n, taken, bad = counts(found)
+        rate = n / found["seconds"] if found["seconds"] else 0.0
+        print(f"{reader:9} {n:9} {taken:9} {n - taken - bad:9} {bad:7} {rate:9.0f} {found['before']:13}")
         failed += bad
-        for number, what in [*kept["failures"].items()][:10]:
+        for number, what in [*found["failures"].items()][:10]:
             print(f"    {number}: {what[:160]}")
     return failed
+
+
+def counts(found: dict[str, Any]) -> tuple[int, int, int]:
+    """How many were run, taken, and went wrong."""
+    outcomes = found["outcomes"]
+    return sum(outcomes.values()), outcomes.get("taken", 0), outcomes.get("failed", 0)
 
 
 def main() -> None:
@@ -476,14 +473,10 @@ def main() -> None:
 
 def _run_again(reader: str, number: int) -> None:
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        _lay_out(reader, folder)
         ending, raw = input_of(reader, number)
-        (folder / f"input{ending}").write_bytes(raw)
         print(f"{reader} {number}: {len(raw)} bytes, {ending}\n{raw[:400]!r}")
-        print(judge(reader, number, folder))
-        (folder / f"input{ending}").write_bytes(raw)
-        _read(reader, number, folder / f"input{ending}")
+        print(judge(reader, Path(scratch), number))
+        read(reader, number, laid_out(reader, Path(scratch), number))
 
 
 if __name__ == "__main__":

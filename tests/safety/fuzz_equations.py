@@ -1,11 +1,10 @@
-# ruff: noqa: T201  (a command: it prints)
 """Fuzzing of the equations that a project file may have: hostile texts in, a tree of mathematics or a sentence out.
 
 ::
 
     python tests/safety/fuzz_equations.py                       a million, some minutes
     python tests/safety/fuzz_equations.py --inputs 3000         the first three thousand
-    python tests/safety/fuzz_equations.py --again 1234          one once more, with its traceback
+    python tests/safety/fuzz_equations.py --again 1234          one once more
 
 Text number n follows from n alone: a good equation with some of its parts exchanged, a heap of parts, brackets and
 operations within each other, names without an end, letters of other alphabets, numbers of any size, and Python that
@@ -18,7 +17,6 @@ compiled or executed, and nothing opened, imported or connected to, which Python
 
 from __future__ import annotations
 
-import argparse
 import ast
 import gc
 import random
@@ -35,9 +33,9 @@ from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import Formula
 from fracid.models.written.languages import Python
 from fracid.models.written.tree import Program
-from fuzz import _fault_of, say_and_exit, tried
+from fuzz import Ended, fault_of_message, options, say_and_exit
 
-__all__ = ["equation", "fuzz", "judge"]
+__all__ = ["equation", "fuzz", "judged"]
 
 SECONDS = 0.05
 """Of processor time, for one text."""
@@ -133,13 +131,8 @@ def _listen(event: str, arguments: tuple[object, ...]) -> None:
         _heard.append((event, arguments[0] if arguments else None))
 
 
-def judge(number: int) -> str:
-    """Read one text; return what came of it, or what went wrong after an exclamation mark."""
-    return judged(equation(number))
-
-
 def judged(text: str) -> str:
-    """The same of any text."""
+    """Read a text; return what came of it, or what went wrong after an exclamation mark."""
     global _heard
     _heard, begun = [], time.thread_time()
     try:
@@ -179,7 +172,8 @@ def _trees(model):
 
 def _said(message: str) -> str:
     lines = message.split("\n")
-    return next((fault for line in lines if (fault := _fault_of(line))), "refused" if len(lines) <= 3 else f"! {lines}")
+    faults = [fault for line in lines if (fault := fault_of_message(line))]
+    return next(iter(faults), "refused" if len(lines) <= 3 else f"! {lines}")
 
 
 ALLOWED = (ast.Module, ast.FunctionDef, ast.arguments, ast.arg, ast.Assign, ast.Return, ast.Expr, ast.Constant,
@@ -208,39 +202,27 @@ def _more_than_mathematics(code: str) -> str:
     return ""
 
 
-def fuzz(numbers: range) -> tuple[Counter[str], dict[int, str]]:
-    """Read texts; return what came of them, and what went wrong."""
+def fuzz(numbers: range) -> Ended:
+    """Read texts; return how they ended."""
     for text in ("\x00", "2*sign(speed)", "log(not m, 2)"):  # what is read or imported at the first use
         judged(text)
     gc.disable()  # when garbage is looked for is Python's affair, and is no text's time
+    ended, failures = Counter[str](), dict[int, str]()
     try:
-        return tried(numbers, _judged_and_cleared)
+        for number in numbers:
+            outcome = judged(equation(number))
+            ended["failed" if outcome.startswith("!") else outcome] += 1
+            if outcome.startswith("!"):
+                failures[number] = f"{equation(number)!r:.200} {outcome[2:]}"
+            if number % 5000 == 0:
+                gc.collect()
     finally:
         gc.enable()
-
-
-def _judged_and_cleared(number: int) -> str:
-    if number % 5000 == 0:
-        gc.collect()
-    return judge(number)
+    return ended, failures
 
 
 sys.addaudithook(_listen)
 
 
-def main() -> None:
-    """Run the command."""
-    parser = argparse.ArgumentParser(description="Fuzz the equations of project files; see the top of the file.")
-    parser.add_argument("--inputs", type=int, default=1_000_000)
-    parser.add_argument("--from", type=int, default=0, dest="first")
-    parser.add_argument("--again", type=int, metavar="NUMBER")
-    asked = parser.parse_args()
-    if asked.again is not None:
-        print(repr(equation(asked.again)), judge(asked.again), sep="\n")
-        print(_model(equation(asked.again)))
-        return
-    say_and_exit(*fuzz(range(asked.first, asked.first + asked.inputs)))
-
-
 if __name__ == "__main__":
-    main()
+    say_and_exit(*fuzz(options("Fuzz the equations of project files").numbers))

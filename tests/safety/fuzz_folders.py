@@ -15,21 +15,21 @@ outside of the tree may be another one or new.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import random
+import shutil
 import socket
 import sys
 import tempfile
-from collections import Counter
 from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.plots import writing
-from fuzz import say_and_exit, tried
-from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, fault_of, judge_imports, limited, made
+from fuzz import SHARED, Ended, Limits, options, say_and_exit
+from fuzz import fuzz as run_all
+from fuzz_runs import RAW, TEXTS, _called, _drawn, _spoil, fault_of, judge_imports, made
 
 __all__ = ["fuzz", "judge", "planted"]
 
@@ -132,8 +132,9 @@ KINDS = {
 }  # fmt: skip
 
 
-def judge(number: int, scratch: Path, good: Path | None = None) -> str:
+def judge(scratch: Path, good: Path | None, number: int) -> str:
     """Run one input; return how it ended, or what went wrong after an exclamation mark."""
+    shutil.rmtree(scratch / "in", ignore_errors=True)  # of the one before
     words = planted(number, scratch, good)
     writing._rendered = _drawn  # a good run's figures are laid out, but not set in pixels: that is no stranger's work
     before = _outside(scratch)
@@ -149,16 +150,15 @@ def _outside(scratch: Path) -> dict[str, tuple[int, int]]:
     return {str(path): (path.lstat().st_size, path.lstat().st_mtime_ns) for path in paths if not path.is_dir()}
 
 
-def fuzz(numbers: range, seconds: float, good: Path | None = None) -> tuple[Counter[str], dict[int, str]]:
-    """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
+def fuzz(numbers: range, seconds: float, good: Path | None = None) -> Ended:
+    """Run inputs until they or the time are used up; return how they ended."""
     _import_all(good)
-    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-    with tempfile.TemporaryDirectory(dir=memory) as name:
+    with tempfile.TemporaryDirectory(dir=SHARED) as name:
         scratch = Path(name)
         (scratch / "thesis").write_text("mine")
         (scratch / "outside").mkdir()
         (scratch / "outside" / "report.html").write_text("mine, too")
-        return tried(numbers, lambda n: limited(partial(judge, n, scratch, good), scratch, SECONDS), seconds)
+        return run_all(numbers, partial(judge, scratch, good), Limits(lambda _: SECONDS, apart=True), seconds)
 
 
 def _import_all(good: Path | None) -> None:
@@ -172,17 +172,8 @@ def _import_all(good: Path | None) -> None:
 
 def main() -> None:
     """Run the command."""
-    parser = argparse.ArgumentParser(description="Fuzz folders of folders; see the top of the file.")
-    parser.add_argument("--inputs", type=int, default=10_000)
-    parser.add_argument("--from", type=int, default=0, dest="first")
-    parser.add_argument("--seconds", type=float, default=3600)
-    parser.add_argument("--again", type=int, metavar="NUMBER")
-    parser.add_argument("--good", type=Path, help="good runs, made there if there are none")
-    asked = parser.parse_args()
-    if asked.good and not (asked.good / "noisy" / "noise.json").exists():
-        made(asked.good)
-    first, count = (asked.first, asked.inputs) if asked.again is None else (asked.again, 1)
-    say_and_exit(*fuzz(range(first, first + count), asked.seconds, asked.good))
+    asked = options("Fuzz folders of folders", inputs=10_000, seconds=3600.0)
+    say_and_exit(*fuzz(asked.numbers, asked.seconds, asked.good and made(asked.good)))
 
 
 if __name__ == "__main__":

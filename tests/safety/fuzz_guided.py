@@ -5,7 +5,7 @@
     pip install atheris                                                       (Linux; it is no dependency of fracid)
     python tests/safety/fuzz_guided.py mat -max_total_time=600                       options are libFuzzer's
 
-It begins with the seeds of :mod:`fuzz_inputs`, keeps what it finds in ``runs/fuzz/corpus-READER``, and ends at the
+It begins with the seeds of :mod:`corpus`, keeps what it finds in ``runs/fuzz/corpus-READER``, and ends at the
 first input that gives anything but a recording or a line that can be printed; that one is in ``runs/fuzz/failures``.
 Branches are counted in the readers, in Python; those in libhdf5, Arrow and zlib are not seen: ``tests/safety/fuzz.py``
 runs those in processes that may die.
@@ -22,6 +22,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 import fuzz
+from corpus import SEEDS
 from fuzz_inputs import READERS
 
 
@@ -50,18 +51,18 @@ def main(reader: str, options: list[str]) -> None:
     corpus = runs / f"corpus-{reader}"
     for folder in (corpus, runs / "failures"):
         folder.mkdir(parents=True, exist_ok=True)
-    for k, seed in enumerate(READERS[reader][1]()):
+    for k, seed in enumerate(SEEDS[reader]()):
         (corpus / f"seed-{k}").write_bytes(seed)
     scratch = Path(tempfile.mkdtemp(dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
-    (scratch / "swing.csv").write_bytes(READERS["text"][1]()[0])
+    (scratch / "swing.csv").write_bytes(SEEDS["text"]()[0])
     file = scratch / f"input{READERS[reader][0][0]}"
 
     def one(raw: bytes) -> None:
         file.write_bytes(raw)
         try:
-            fuzz._read(reader, 0, file)
+            fuzz.read(reader, 0, file)
         except FracidError as error:
-            fault = fuzz._fault_of(str(error))
+            fault = fuzz.fault_of_message(str(error))
             assert fault is None, fault
 
     warnings.simplefilter("error")

@@ -1,11 +1,10 @@
-# ruff: noqa: T201  (a command: it prints)
 """Fuzzing of run folders: a stranger's, or a dying disc's, into every command and function that takes one.
 
 ::
 
     python tests/safety/fuzz_runs.py                       for ten minutes
     python tests/safety/fuzz_runs.py --inputs 300          the first three hundred
-    python tests/safety/fuzz_runs.py --again 1234          one input once more, with its traceback
+    python tests/safety/fuzz_runs.py --again 1234          one input once more
 
 Three good folders, of a fit with all that it may have, of a comparison and of a study of noise, are made once.  Input
 number n is one of them with one to three faults, and one command; both follow from n alone.  It must end with exit code
@@ -16,19 +15,15 @@ names.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
 import os
 import random
-import resource
 import shutil
-import signal
 import sys
 import tempfile
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -39,7 +34,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.plots import writing
 from fracid.safety.text import printable
-from fuzz import MEMORY, _fault_of, _where, say_and_exit, tried
+from fuzz import Ended, Limits, fault_of_message, options, say_and_exit, where
+from fuzz import fuzz as run_all
+from fuzz_inputs import any_bytes, times
 
 __all__ = ["judge", "made", "spoilt"]
 
@@ -104,9 +101,11 @@ RAW = (
 
 
 def made(home: Path) -> Path:
-    """Make the good folders, with their project and recordings, in a folder; a minute."""
+    """The good folders, with their project and recordings, made in a folder if they are not there; a minute."""
     import fracid
 
+    if (home / "noisy" / "noise.json").exists():
+        return home
     home.mkdir(parents=True, exist_ok=True)
     rig, random_numbers = fracid.rotary_pendulum("srv02-rotpen"), np.random.default_rng(1)
     words = []
@@ -170,16 +169,17 @@ def _unfinish(run: Path) -> None:
 
 
 def _spoil(run: Path, choose: random.Random) -> str:
-    files = sorted(
-        p
-        for p in run.iterdir()
-        if p.suffix in (".json", ".jsonl", ".toml") and p.is_file() and p.stat().st_size < 1 << 30
-    )  # fmt: skip  (not those of gigabytes without a byte)
+    files = sorted(p for p in run.iterdir() if p.suffix in (".json", ".jsonl", ".toml") and _is_small(p))
     if not files:
         return "nothing left"
     path = choose.choice(files)
-    kind = choose.choices((_value, _key, _torn, _bits, _raw, _place), (10, 3, 1, 2, 2, 2))[0]
+    kind = choose.choices((_value, _key, _bytes, _raw, _place), (10, 3, 3, 2, 2))[0]
     return f"{path.name}: {kind(path, choose)}"
+
+
+def _is_small(path: Path) -> bool:
+    """A file, and none of gigabytes without a byte."""
+    return path.is_file() and path.stat().st_size < 1 << 30
 
 
 def _value(path: Path, choose: random.Random) -> str:
@@ -213,9 +213,9 @@ def _key(path: Path, choose: random.Random) -> str:
 
 
 def _changed(path: Path, choose: random.Random, change: Callable[[Any], str]) -> str:
-    """Change what a JSON file says, or a line of a log; bits of any other file."""
+    """Change what a JSON file says, or a line of a log; bytes of any other file."""
     if path.suffix == ".toml":
-        return _bits(path, choose)
+        return _bytes(path, choose)
     try:
         lines = path.read_text().splitlines() if path.suffix == ".jsonl" else [path.read_text()]
         at = choose.randrange(len(lines))
@@ -236,19 +236,16 @@ def _places(said: Any) -> Any:
         yield from _places(value)
 
 
-def _torn(path: Path, choose: random.Random) -> str:
-    raw = path.read_bytes()
-    end = choose.choice((0, 1, len(raw) // 2, len(raw) - 2, choose.randrange(len(raw) + 1)))
-    path.write_bytes(raw[:end])
-    return f"cut at {end}"
-
-
-def _bits(path: Path, choose: random.Random) -> str:
-    raw = bytearray(path.read_bytes())
-    for _ in range(choose.choice((1, 1, 4, 64)) if raw else 0):
-        raw[choose.randrange(len(raw))] ^= 1 << choose.randrange(8)
+def _bytes(path: Path, choose: random.Random) -> str:
+    """As a disc or a line damages them, or the end of another file of the run."""
+    raw, others = (
+        path.read_bytes(),
+        [p.read_bytes() for p in sorted(path.parent.glob("*.json")) if p != path and _is_small(p)],
+    )
+    for _ in times(choose):
+        raw = any_bytes(raw, choose, [*others, b"{}"])
     path.write_bytes(raw)
-    return "bits"
+    return "bytes"
 
 
 def _raw(path: Path, choose: random.Random) -> str:
@@ -283,10 +280,11 @@ def _place(path: Path, choose: random.Random) -> str:
 # --- the judgement --------------------------------------------------------------------------------------
 
 
-def judge(number: int, good: Path, scratch: Path) -> str:
+def judge(good: Path, scratch: Path, number: int) -> str:
     """Run one input; return how it ended, or what went wrong after an exclamation mark."""
     if number % 10:
         writing._rendered = _drawn
+    shutil.rmtree(scratch / "in", ignore_errors=True)  # of the one before
     folder, (typed, *_) = spoilt(number, good, scratch / "in")
     words = typed.split()
     mine = folder / (words[1] if words[-2] != "--out" else words[-1])
@@ -305,13 +303,15 @@ def fault_of(words: list[str], folder: Path, codes: tuple[int, ...], call: Calla
         try:
             code, out, err = call()
         except Exception as error:
-            return f"! {type(error).__name__}: {str(error)[:200]} {_where(error)}"
+            return f"! {type(error).__name__}: {str(error)[:200]} {where(error)}"
     told = err.strip().splitlines()
     if heard:
         return f"! warning: {heard[0].message} {heard[0].filename}:{heard[0].lineno}"
     if code not in codes:
         return f"! exit code {code}: {err[-300:]}"
-    if code == 2 and (fault := _fault_of(told[-1].replace(printable(words[1]), "FOLDER")) if told else "! not a word"):
+    if code == 2 and (
+        fault := fault_of_message(told[-1].replace(printable(words[1]), "FOLDER")) if told else "! not a word"
+    ):
         return fault
     if any(c in out + err for c in "\x1b\x07\u202e\x00"):
         return "! prints what commands a terminal"
@@ -350,48 +350,11 @@ def _listed(scratch: Path, mine: Path) -> dict[str, tuple[int, int]]:
     return {name: about for name, about in found.items() if not name.startswith(runs)}
 
 
-def limited(run: Callable[[], str], scratch: Path, seconds: float = SECONDS) -> str:
-    """Run one input in a process of its own, which dies where it takes too much; its folder, ``in``, is removed."""
-    end, pipe = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        os.close(end)
-        outcome = "! died"
-        try:
-            idle = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-            soft = resource.getrusage(resource.RUSAGE_SELF)
-            limit = int(soft.ru_utime + soft.ru_stime + seconds) + 1
-            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            signal.alarm(600)  # a hang that takes no processor time
-            outcome = run()
-            used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - idle
-            if used > MEMORY:
-                outcome = f"! used {used / 2**30:.2f} GiB"
-        except BaseException as error:
-            outcome = f"! {type(error).__name__}: {error} {_where(error)}"
-        finally:
-            os.write(pipe, outcome.encode()[:2000])
-            os._exit(0)
-    os.close(pipe)
-    with os.fdopen(end, "rb") as said:
-        outcome = said.read().decode(errors="replace")
-    _, status = os.waitpid(pid, 0)
-    if os.WIFSIGNALED(status):
-        outcome = f"! died by {signal.Signals(os.WTERMSIG(status)).name}"
-    for path in scratch.rglob("*"):
-        if path.is_file() and not path.is_symlink():
-            path.chmod(0o600)
-    shutil.rmtree(scratch / "in", ignore_errors=True)
-    return outcome
-
-
-def fuzz(good: Path, numbers: range, seconds: float) -> tuple[Counter[str], dict[int, str]]:
-    """Run inputs until they or the time are used up; return what came of them, and what went wrong."""
+def fuzz(good: Path, numbers: range, seconds: float) -> Ended:
+    """Run inputs until they or the time are used up; return how they ended."""
     judge_imports(good)
     with tempfile.TemporaryDirectory() as name:
-        scratch = Path(name)
-        return tried(numbers, lambda number: limited(partial(judge, number, good, scratch), scratch), seconds)
+        return run_all(numbers, partial(judge, good, Path(name)), Limits(lambda _: SECONDS, apart=True), seconds)
 
 
 def judge_imports(good: Path) -> None:
@@ -408,26 +371,9 @@ def judge_imports(good: Path) -> None:
 
 def main() -> None:
     """Run the command."""
-    parser = argparse.ArgumentParser(description="Fuzz run folders; see the top of the file.")
-    parser.add_argument("--inputs", type=int, default=1_000_000)
-    parser.add_argument("--from", type=int, default=0, dest="first")
-    parser.add_argument("--seconds", type=float, default=600)
-    parser.add_argument("--again", type=int, metavar="NUMBER")
-    parser.add_argument("--good", type=Path, help="the good folders, made there if there are none")
-    asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        good = asked.good or Path(scratch) / "good"
-        if not (good / "noisy" / "noise.json").exists():
-            made(good)
-        if asked.again is not None:
-            place = Path(scratch) / "again"
-            place.mkdir()
-            print(spoilt(asked.again, good, place / "in")[1])
-            shutil.rmtree(place / "in", ignore_errors=True)
-            print(judge(asked.again, good, place))
-            return
-        ended, failures = fuzz(good, range(asked.first, asked.first + asked.inputs), asked.seconds)
-    say_and_exit(ended, failures)
+    asked = options("Fuzz run folders", seconds=600.0)
+    with tempfile.TemporaryDirectory() as place:
+        say_and_exit(*fuzz(made(asked.good or Path(place) / "good"), asked.numbers, asked.seconds))
 
 
 if __name__ == "__main__":

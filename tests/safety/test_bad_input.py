@@ -9,10 +9,12 @@ import zlib
 import numpy as np
 import pytest
 
-from bad_input import PAGE, PROJECTS, RECORDINGS, T, element, page, parquet, text
+import fracid
+from bad_input import LARGE, MAT5, PAGE, PROJECTS, RECORDINGS, T, element, page, parquet, text
 from fracid.errors import DataError, FracidError, InputError
 from fracid.problem.project import load_project
 from fracid.recording import load_recording, read_table
+from fracid.recording.readers.table import READERS
 from program import run
 
 
@@ -73,57 +75,51 @@ def test_the_page_is_what_the_table_says():
 # --- what no bytes show ---------------------------------------------------------------------------------
 
 
-def test_a_recording_that_is_still_being_written_is_refused(tmp_path, monkeypatch):
+@pytest.fixture
+def log(tmp_path):
+    """A good recording."""
     path = tmp_path / "log.csv"
     path.write_bytes(text()())
+    return path
 
-    def read_and_write(path, variable):
+
+def more(path):
+    with path.open("ab") as file:
+        file.write(b"4.0,0,0\n")
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "told"),
+    [
+        (more, DataError, r"log.csv changed while it was read. Is it still being written\?"),
+        (os.unlink, InputError, "cannot be read: No such file or directory"),
+    ],
+)
+def test_a_recording_that_changes_or_vanishes_while_it_is_read_is_told(log, monkeypatch, change, error, told):
+    def read_and_change(path, variable):
         table = read_table(path, variable)
-        with path.open("ab") as file:
-            file.write(b"4.0,0,0\n")
+        change(path)
         return table
 
-    monkeypatch.setattr("fracid.recording.loading.read_table", read_and_write)
-    with pytest.raises(DataError, match=r"log.csv changed while it was read. Is it still being written\?"):
-        load_recording(path)
+    monkeypatch.setattr("fracid.recording.loading.read_table", read_and_change)
+    with pytest.raises(error, match=told):
+        load_recording(log)
 
 
-def test_a_recording_that_vanishes_while_it_is_read_is_told(tmp_path, monkeypatch):
-    path = tmp_path / "log.csv"
-    path.write_bytes(text()())
-
-    def read_and_delete(path, variable):
-        table = read_table(path, variable)
-        path.unlink()
-        return table
-
-    monkeypatch.setattr("fracid.recording.loading.read_table", read_and_delete)
-    with pytest.raises(InputError, match="cannot be read: No such file or directory"):
-        load_recording(path)
-
-
-def test_a_permission_that_is_refused_is_told(tmp_path, monkeypatch):
-    path = tmp_path / "log.csv"
-    path.write_bytes(text()())
-
+@pytest.mark.parametrize(
+    ("fails", "error", "told"),
+    [
+        (PermissionError(13, "Permission denied"), InputError, r"log\.csv cannot be read: Permission denied"),
+        (MemoryError(), DataError, r"log\.csv needs more memory than there is"),
+    ],
+)
+def test_a_permission_that_is_refused_and_memory_that_there_is_not_are_told(log, monkeypatch, fails, error, told):
     def refuse(*_):
-        raise PermissionError(13, "Permission denied")
+        raise fails
 
-    monkeypatch.setitem(__import__("fracid.recording.readers.table", fromlist=["READERS"]).READERS, ".csv", refuse)
-    with pytest.raises(InputError, match=r"log\.csv cannot be read: Permission denied"):
-        load_recording(path)
-
-
-def test_more_memory_than_there_is_is_told(tmp_path, monkeypatch):
-    path = tmp_path / "log.csv"
-    path.write_bytes(text()())
-
-    def fill(*_):
-        raise MemoryError
-
-    monkeypatch.setitem(__import__("fracid.recording.readers.table", fromlist=["READERS"]).READERS, ".csv", fill)
-    with pytest.raises(DataError, match=r"log\.csv needs more memory than there is"):
-        load_recording(path)
+    monkeypatch.setitem(READERS, ".csv", refuse)
+    with pytest.raises(error, match=told):
+        load_recording(log)
 
 
 def test_a_complex_signal_that_is_asked_for_is_told_why_it_is_none(tmp_path):
@@ -141,17 +137,16 @@ def zeros_mat():
     """As many zeros as a file of its size may unpack to."""
     half = 4 * MEBIBYTE - 3000
     inner = element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", half, 1))
-    numbers = element(9, bytes(8 * half))
-    raw = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    raw = MAT5
     for name in (b"t", b"alpha"):
-        packed = zlib.compress(element(14, inner + element(1, name) + numbers), 9)
+        packed = zlib.compress(element(14, inner + element(1, name) + element(9, bytes(8 * half))), 9)
         raw += struct.pack("<II", 15, len(packed)) + packed
     return raw + element(14, b"") * ((MEBIBYTE - len(raw)) // 8)
 
 
 WORST = {
     "zeros.mat": zeros_mat,
-    "columns.parquet": parquet(**{f"c{k}": [1.0, 2.0] for k in range(3000)}),
+    "columns.parquet": parquet({f"c{k}": [1.0, 2.0] for k in range(3000)}),
     "rows.csv": lambda: b"0,1\n" * (MEBIBYTE // 4),
     "blanks.csv": lambda: b"t,a,b\n" + b"".join(b"%d,,\n" % k for k in range(MEBIBYTE // 10)),
     "columns.csv": lambda: (b"1," * 9998 + b"1\n") * 52,
@@ -183,29 +178,13 @@ def test_the_worst_files_of_a_mebibyte_take_less_than_five_seconds_and_a_gibibyt
 
 
 @pytest.mark.slow
-def test_ten_thousand_recordings_are_a_project(tmp_path):
-    words = ['[model.orders]\nlambda = 1.0\nmu = 0.95\n[fit]\ninitial_state = "held"\n']
-    for k in range(10_000):
-        np.save(tmp_path / f"{k}.npy", np.column_stack([T[:20], np.cos(5 * T[:20]) + 1e-6 * k]))
-        words.append(f'[[recording]]\nfile = "{k}.npy"\ntime = {{ column = 0 }}\nalpha = {{ column = 1 }}\n')
-    (tmp_path / "rig.toml").write_text("".join(words))
-    assert len(load_project(tmp_path / "rig.toml").recordings) == 10_000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ending", ["csv", "npz"])
-def test_ten_million_samples_are_read(tmp_path, ending):
-    time = np.arange(10**7) / 1000
-    alpha = np.round(4096 * np.cos(time)) * 2e-4
-    path = tmp_path / f"long.{ending}"
-    if ending == "npz":
-        np.savez(path, t=time, alpha=alpha)
+@pytest.mark.parametrize("name", LARGE)
+def test_ten_million_samples_are_read_and_ten_thousand_recordings_are_a_project(tmp_path, name):
+    _, write, call = LARGE[name]
+    written, found = write(tmp_path / name), getattr(fracid, call)(tmp_path / name)
+    if written is None:
+        assert len(found.recordings) == 10_000
     else:
-        with path.open("w") as file:
-            file.write("t,alpha\n")
-            for k in range(0, time.size, 100_000):
-                pairs = zip(time[k : k + 100_000], alpha[k : k + 100_000], strict=True)
-                file.writelines(f"{t:.3f},{a:.4f}\n" for t, a in pairs)
-    recording = load_recording(path)
-    assert recording.time.size == 10**7
-    np.testing.assert_allclose(recording.signals["alpha"][::100_000], alpha[::100_000], atol=1e-9)
+        assert found.time.size == 10**7
+        alpha = next(iter(found.signals.values()))
+        np.testing.assert_allclose(alpha[::100_000], written[::100_000], atol=1e-9)

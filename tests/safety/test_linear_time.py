@@ -7,13 +7,10 @@ import shutil
 import time
 from pathlib import Path
 
-import h5py
 import numpy as np
-import pyarrow
-import pyarrow.parquet
 import pytest
-import scipy.io
 
+import corpus
 from fracid.errors import FracidError
 from fracid.problem.project import project_from_text
 from fracid.recording import load_recording
@@ -71,31 +68,21 @@ def test_twice_the_input_takes_less_than_three_times_the_time(name):
     assert any(ratio < 3.0 for ratio in ratios)
 
 
-def npz(path, time, alpha):
-    np.savez(path, t=time, alpha=alpha)
-
-
-def mat(path, time, alpha):
-    scipy.io.savemat(path, {"t": time, "alpha": alpha})
-
-
-def h5(path, time, alpha):
-    with h5py.File(path, "w") as file:
-        file["t"], file["alpha"] = time, alpha
-
-
-def parquet(path, time, alpha):
-    pyarrow.parquet.write_table(pyarrow.table({"t": time, "alpha": alpha}), path)
+BINARY = {
+    "npz": corpus.npz, "mat": corpus.mat, "parquet": corpus.parquet,
+    "h5": lambda columns: corpus.hdf5(lambda h: [h.__setitem__(*column) for column in columns.items()]),
+}  # fmt: skip
 
 
 @pytest.mark.broad
-@pytest.mark.parametrize("write", [npz, mat, h5, parquet])
-def test_twice_the_samples_of_a_binary_recording_take_less_than_three_times_the_time(write, tmp_path):
+@pytest.mark.parametrize("kind", BINARY)
+def test_twice_the_samples_of_a_binary_recording_take_less_than_three_times_the_time(kind, tmp_path):
     n = 40_000
     for k in (1, 2):
         time = 1e-3 * np.arange(k * n)
-        write(tmp_path / f"{k}.{write.__name__}", time, 0.3 * np.cos(time) + 1e-3 * np.sin(1e5 * time**2))
-    way = lambda k: load_recording(tmp_path / f"{k}.{write.__name__}")  # noqa: E731
+        columns = {"t": time, "alpha": 0.3 * np.cos(time) + 1e-3 * np.sin(1e5 * time**2)}
+        (tmp_path / f"{k}.{kind}").write_bytes(BINARY[kind](columns))
+    way = lambda k: load_recording(tmp_path / f"{k}.{kind}")  # noqa: E731
     assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
 
 
