@@ -37,8 +37,9 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
-from fracid.recording.dropout import Dropout, dropouts, without_dropouts
+from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, unit_of_time, wraps
 from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units
 from fracid.recording.measures import GAP
@@ -139,6 +140,38 @@ class Draft:
     """What was guessed, in sentences."""
 
 
+@dataclass(frozen=True)
+class Source:
+    """Where the samples of a draft come from, and where the draft goes."""
+
+    file: Path
+    time: Mapping[str, Any] | None
+    variable: str | None
+    folder: Path = Path()
+
+    def read(self, columns: Mapping[str, Mapping[str, Any]] | None = None, **part: Any) -> Recording:
+        """The recording, however unfit."""
+        return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
+
+    @property
+    def table(self) -> Table:
+        """What stands in the file."""
+        return read_table(self.file, self.variable)
+
+    def text(self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float]]], **values: Any) -> str:
+        """A project file from its template; recordings with the constants that each knows for itself."""
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+
+        def path(recording: Recording) -> str:
+            return os.path.relpath(Path(recording.path).resolve(), self.folder.resolve()).replace(os.sep, "/")
+
+        jinja = Environment(loader=PackageLoader("fracid.problem", "."), undefined=StrictUndefined, trim_blocks=True,
+                            lstrip_blocks=True, keep_trailing_newline=True)  # fmt: skip
+        jinja.filters |= {"toml": toml_value, "with_code": with_code, "at": lambda text, column=40: text.ljust(column)}
+        words = {"line": toml_line, "free": toml_range, "path": path, "time": self.time, "variable": self.variable}
+        return jinja.get_template(template).render(words | values, recordings=recordings)
+
+
 def guess_file(
     file: str | Path, *, time: Mapping[str, Any] | None = None, variable: str | None = None
 ) -> tuple[Columns, tuple[str, ...]]:
@@ -155,14 +188,12 @@ def guess_file(
     >>> guess_file(path)[0]["voltage"]
     {'column': 'command', 'unit': 'V', 'fill': 'hold'}
     """
-    raw, table = inspect_recording(file, time=time, variable=variable), read_table(Path(file), variable)
+    source = Source(Path(file), time, variable)
+    raw, table = source.read(), source.table
     columns, notes = guess_columns(raw, table.names)
     if "voltage" not in columns and (command := _rare_command(table)):
         columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
-        return columns, (
-            *notes,
-            f"voltage is taken from {command!r}, in volts: a command that is logged when it changes.",
-        )
+        return columns, (*notes, SAYS("rare-command", command=command))
     blank = with_code(raw.report.reading, "blank")
     return columns, notes if "voltage" in columns else notes + blank
 
@@ -212,7 +243,7 @@ def draft_project(
     >>> load_project(folder / "rig.toml").problem.names[:2]
     ('mu', 'C1')
     """
-    rig_name = rig or "srv02-rotpen"
+    source, rig_name = Source(Path(file), time, variable, Path(folder)), rig or "srv02-rotpen"
     rotary_pendulum(rig_name)  # refuses an unknown one
     column_specs: Columns
     if columns is None:
@@ -223,41 +254,46 @@ def draft_project(
         column_specs, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in column_specs:
             raise InputError("No column is named for alpha, the pendulum's angle; type --column alpha=COLUMN.")
-    reading: dict[str, Any] = {"time": time, "variable": variable}
+    part: dict[str, float | None] = {}
 
     def read() -> Recording:
-        return inspect_recording(file, column_specs, **reading).bridge_blanks()
+        return source.read(column_specs, **part).bridge_blanks()
 
-    _refuse_unfit(read(), file, time, variable)
+    _refuse_unfit(read(), source)
     for complete in (_units, _wraps):
         notes += complete(read(), column_specs)
     window = _window(read())
     notes += (window.reason,) if window else ()
     if window:
-        reading |= {"start": window.start, "stop": window.stop}
+        part = {"start": window.start, "stop": window.stop}
     notes += _zeros(read(), column_specs)
     recording = read()
     notes += with_code(recording.report.reading, "interpolated")
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
-    page = _Page(recording, column_specs, rig_name, time, variable, Path(folder), rig is None, window, starts or {})
-    return Draft(page.text(), column_specs, notes)
+    page = _Page(recording, column_specs, rig_name, window, starts or {})
+    text = source.text(
+        "rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None, rigs=RIGS,
+        outputs=[*page.joints], broken=BROKEN, enough=ENOUGH,
+    )  # fmt: skip
+    return Draft(text, column_specs, notes)
 
 
-def _refuse_unfit(recording: Recording, file: str | Path, time: Mapping[str, Any] | None, variable: str | None) -> None:
+def _refuse_unfit(recording: Recording, source: Source) -> None:
     """Too few samples, a pendulum that never moves, and a clock in another unit, whose constants would be nobody's.
 
     Whoever says the unit of time, or the rate, is believed.
     """
+    said = (source.time or {}).keys() & {"unit", "rate"}
     for why in recording.report.unusable:
-        raise InputError(f"{Path(file).name}: {why}")
+        raise InputError(f"{source.file.name}: {why}")
     for f in recording.report.findings:
-        if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not (time or {}).keys() & {"unit", "rate"}:
-            column = time_column(read_table(Path(file), variable), time)
-            typed = ["fracid", "init", str(file), "--time", f"{column},unit={unit_of_time(f.number)}"]
+        if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not said:
+            column = time_column(source.table, source.time)
+            typed = ["fracid", "init", str(source.file), "--time", f"{column},unit={unit_of_time(f.number)}"]
             sentence = str(f).partition(" Type ")[0]
-            raise InputError(f"{Path(file).name}: {sentence} Type {shlex.join(typed)}; or unit=s, if it is right.")
+            raise InputError(f"{source.file.name}: {sentence} Type {shlex.join(typed)}; or unit=s, if it is right.")
 
 
 # --- what the columns are ----------------------------------------------------------------------------
@@ -296,16 +332,14 @@ def _zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
     rest = s.rest if s.at_rest else final_value(swinging)
     if rest is None:
         return {}, "alpha does not come to rest, so its zero is the file's: is it 0 where the pendulum hangs?"
-    turns, stays = round(rest / math.pi), "rests" if s.at_rest else "swings to the end about"
+    turns, at = round(rest / math.pi), "rests at" if s.at_rest else "swings to the end about"
     if abs(rest - turns * math.pi) > (REST_ERROR if s.at_rest else MIDDLE_ERROR):
-        at = f"{stays} at {math.degrees(rest):.1f}°" if s.at_rest else f"{stays} {math.degrees(rest):.1f}°"
-        return {"zero": "rest" if s.at_rest else round(rest, 6)}, f"alpha {at}, which is taken for hanging."
+        why = f"alpha {at} {math.degrees(rest):.1f}°, which is taken for hanging."
+        return {"zero": "rest" if s.at_rest else round(rest, 6)}, why
     if turns == 0:
         return {}, ""
-    at = "rests at" if s.at_rest else "swings to the end about"
-    return {"zero": round(turns * math.pi, 9)}, (
-        f"alpha {at} {180 * turns}°: the encoder's zero is {'upright' if turns % 2 else 'some turns away'}."
-    )
+    where = "upright" if turns % 2 else "some turns away"
+    return {"zero": round(turns * math.pi, 9)}, f"alpha {at} {180 * turns}°: the encoder's zero is {where}."
 
 
 def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
@@ -347,23 +381,18 @@ def _window(recording: Recording) -> _Window | None:
         return None
     best = max(pieces, key=lambda p: (half_swings(alpha[p]).size, p.size))
     before, after = t[: best[0]], t[best[-1] + 1 :]
-    low = max(
-        t[best[0]], np.nextafter(np.max(before, initial=-np.inf), np.inf)
-    )  # where a clock goes back times come twice
+    # where a clock goes back times come twice
+    low = max(t[best[0]], np.nextafter(np.max(before, initial=-np.inf), np.inf))
     high = min(t[best[-1]], np.nextafter(np.min(after, initial=np.inf), -np.inf))
     if np.count_nonzero((t[best] >= low) & (t[best] <= high)) < max(FEWEST, best.size // 2):
         return None
+    names = " and ".join(dict.fromkeys(d.signal for d in gone))
+    sound_is = f"{names} does not drop out" if gone else "no sample is missing and the clock is even"
     return _Window(
         None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
         None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
-        f"From {low:.4g} to {high:.4g} s {_whole(gone)}: that part is fitted.",
+        f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",
     )
-
-
-def _whole(gone: tuple[Dropout, ...]) -> str:
-    """What a part that is fitted has, and the rest has not."""
-    names = " and ".join(dict.fromkeys(d.signal for d in gone))
-    return f"{names} does not drop out" if gone else "no sample is missing and the clock is even"
 
 
 def _breaks(recording: Recording) -> NDArray[np.bool_]:
@@ -435,128 +464,96 @@ def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
 
 
 class _Page:
-    """The text, from top to bottom."""
+    """What the template, ``rotary-pendulum.j2``, asks about a recording."""
+
+    sharp = SHARP
 
     def __init__(
-        self, recording: Recording, columns: Columns, rig: str, time: Mapping[str, Any] | None, variable: str | None,
-        folder: Path, guessed: bool, window: _Window | None, starts: Mapping[str, float],
-    ) -> None:  # fmt: skip
-        self.recording, self.columns, self.rig, self.guessed = recording, columns, rig, guessed
-        self.time, self.variable, self.folder, self.window = time, variable, folder, window
-        self.reports = {s.name: s for s in recording.report.signals}
-        alpha = self.reports["alpha"]
-        self.swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
-        self.arm = "theta" in self.reports and self.reports["theta"].range > STILL * alpha.range
-        self.driven = "voltage" in self.reports and self.reports["voltage"].range > 0
-        signals = recording.signals
-        self.stands = (
-            self.driven
-            and recording.step is not None
-            and stands(signals["alpha"], signals.get("theta"), recording.step)
-        )
-        self.model, self.starts = rotary_pendulum(rig), starts
+        self, recording: Recording, columns: Columns, rig: str, window: _Window | None, starts: Mapping[str, float]
+    ) -> None:
+        self.recording, self.rig, self.window, self.starts = recording, rig, window, starts
+        self.model = rotary_pendulum(rig)
+        self.own = {p.name: p.value for p in self.model.parameters}
+        signals, reports = recording.signals, {s.name: s for s in recording.report.signals}
+        self.alpha = alpha = reports["alpha"]
+        swing = max(abs(alpha.maximum - alpha.rest), abs(alpha.minimum - alpha.rest))
+        self.small, self.degrees = swing < SMALL, math.degrees(swing)
+        self.arm = "theta" in reports and reports["theta"].range > STILL * alpha.range
+        self.driven = "voltage" in reports and reports["voltage"].range > 0
+        self.joints = {"theta": "arm", "alpha": "pendulum"} if self.arm else {"alpha": "pendulum"}
+        self.stands = bool(self.driven and recording.step is not None
+                           and stands(signals["alpha"], signals.get("theta"), recording.step))  # fmt: skip
+        release = recording.report.release
+        near = 0.0 if release is None else signals["alpha"][int(np.searchsorted(recording.time, release))]
+        self.at_the_top = bool(abs(near) > TOP)
+        self.held = release is not None and not self.driven and not self.at_the_top
+        free = self.driven or self.held
+        self.turn = None if free else _free_from(recording.time, np.nan_to_num(signals["alpha"]))
+        self.soon = max(0.05, 5 * recording.report.clock.step)
+        self.rests = ["theta_rest"] * self.arm + ["alpha_rest"] * (columns["alpha"].get("zero") != "rest")
 
-    def text(self) -> str:
-        """All of it."""
-        parts = [self._model(), self._parameters(), self._orders(), self._recording(), self._fit()]
-        return toml_text(self.recording, parts)
-
-    def _model(self) -> list[str]:
-        rigs = ", ".join(RIGS)
-        why = f"# initial constants; available rigs: {rigs}" if self.guessed else f"# {RIGS[self.rig].title}"
-        return [
-            "[model]",
-            'name = "rotary-pendulum"                # your own: name = "my_rig.py:model"',
-            toml_line("rig", self.rig, why),
-            toml_line("zero", "upright", "# alpha = 0 where the pendulum stands: what moves it away grows; or hanging")
-            if self.stands
-            else toml_line("zero", "hanging", "# alpha = 0 where the pendulum hangs; or upright"),
-        ]
-
-    def _parameters(self) -> list[str]:
-        lines = ["[model.parameters]                      # SI; a number fixes, a table frees"]
-        own = {p.name: p.value for p in self.model.parameters}
-        gravity = own["C4"]
-        lines.append(f"C4 = {gravity:.6g}".ljust(40) + "# m g l of the pendulum [N m]: weigh it and measure it")
-        if not self.driven:
-            lines.append("# (all else scales with C4: a free response determines only ratios of constants)")
-        free = ["C1", "C3", "C6", "J_theta"] if self.arm else ["C1"]
-        if not self.arm:
-            lines.append("C3 = 0.0".ljust(40) + "# the arm stands still, held by its motor: nothing couples to it")
-        slower = self._slower()
-        for name in free:
-            start = self._inertia(gravity) if name == "C1" and not self.arm else own[name] * slower
-            start = self.starts.get(name, start)
-            if name == "C6" and self.swing < SMALL:
-                lines.append(
-                    f"# C6 stays {own['C6']:.4g}: it does not show in swings of {math.degrees(self.swing):.0f}°"
-                )
-                continue
-            lines.append(toml_range(name, start, start / SPAN, start * SPAN, self._meaning(name)))
-        k, why = self._motor(own["torque_per_volt"] or 0.05)
-        most = max(gravity, SPAN * abs(k) * self._voltage)  # dry friction of a motor that turns
-        for joint in ("theta", "alpha") if self.arm else ("alpha",):
-            reach, dry = most if joint == "theta" else gravity, f"dry friction of the {_joint(joint)} [N m]"
-            lines.append(self._friction(f"b_{joint}", own[f"b_{joint}"], reach, self._meaning(f"b_{joint}")))
-            lines.append(self._friction(f"coulomb_{joint}", 1e-2 * reach, reach, dry))
-            lines.append(self._presliding(joint))
-        lines.append(toml_range("slip_speed", own["slip_speed"], *SHARP, self._meaning("slip_speed")))
-        if self.arm:
-            lines.append(self._friction("drag_theta", 0.0, most, self._meaning("drag_theta")))
-            meaning = self._meaning("cable_stiffness")
-            lines.append(self._friction("cable_stiffness", 1e-2 * gravity, 2 * most, meaning))
-        if self.driven:
-            low, high = sorted((k / SPAN**2, k * SPAN**2)) if why else (-abs(k) * SPAN**2, abs(k) * SPAN**2)
-            lines.append(toml_range("torque_per_volt", k, low, high, f"{why or 'either way'} [N m/V]"))
-        fast = math.degrees(self.swing) > 45
-        drag = toml_range("drag_alpha", 0.0, 0.0, 0.05 * gravity, "drag of the air, which shows in swings above 45°")
-        return [*lines, drag if fast else f"# {drag}"]
-
-    def _friction(self, name: str, start: float, reach: float, meaning: str) -> str:
-        start = self.starts.get(name, start)
-        return toml_range(name, start, 0.0, max(reach, SPAN * start), meaning)
-
-    @property
-    def _voltage(self) -> float:
-        """The largest [V]."""
-        return float(np.nanmax(np.abs(self.recording.signals["voltage"]))) if self.driven else 0.0
-
-    def _motor(self, k: float) -> tuple[float, str]:
-        """Where the search for the torque per volt begins, and which way the arm goes; "" where nothing says."""
-        given = self.starts.get(MOTOR)
+    @cached_property
+    def motor(self) -> tuple[float, float, float, str]:
+        """Where the search for the torque per volt begins, its bounds, and which way the arm goes, if that is seen."""
+        k, given = self.own[MOTOR] or 0.05, self.starts.get(MOTOR)
         way = _way(self.recording) if given is None else given or -1.0
         start = given if given is not None else math.copysign(k, way or k)
-        return start, f"the arm goes {'with' if way > 0 else 'against'} the voltage" if way else ""
+        far = abs(start) * SPAN**2
+        low, high = sorted((start / SPAN**2, start * SPAN**2)) if way else (-far, far)
+        goes = f"the arm goes {'with' if way > 0 else 'against'} the voltage" if way else "either way"
+        return start, low, high, f"{goes} [N m/V]"
 
-    def _presliding(self, joint: str) -> str:
-        """Free where small swings of a clamped rig are quicker than its large ones; else for who asks."""
-        line = toml_range(
-            f"presliding_{joint}", 1e-2, 0.0, 0.5, f"what the {_joint(joint)} gives before it slides [rad]"
-        )
-        if joint == "theta" or self.arm or self.driven:  # an arm that sticks quickens the pendulum too
-            return f"# {line}"
-        part = quickening(self._swing(), COUNTS * (self.reports["alpha"].resolution or 0.0))
-        why = f"; its small swings are {100 * part:.1f} % quicker"
-        return f"{line}{why}" if part > QUICK else f"# {line}"
+    @property
+    def most(self) -> float:
+        """Dry friction of a motor that turns [N m]."""
+        voltage = float(np.nanmax(np.abs(self.recording.signals["voltage"]))) if self.driven else 0.0
+        return max(self.own["C4"], SPAN * abs(self.motor[0]) * voltage)
 
+    def friction(self, name: str, start: float, reach: float, meaning: str = "") -> str:
+        """The line of a constant that is 0 or more."""
+        start = self.starts.get(name, start)
+        return toml_range(name, start, 0.0, max(reach, SPAN * start), meaning or self.meaning(name))
+
+    def inertia(self, name: str) -> str:
+        """The line of an inertia: of a pendulum whose arm stands still from its period, else the rig's."""
+        own = self._inertia if name == "C1" and not self.arm else self.own[name] * self._slower
+        start = self.starts.get(name, own)
+        return toml_range(name, start, start / SPAN, start * SPAN, self.meaning(name))
+
+    def meaning(self, name: str) -> str:
+        """What a constant is, and its unit."""
+        p = self.model.parameter(name)
+        return f"{p.description.split(' (')[0]} [{p.unit}]"
+
+    @property
+    def quicker(self) -> float:
+        """By which part small swings of a clamped rig are quicker than its large ones; 0 where that is nothing."""
+        if self.arm or self.driven:  # an arm that sticks quickens the pendulum too
+            return 0.0
+        part = quickening(self._swing, COUNTS * (self.alpha.resolution or 0.0))
+        return part if part > QUICK else 0.0
+
+    @property
     def _swing(self) -> FloatArray:
         """The pendulum about its rest, from its release on."""
         r = self.recording
         first = 0 if r.report.release is None else int(np.searchsorted(r.time, r.report.release))
-        return np.nan_to_num(r.signals["alpha"] - self.reports["alpha"].rest)[first:]
+        return np.nan_to_num(r.signals["alpha"] - self.alpha.rest)[first:]
 
-    def _inertia(self, gravity: float) -> float:
+    @cached_property
+    def _inertia(self) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
         from scipy.fft import next_fast_len
 
-        step, swing = self.recording.report.clock.step, self._swing()
+        step, swing = self.recording.report.clock.step, self._swing
         moves = np.flatnonzero(np.abs(swing) > AT_REST * np.abs(swing).max())
         swing = swing[: moves[-1] + 1 if moves.size else None]  # an hour of rest is louder than the swings before it
         samples = next_fast_len(8 * len(swing), real=True)  # else it may take several times the memory
         spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), samples))
         omega = 2 * math.pi * float(np.argmax(spectrum)) / (samples * step)
-        return gravity / omega**2 if omega > 0 else self.model.parameter("C1").value
+        return self.own["C4"] / omega**2 if omega > 0 else self.own["C1"]
 
+    @cached_property
     def _slower(self) -> float:
         """By what all inertias of the rig are to be multiplied so that its pendulum swings as in the recording.
 
@@ -565,138 +562,35 @@ class _Page:
         """
         if not self.arm or self.driven:
             return 1.0
-        C1, C3, C4, J = (self.model.parameter(n).value for n in ("C1", "C3", "C4", "J_theta"))
-        inertia, free = self._inertia(C4), C1 - C3**2 / J
-        factor = min(inertia / free, 1.0) if inertia < free else max(inertia / C1, 1.0)
+        C1, free = self.own["C1"], self.own["C1"] - self.own["C3"] ** 2 / self.own["J_theta"]
+        factor = min(self._inertia / free, 1.0) if self._inertia < free else max(self._inertia / C1, 1.0)
         return factor if not 1 / LIKE < factor < LIKE else 1.0
 
-    def _meaning(self, name: str) -> str:
-        p = self.model.parameter(name)
-        return f"{p.description.split(' (')[0]} [{p.unit}]"
+    @cached_property
+    def period(self) -> float:
+        """Samples of a swing."""
+        return common_period(
+            np.column_stack([self.recording.signals[n] for n in ("alpha", "theta")[: len(self.joints)]])
+        )
 
-    def _orders(self) -> list[str]:
-        free = "{ start = 1.0, lower = 0.6, upper = 1.2 }"
-        arm = f"lambda = {free}" if self.arm else "lambda = 1.0"
-        why = "# of the arm" if self.arm else "# of the arm, which stands still: nothing shows it"
-        return ["[model.orders]                          # 1.0 is the integer-order model", f"{arm:<52}{why}",
-                f"mu     = {free}".ljust(52) + "# of the pendulum"]  # fmt: skip
-
-    def _recording(self) -> list[str]:
-        lines = [*toml_file(self.recording, self.folder, self.variable, self.time, self.columns)]
-        lines.append(self._from())
-        if self._held():
-            reach = max(0.05, 5 * self.recording.report.clock.step)
-            moment = f"release_time = {{ start = 0.0, lower = -{reach:.3g}, upper = {reach:.3g} }}"
-            lines.append(f"{moment:<70}# [s] of the release after that sample; it lies between two")
-        if self.window and self.window.stop is not None:
-            lines.append(f"to = {self.window.stop:.15g}".ljust(40) + f"# after it {BROKEN}")
-        else:
-            lines.append(f"# to = {self.recording.time[-1]:.4g}")
-        lines += self._rate()
-        lines.append(toml_line("use", "fit", '# or "validate": held out for validation'))
-        return lines
-
-    def _rate(self) -> Iterator[str]:
-        """A rate for a recording that has many more samples than its swings need."""
-        r = self.recording
-        angles = [r.signals[n] for n in ("alpha", *(["theta"] if self.arm else []))]
-        step, period = r.report.clock.step, common_period(np.column_stack(angles))
-        every = period / ENOUGH
-        if every >= MANY_TIMES and len(r.time) >= MANY_SAMPLES:
-            swing = f"{ENOUGH} samples a swing say as much as {period:.0f}"
-            yield (
-                f"# resample = {float(f'{every * step:.1g}'):g}".ljust(40)
-                + f"# {swing}; a long fit works on so few by itself"
-            )
-
-    def _at_the_top(self) -> bool:
-        """Whether it is let go near upright."""
-        r = self.recording
-        release = r.report.release
-        return release is not None and bool(abs(r.signals["alpha"][int(np.searchsorted(r.time, release))]) > TOP)
-
-    def _held(self) -> bool:
-        """Whether it is held still, then let go: so it begins at rest."""
-        return self.recording.report.release is not None and not self.driven and not self._at_the_top()
-
-    def _from(self) -> str:
-        """Where it begins: see the table at the top of this page."""
-        r, alpha = self.recording, np.nan_to_num(self.recording.signals["alpha"])
-        top = self._at_the_top()
-        if self._held():
-            return self._at_release()
-        turn = None if self.driven else _free_from(r.time, alpha)
-        if turn is not None:
-            why = "# it turns there, below the top: how it left that, a hair decides" if top else (
-                "# it turns there, and swings freely from then on")  # fmt: skip
-            return f"from = {turn:.3f}".ljust(40) + why
-        if top and not self.driven:
-            return self._at_release()
-        if self.window and self.window.start is not None:
-            return f"from = {self.window.start:.15g}".ljust(40) + f"# before it {BROKEN}"
-        return f"# from = 1.0                            # no release was found: {r.report.release_reason}"
-
-    def _at_release(self) -> str:
-        """By name, or by its time where a part of the recording alone has it."""
-        release, reason = self.recording.report.release, self.recording.report.release_reason
-        if self.window:
-            return f"from = {release:.15g}".ljust(40) + f"# of the release: {reason}"
-        return toml_line("from", "release", f"# found at {release:.3f} s: {reason}")
-
-    def _fit(self) -> list[str]:
-        outputs = ["theta", "alpha"] if self.arm else ["alpha"]
-        start = toml_line("initial_state", "estimate", "# angles and speeds at the start are found too")
-        if self._held():
-            start = toml_line("initial_state", "rest", "# held before the release; estimate, if the hand moved it")
-        lines = ["[fit]", f"outputs = {json.dumps(outputs)}", start]
-        own = [
-            n
-            for n, condition in (("theta_rest", self.arm), ("alpha_rest", self.columns["alpha"].get("zero") != "rest"))
-            if condition
-        ]
-        if own:
-            where = "# where it rests differs from recording to recording"
-            lines.append(f"per_recording = {json.dumps(own)}".ljust(39) + " " + where)
-        return lines
+    @property
+    def every(self) -> float:
+        """A step for a recording that has many more samples than its swings need [s], else 0."""
+        every, r = self.period / ENOUGH, self.recording
+        many = every >= MANY_TIMES and len(r.time) >= MANY_SAMPLES
+        return float(f"{every * r.report.clock.step:.1g}") if many else 0.0
 
 
-def _joint(name: str) -> str:
-    return {"theta": "arm", "alpha": "pendulum"}[name]
-
-
-def toml_text(recording: Recording, parts: Iterable[Iterable[str]]) -> str:
-    """A project file: what the recording is like, and the tables of it that have lines."""
-    head = [f"# {recording.report.verdict}", "#",
-            "# Drafted from the recording.  Look at every line, then:   fracid fit THIS-FILE"]  # fmt: skip
-    tables = ["\n".join(part) for part in (head, *parts)]
-    return "\n\n".join(table for table in tables if table) + "\n"
-
-
-def toml_file(
-    recording: Recording, folder: Path, variable: str | None, time: Mapping[str, Any] | None, columns: Columns
-) -> Iterator[str]:
-    """The table of a recording as far as its columns."""
-    path = os.path.relpath(Path(recording.path).resolve(), folder.resolve())
-    yield from ("[[recording]]", toml_line("name", recording.name, ""))
-    yield toml_line("file", path.replace(os.sep, "/"), "")
-    if variable:
-        yield toml_line("variable", variable, "# the array in the file")
-    if time:
-        yield f"time = {toml_value(time)}"
-    else:
-        yield from (f"# {line}" for line in with_code(recording.report.reading, "clock"))
-    yield from (f"{name} = {toml_value(fields)}" for name, fields in columns.items())
-
-
-def toml_line(key: str, value: str, comment: str) -> str:
+def toml_line(key: str, value: str, comment: str = "") -> str:
     """Return a key with a text, and a comment behind it.
 
     Examples
     --------
-    >>> toml_line("use", "fit", "")
+    >>> toml_line("use", "fit")
     'use = "fit"'
     """
-    return f"{key} = {json.dumps(value, ensure_ascii=False)}".ljust(40 if comment else 0) + comment
+    line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
+    return f"{line:<40}# {comment}" if comment else line
 
 
 def toml_range(name: str, start: float, lower: float, upper: float, comment: str) -> str:

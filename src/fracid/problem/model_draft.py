@@ -9,9 +9,9 @@ those that all recordings have alike among the parameters, others with their rec
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +20,17 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
-from fracid.models import Model, model
+from fracid.models import Model, Parameter, model
 from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
-from fracid.problem.draft import Draft, toml_file, toml_line, toml_range, toml_text
+from fracid.problem.draft import Draft, Source
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
-from fracid.problem.toml_text import toml_value
-from fracid.recording import Recording, inspect_recording
+from fracid.recording import Recording
 from fracid.recording.guess import Columns, unit_of
-from fracid.recording.readers.table import read_table
 
 SAYS = Words("problem/model_draft.toml")
 
@@ -87,7 +85,8 @@ def draft_of_model(
     >>> [line.split("=")[0].strip() for line in draft.text.splitlines() if line.startswith(("k ", "b_"))]
     ['k', 'b_displacement']
     """
-    return _Page(name, [Path(file), *more], columns, time, variable, zero, Path(folder)).draft()
+    source = Source(Path(file), time, variable, Path(folder))
+    return _Page(name, source, more, columns, zero).draft()
 
 
 def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
@@ -102,9 +101,9 @@ def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[di
     place, unit = column.removeprefix("column "), _own_unit(model, name)
     fields, why = {}, "whose unit the header says"
     if column in raw.assumed:
-        fields, why = (
-            unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
-        )
+        fields, why = {"unit": unit}, f"in {unit}, the model's unit"
+    if column in raw.assumed and unit == "rad":
+        fields, why = unit_of(raw, column, "angle")
     return {"column": int(place) if place.isdigit() else column} | fields, why
 
 
@@ -113,31 +112,29 @@ def _own_unit(model: Model, name: str) -> str:
 
 
 class _Page:
-    """The text, from top to bottom."""
+    """What the template, ``model.j2``, asks about recordings."""
 
     def __init__(
-        self, name: str, files: Sequence[Path], columns: Mapping[str, Mapping[str, Any]] | None,
-        time: Mapping[str, Any] | None, variable: str | None, zero: str | None, folder: Path,
+        self, name: str, source: Source, more: Sequence[Path], columns: Mapping[str, Mapping[str, Any]] | None,
+        zero: str | None,
     ) -> None:  # fmt: skip
-        self.name, self.file, self.time, self.variable, self.folder = name, files[0], time, variable, folder
-        self.table = table_of(name)
+        self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
+        files = [source.file, *more]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
         self.model: Model = either[0]
         self.notes: list[str] = []
-        self.beside = [self._beside(read_table(file, variable).beside) for file in files]
+        self.beside = [self._beside(replace(source, file=file).table.beside) for file in files]
         self.columns = self._columns(columns)
-        self.special: Mapping[str, Any] = next(
-            (row for signal, row in self.table.get("with", {}).items() if signal in self.columns), {}
-        )
+        special = [row for signal, row in self.table.get("with", {}).items() if signal in self.columns]
+        self.special: Mapping[str, Any] = special[0] if special else {}
         alike = {n: v for n, v in self.beside[0].items() if all(log.get(n) == v for log in self.beside)}
         if unsaid := ", ".join(n for n in self.special.get("asks", ()) if n not in self.beside[0]):
             self.notes.append(f"Nothing beside the samples says {unsaid}: write what you know into [model.parameters].")
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.recordings = [self._recording_of(file) for file in files]
-        self.recording = self.recordings[0]
-        moves = {s.name for s in self.recording.report.signals if s.range > 0}
+        moves = {s.name for s in self.recordings[0].report.signals if s.range > 0}
         self.driven = bool(moves & {*self.model.inputs})
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
@@ -147,7 +144,7 @@ class _Page:
 
     def _recording_of(self, file: Path) -> Recording:
         channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
-        recording = inspect_recording(file, channels, time=self.time, variable=self.variable).bridge_blanks()
+        recording = replace(self.source, file=file).read(channels).bridge_blanks()
         for why in recording.report.unusable:
             raise InputError(f"{file.name}: {why}")
         if len(recording.time) < FEWEST:
@@ -160,9 +157,8 @@ class _Page:
         """The constants that a log says beside its samples: numbers, and what its words mean."""
         rows = self.table.get("beside", {})
         meant = [rows[word].get(values.get(word), {}) for word in rows if word != "constants"]
-        names = {
-            n: Number(float(v)) for part in (values, *meant) for n, v in part.items() if isinstance(v, int | float)
-        }
+        said = [pair for part in (values, *meant) for pair in part.items()]
+        names = {n: Number(float(v)) for n, v in said if isinstance(v, int | float)}
         found: dict[str, float] = {}
         for constant, text in rows.get("constants", {}).items():
             p = self.model.parameter(constant)
@@ -178,7 +174,7 @@ class _Page:
 
     def _columns(self, given: Mapping[str, Mapping[str, Any]] | None) -> Columns:
         """What each column is, with its unit; those that are named are believed."""
-        raw = inspect_recording(self.file, time=self.time, variable=self.variable)
+        raw = self.source.read()
         signals = (*self.model.outputs, *self.model.inputs)
         for name in given or ():
             if name not in signals:
@@ -203,15 +199,10 @@ class _Page:
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=', '.join(raw.signals), first=next(iter(self.model.outputs))))  # fmt: skip
-        for name, fields in columns.items():
-            said = fields["column"] in raw.signals and fields["column"] not in raw.assumed  # by the header
-            if (
-                "unit" not in fields
-                and given is not None
-                and not said
-                and (unit := _own_unit(self.model, name)) != "rad"
-            ):
-                fields["unit"] = unit
+        for name in given or ():
+            said = columns[name]["column"] in raw.signals.keys() - raw.assumed  # by the header
+            if "unit" not in columns[name] and not said and (unit := _own_unit(self.model, name)) != "rad":
+                columns[name]["unit"] = unit
         taken = [*roles.values(), *(c["column"] for c in columns.values())]
         unused = [c for c in raw.signals if c not in taken]
         if given is None and unused:
@@ -242,24 +233,20 @@ class _Page:
         encoders = {n for n, c in columns.items() if "gain" not in c}
         for column in (c for c in raw.units if c not in [f["column"] for f in columns.values()]):
             shown = [(o, *s) for o in outputs if (s := self._sensor(raw, o, column))]
-            if (
-                len(shown) == 1
-                and shown[0][1] not in found
-                and ("radius" in shown[0][2] or shown[0][0] not in encoders)
-            ):
+            new = len(shown) == 1 and shown[0][1] not in found
+            if new and ("radius" in shown[0][2] or shown[0][0] not in encoders):
                 found |= self._taken(*shown[0])
         return found
 
     def _taken(self, output: str, name: str, fields: dict[str, Any]) -> Columns:
         self.model = with_rates(self.model, [name])
-        self.notes.append(
-            f"{name} is taken from {fields['column']!r}, whose unit the header says: a sensor of {output}."
-        )
+        whose = f"whose unit the header says: a sensor of {output}"
+        self.notes.append(f"{name} is taken from {fields['column']!r}, {whose}.")
         return {name: fields}
 
     def _first_values(self, model: Model) -> FirstValues:
         rows = self.table["model"]["parameters"]
-        r = self.recording
+        r = self.recordings[0]
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
@@ -268,11 +255,11 @@ class _Page:
             signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         begins = self.table["model"].get("begins", {})
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
-        free = [n for n in rows if self._sought(n) and rows[n]["start"] != 0.0]
-        optional = [n for n in rows if self._sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
+        free = [n for n in rows if self.sought(n) and rows[n]["start"] != 0.0]
+        optional = [n for n in rows if self.sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
         return first_values(model, r.report.clock.step, signals, free, optional, starts)
 
-    def _sought(self, name: str) -> bool:
+    def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
         row = self.table["model"]["parameters"][name]
         return not row.get("known") and not (row.get("gauge") and not self.driven) and not row.get("needs")
@@ -283,76 +270,48 @@ class _Page:
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
-        recordings = [self._recording(r, own) for r, own in zip(self.recordings, self.own, strict=True)]
-        parts = [self._model(), self._parameters(), self._orders(), *recordings, self._fit()]
-        text = toml_text(self.recording, parts)
+        text = self.source.text(
+            "model.j2", [*zip(self.recordings, self.own, strict=True)], page=self, model=self.model,
+            special=self.special, outputs=self._outputs,
+            columns={n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()},
+        )  # fmt: skip
         findings = tuple(f"May be wrong: {f}" for r in self.recordings for f in r.report.findings)
         return Draft(text, self.columns, (*self.notes, *findings))
 
-    def _model(self) -> list[str]:
-        zero = [toml_line("zero", self.model.zero, f"# {self.model.pendulum} = 0 where it hangs; or upright")]
-        return ["[model]", toml_line("name", self.name, f"# {self.model.about}"), *(zero if self.model.zero else [])]
+    def may_be_added(self, name: str) -> bool:
+        """Whether a parameter that the recording does not ask for may be one of it."""
+        return self.sought(name) and (name in self.first.reach or self._grows(name))
 
-    def _parameters(self) -> Iterator[str]:
-        yield "[model.parameters]                      # SI; a number fixes, a table frees"
-        for p in self.model.parameters:
-            comment = f"{p.description} [{p.unit}]"
-            if p.name in self.fixed:
-                yield f"{p.name} = {self.fixed[p.name]:.6g}".ljust(40) + f"# {comment}"
-            elif p.name in self.own[0]:
-                yield f"# {p.name} is each recording's own".ljust(40) + f"# {comment}"
-            elif p.name in self.special.get("free", {}):
-                start, lower, upper = self.special["free"][p.name]
-                yield toml_range(p.name, start, lower, upper, comment)
-            elif p.name in self.first.values:
-                yield toml_range(p.name, *self._range(p.name, self.first.values[p.name]), comment)
-            elif self._sought(p.name) and (p.name in self.first.reach or self._grows(p.name)):
-                start = p.value or min(0.1 * self.first.reach.get(p.name, 1.0), p.upper)
-                yield f"# {toml_range(p.name, *self._range(p.name, start), comment)}"
-            elif self._sought(p.name) or p.value == 0.0:
-                yield f"# {p.name} = {p.value:g}".ljust(40) + f"# {comment}"
-            else:
-                yield f"{p.name} = {p.value:g}".ljust(40) + f"# {comment}"
-
-    def _range(self, name: str, start: float) -> tuple[float, float, float]:
+    def range(self, p: Parameter, start: float) -> tuple[float, float, float]:
         """Start and bounds: a factor about what is positive; friction from 0 on; else to both sides."""
-        p, reach = self.model.parameter(name), self.first.reach.get(name, 0.0)
+        reach = self.first.reach.get(p.name, 0.0)
         wide = max(SPAN * abs(start), reach if start == 0.0 else 0.0)
-        off = p.value == 0.0 or name in self.model.friction
+        off = p.value == 0.0 or p.name in self.model.friction
         lower = (0.0 if off else start / SPAN) if p.lower >= 0.0 else -wide
         return start, max(lower, p.lower), min(max(wide, reach if off else 0.0), p.upper)
 
-    def _orders(self) -> Iterator[str]:
-        names = self.model.order_names
-        if not names:
-            return
-        yield "[model.orders]                          # 1.0 is the integer-order model"
-        springpots, fixed = self.model.springpot_orders.values(), self.special.get("orders", {})
-        yield from (f"{n} = {q}" for n, q in fixed.items())
-        for n in (n for n in names if n not in fixed):
-            low, start, high = (0.02, 0.5, 0.98) if n in springpots else (0.6, 1.0, 1.2)
-            of = [s for s, q in zip(self.model.states, self.model.orders, strict=True) if q == n]
-            why = f"# of {' and '.join(of)}" if of else "# of the springpot: 0 is a spring, 1 a dashpot"
-            yield f"{n} = {{ start = {start}, lower = {low}, upper = {high} }}".ljust(52) + why
+    def states_of(self, order: str) -> list[str]:
+        """The states that have an order."""
+        return [s for s, q in zip(self.model.states, self.model.orders, strict=True) if q == order]
 
-    def _recording(self, recording: Recording, own: Mapping[str, float]) -> Iterator[str]:
-        columns = {n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()}
-        yield from toml_file(recording, self.folder, self.variable, self.time, columns)
-        if own:
-            yield f"parameters = {toml_value({n: float(f'{v:.6g}') for n, v in own.items()})}   # what it says itself"
+    def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:
+        """States that begin where an output does, with its first value and how far it goes."""
         for state, output in self.table["model"].get("begins", {}).items():
-            y = recording.signals[output]
-            at, wide = float(y[np.isfinite(y)][0]), float(np.ptp(y[np.isfinite(y)]))
-            yield f"initial = {{ {state} = {{ start = {at:.6g}, lower = {at - wide:.4g}, upper = {at + wide:.4g} }} }}"
-        steps = [np.median(part) for part in np.array_split(np.diff(recording.time), 4)]
-        if max(steps) > CROWDED * min(steps):
-            yield toml_line("resample", "uneven", "# its samples crowd where much happens: they stay where they are")
-        yield f"# from = {recording.time[0]:.4g}"
-        yield f"# to = {recording.time[-1]:.4g}"
-        yield toml_line("use", "fit", '# or "validate": held out for validation')
+            y = recording.signals[output][np.isfinite(recording.signals[output])]
+            yield state, float(y[0]), float(np.ptp(y))
 
-    def _fit(self) -> list[str]:
-        units = {_own_unit(self.model, n) for n in self._outputs}
-        weights = [toml_line("weights", "noise", "# outputs of different units count by their noise")]
-        special = [toml_line(key, text, "") for key, text in self.special.get("fit", {}).items()]
-        return ["[fit]", f"outputs = {json.dumps(self._outputs)}", *(weights if len(units) > 1 else []), *special]
+    @staticmethod
+    def rounded(values: Mapping[str, float]) -> dict[str, float]:
+        """To six digits."""
+        return {n: float(f"{v:.6g}") for n, v in values.items()}
+
+    @staticmethod
+    def crowded(recording: Recording) -> bool:
+        """Whether samples lie much closer in one quarter of the record than in another."""
+        steps = [np.median(part) for part in np.array_split(np.diff(recording.time), 4)]
+        return bool(max(steps) > CROWDED * min(steps))
+
+    @property
+    def of_several_units(self) -> bool:
+        """Whether its outputs have different units."""
+        return len({_own_unit(self.model, n) for n in self._outputs}) > 1
