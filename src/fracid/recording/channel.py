@@ -14,16 +14,19 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, refuse_beyond
+from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, is_number, refuse_beyond
+from fracid.findings import Words
 from fracid.safety.door import own_text
 from fracid.signals.swing import tail
+
+SAYS = Words("recording/recording.toml")
 
 TABLES = tomllib.loads(own_text("recording/units.toml"))
 
@@ -77,26 +80,26 @@ class Channel:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        _require(self.unit is None or self.unit in list(UNITS), "unit", self.unit, _units_like(self.unit))
-        _require(isinstance(self.unwrap, bool), "unwrap", self.unwrap, "true or false")
-        _require(self.sign in (1, -1), "sign", self.sign, "1 or -1")
-        _require(_is_finite(self.scale) and self.scale != 0, "scale", self.scale, "a number other than 0")
+        counts, column = self.counts_per_turn, self.column
+        whole = isinstance(counts, Integral) and counts > 0
+        place = isinstance(column, Integral) and not isinstance(column, bool) and column >= 0
+        possible = {
+            "unit": (self.unit is None or self.unit in list(UNITS), _units_like(self.unit)),
+            "unwrap": (isinstance(self.unwrap, bool), "true or false"),
+            "sign": (self.sign in (1, -1), "1 or -1"),
+            "scale": (_is_finite(self.scale) and self.scale != 0, "a number other than 0"),
+            "zero": (self.zero == "rest" or _is_finite(self.zero), 'a number [rad] or "rest"'),
+            "fill": (self.fill in (None, "hold"), '"hold"'),
+            "counts_per_turn": (whole or (counts is None and self.unit != "counts"), "a whole number > 0"
+                                if counts is not None else "e.g. 4096, with unit 'counts'"),
+            "column": (isinstance(column, str) or place, "a position from 0 or a name"),
+        }  # fmt: skip
+        for name, (fits, expected) in possible.items():
+            if not fits:
+                raise InputError(f"{name} = {brief(getattr(self, name))} is not possible; expected {expected}.")
         refuse_beyond("scale", abs(self.scale), SMALLEST)
-        _require(self.zero == "rest" or _is_finite(self.zero), "zero", self.zero, 'a number [rad] or "rest"')
         if not isinstance(self.zero, str):
             refuse_beyond("zero", self.zero)
-        _require(self.fill in (None, "hold"), "fill", self.fill, '"hold"')
-        counts = self.counts_per_turn
-        _require(
-            counts is None or (isinstance(counts, Integral) and counts > 0),
-            "counts_per_turn",
-            counts,
-            "a whole number > 0",
-        )
-        _require(
-            self.unit != "counts" or counts is not None, "counts_per_turn", counts, "e.g. 4096, with unit 'counts'"
-        )
-        _require(_is_column(self.column), "column", self.column, "a position from 0 or a name")
 
     @classmethod
     def of(cls, spec: Channel | Mapping[str, Any] | int | str, name: str = "a channel") -> Channel:
@@ -181,19 +184,10 @@ def unit_in_name(name: str) -> str:
     return next((end for end in ends if header_unit(end) and (len(end) > 1 or end.isupper())), "")
 
 
-def hold(raw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fill each blank with the last value before it; blanks at the start stay."""
-    last = np.maximum.accumulate(np.where(np.isnan(raw), 0, np.arange(raw.size)))
-    return np.asarray(raw[last])
-
-
 def _rest(value: NDArray[np.float64], name: str) -> float:
     rest, moving, at_rest = tail(value)
     if not at_rest:
-        raise DataError(
-            f'{name}: zero = "rest" needs a recording that ends at rest, and its last samples still move '
-            f"through {moving:.3g}. Give zero as a number."
-        )
+        raise DataError(SAYS("moving-tail", name=name, moving=moving))
     return rest
 
 
@@ -204,16 +198,7 @@ def _units_like(word: Any) -> str:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_column(value: Any) -> bool:
-    return isinstance(value, str) or (isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 0)
-
-
-def _require(condition: bool, field: str, value: Any, expected: str) -> None:
-    if not condition:
-        raise InputError(f"{field} = {brief(value)} is not possible; expected {expected}.")
+    return is_number(value) and math.isfinite(value)
 
 
 def measurable(raw: FloatArray, scale: float = 1.0) -> tuple[FloatArray, str]:

@@ -79,9 +79,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
     extras = set(spec) - {"column", "unit", "rate", "zero"}
     if extras or (spec and ("rate" in spec) == ("column" in spec)) or spec.get("zero", "first") != "first":
-        raise InputError(
-            f"time = {time!r} is not possible; expected {{column = 0}}, {{column = 0, unit = 'ms'}} or {{rate = 1000}}."
-        )
+        raise InputError(SAYS("other-time", time=time))
     if "rate" in spec:
         return _from_rate(table, spec["rate"])
     if not spec and len(table.names) == 1 and (rate := _header_rate(table.header)):
@@ -98,21 +96,16 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     stamps = stamps[rows]
     if not stamps.size:
         raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
-    sentences: list[str] = []
-    if guessed:
-        sentences.append(Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock"))
-    if header and header not in SECONDS and "unit" not in spec:
-        sentences.append(
-            f"The header has time in {short_text(header)!r}, which is no unit of time here: it is taken as s."
-        )
-    if header and not table.units[column] and "unit" not in spec:
-        name = short_text(table.names[column])
-        sentences.append(Note(f"Time is in {header}, as its name {name!r} says.", "clock"))
-    if wraps:
-        times = "once" if wraps == 1 else f"{wraps} times"
-        sentences.append(f"{short_text(table.names[column])!r} begins again at 2³² {times}: the clock is continued.")
-    if not rows.all():
-        sentences.append(f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out.")
+    name, unsaid = short_text(table.names[column]), header and "unit" not in spec
+    times = "once" if wraps == 1 else f"{wraps} times"
+    said = (
+        (guessed, Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock")),
+        (unsaid and header not in SECONDS, SAYS("no-unit-of-time", header=short_text(header))),
+        (unsaid and not table.units[column], Note(f"Time is in {header}, as its name {name!r} says.", "clock")),
+        (wraps, f"{name!r} begins again at 2³² {times}: the clock is continued."),
+        (not rows.all(), f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out."),
+    )
+    sentences = [sentence for holds, sentence in said if holds]
     if "zero" in spec:
         stamps = stamps - stamps[0]
     if abs(stamps[0]) > CLOCK_STAMP:
@@ -178,39 +171,29 @@ def _header_rate(header: Sequence[str]) -> float | None:
     split = [[cell.strip() for cell in re.split(r"[,;\t]|\s{2,}", line.lstrip("#%/ "))] for line in header]
     for names, values in pairwise(split):
         for name, value in zip(names, values, strict=False):
-            if (
-                RATE_NAME.search(name[:LONGEST_NAME].lower())
-                and re.fullmatch(r"\d+(\.\d+)?", value)
-                and float(value) > 0
-            ):
+            whole = RATE_NAME.search(name[:LONGEST_NAME].lower()) and re.fullmatch(r"\d+(\.\d+)?", value)
+            if whole and float(value) > 0:
                 return float(value)
     return None
 
 
 def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
-    candidates = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
-    units = [
-        j for j, name in enumerate(table.names)
-        if _name_unit(name) and unevenness(_unrolled(table.values[:, j])[0]) is not None
-    ]  # fmt: skip
-    among = candidates or units or range(len(table.names))
-    evenness = {j: e for j in among if (e := unevenness(_unrolled(table.values[:, j])[0])) is not None}
-    if candidates and not evenness:  # a clock that repeats or goes back: the report will say so
-        return candidates[0]
+
+    def uneven(j: int) -> float | None:
+        return unevenness(_unrolled(table.values[:, j])[0])
+
+    named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
+    in_a_unit = [j for j, name in enumerate(table.names) if _name_unit(name) and uneven(j) is not None]
+    evenness = {j: e for j in named or in_a_unit or range(len(table.names)) if (e := uneven(j)) is not None}
+    if named and not evenness:  # a clock that repeats or goes back: the report will say so
+        return named[0]
     if not evenness:
         header = f" The header says: {short_text(' | '.join(table.header))}." if table.header else ""
-        sideways = " It has more columns than rows: should it be turned?" if _is_wide(table) else ""
-        raise InputError(
-            f"{table.source}: no column increases like time.{header}{sideways} Give the rate [Hz] or the time column: "
-            "--rate HZ, --time COLUMN."
-        )
+        rows, columns = table.values.shape
+        wide = " It has more columns than rows: should it be turned?" if columns > max(rows, 20) else ""
+        raise InputError(SAYS("no-time", table=table, header=header, wide=wide))
     return min(evenness, key=lambda j: evenness[j])
-
-
-def _is_wide(table: Table) -> bool:
-    rows, columns = table.values.shape
-    return bool(columns > max(rows, 20))
 
 
 def short_text(text: str) -> str:

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import takewhile
+from operator import eq
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Note, Words
-from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, hold, unit_in_name
+from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -62,7 +63,8 @@ def choose_channels(
             left = ", ".join(repr(table.names[j]) for j in group)
             sentences.append(Note(f"Left out as {why}: {left}.", "blank" if group is blank else "constant"))
     twice = {name for name, count in Counter(table.names).items() if count > 1}
-    shared = re.match(r".*[/.]|", _common([table.names[j] for j in indices]))
+    first, last = min(table.names[j] for j in indices), max(table.names[j] for j in indices)
+    shared = re.match(r".*[/.]|", first[: sum(takewhile(bool, map(eq, first, last)))])
     cut = len(shared[0]) if shared and len(indices) > 1 else 0  # /joint_states/joint0/position: joint0/position
     label = {j: f"{table.names[j][cut:]}{f' ({j})' * (table.names[j] in twice)}" for j in indices}
     return {label[j]: Channel(j) for j in indices}, sentences
@@ -88,12 +90,6 @@ def _left_out(table: Table) -> list[str]:
     return [Note(f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}.", "left-out")] if odd else []
 
 
-def _common(names: list[str]) -> str:
-    """Return the longest text that all names begin with."""
-    alike = (len(set(letters)) == 1 for letters in zip(*names, strict=False))
-    return names[0][: sum(takewhile(bool, alike))]
-
-
 def _is_clock(table: Table, j: int, time: int | None) -> bool:
     """Tell whether a column is a second clock: dates that increase."""
     return time is not None and unevenness(table.values[:, j]) is not None and table.values[0, j] > CLOCK_STAMP
@@ -114,15 +110,12 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
     """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
     column, counts = table.find(channel.column), channel.counts_per_turn
     header = table.units[column] or unit_in_name(table.names[column])
-    counting = header.lower() in COUNTING
+    counting, unit = header.lower() in COUNTING, header_unit(header)
     if counts is not None and channel.unit != "counts":
         if channel.unit is not None or not counting:
             raise InputError(SAYS("counts-without-unit", name=name, counts=counts, unit=channel.unit or "not given"))
-        return replace(channel, unit="counts"), Note(
-            f"{name} is in counts, as the header says.", "unit-of-header", name
-        )
-    unit = header_unit(header)
-    if channel.unit is not None:
+        unit = "counts"
+    elif channel.unit is not None:
         contrary = unit is not None and unit != channel.unit
         return channel, f"{name} is taken as {channel.unit}, as was said; its header says {unit}." if contrary else None
     if unit:
@@ -131,22 +124,18 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
     if not header:
         return replace(channel, unit=unit), Note(f"{name} has no unit: taken as {unit}.", f"taken-as-{unit}", name)
     if not guessed and counting:
-        raise InputError(
-            f"{name} is in counts, as the header says; type counts_per_turn = 4096, or what its encoder has."
-        )
+        raise InputError(SAYS("counts-of-header", name=name))
     if not guessed and header.lower() in ELSEWHERE:
         base_unit, scale = ELSEWHERE[header.lower()]
         raise InputError(f'{name} is in {header}, as the header says; type unit = "{base_unit}", scale = {scale}.')
     unit = "1" if re.search(r"[/^²³%]", header) else unit  # a quotient, a power or a share is no angle
-    return replace(
-        channel, unit=unit
-    ), f"{name}: what the header says of it, {short_text(header)!r}, is taken as {unit}."
+    return replace(channel, unit=unit), SAYS("header-taken-as", name=name, header=short_text(header), unit=unit)
 
 
 def hold_blanks(raw: FloatArray, name: str, channel: Channel) -> tuple[FloatArray, str]:
-    """Fill blanks with the last value; a command before its first is 0."""
-    blanks = int(np.isnan(raw).sum())
-    raw, before = hold(raw), ""
+    """Fill blanks with the last value before them; a command before its first is 0, and else those stay."""
+    blank, before = np.isnan(raw), ""
+    raw = raw[np.maximum.accumulate(np.where(blank, 0, np.arange(raw.size)))]
     if channel.unit in ("V", "N m"):
         raw, before = np.where(np.isnan(raw), 0.0, raw), " (0 before the first)"
-    return raw, f"{name}: {blanks} blanks hold the last value{before}."
+    return raw, f"{name}: {blank.sum()} blanks hold the last value{before}."

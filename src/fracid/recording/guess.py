@@ -27,10 +27,12 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import with_code
+from fracid.findings import Words, with_code
 from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
 from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
+
+SAYS = Words("recording/columns.toml")
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
@@ -152,9 +154,7 @@ def _roles(recording: Recording) -> dict[str, str]:
     """``alpha``, ``theta``, ``voltage`` → the signal that it is."""
     reports, angles = {s.name: s for s in recording.report.signals}, _angles(recording)
     if not angles:
-        raise InputError(
-            f"{recording.path} has no column that could be an angle and moves; name it: --column alpha=COLUMN."
-        )
+        raise InputError(SAYS("no-angle", path=recording.path))
     dead = [str(f) for f in recording.report.findings if f.code == "still"]
     if dead and not any(is_angle(n) for n in angles):
         raise InputError(f"{recording.path.name}: {dead[0]} Another column for it: --column alpha=COLUMN.")
@@ -199,11 +199,8 @@ def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tup
     units = {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()}
     for angle, other in (("alpha", "theta"), ("theta", "alpha")):
         if {angle, other} <= units.keys() and units[angle][2] == NOTHING and units[other][1]:
-            units[angle] = (
-                units[angle][0],
-                units[other][1],
-                f"as {other} is" if units[other][2] != NOTHING else NOTHING,
-            )
+            why = NOTHING if units[other][2] == NOTHING else f"as {other} is"
+            units[angle] = (units[angle][0], units[other][1], why)
     return units
 
 

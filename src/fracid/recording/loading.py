@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
 from fracid.recording.channel import COUNTING, Channel, header_unit, measurable, unit_in_name
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
@@ -33,6 +33,8 @@ from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 from fracid.safety.door import opened
 from fracid.safety.paths import path_of
+
+SAYS = Words("recording/recording.toml")
 
 
 def load_recording(
@@ -112,9 +114,7 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     """
     demand_fitness(recording)
     if not (isinstance(resample, Real | None) or (isinstance(resample, str) and resample in ("needed", "uneven"))):
-        raise InputError(
-            f'resample = {brief(resample)} is not possible; expected true, a step [s], "needed" or "uneven".'
-        )
+        raise InputError(SAYS("other-resample", resample=brief(resample)))
     if resample in (None, False, "uneven") or (resample == "needed" and recording.step is not None):
         return recording
     return recording.resample(None if resample in (True, "needed") else float(resample))
@@ -227,15 +227,13 @@ def _left_out(
     """A column that is called the pendulum's angle and left out, for it never changes."""
     taken = {table.find(c.column) for c in channels.values()} | {time}
     left = [j for j, name in enumerate(table.names) if j not in taken and is_angle(name)]
-    return tuple(still(table.names[j], *_first(table, rows, j)) for j in left
-                 if rows.any() and np.ptp(table.values[rows, j]) == 0.0)  # fmt: skip
-
-
-def _first(table: Table, rows: NDArray[np.bool_], column: int) -> tuple[float, str]:
-    """The first value of a column, and its unit; a pure number where the header says none."""
-    unit = header_unit(table.units[column])
-    channel = Channel(column, unit=unit or "1")
-    return float(channel.convert(table.values[rows, column][:1].copy(), table.names[column])[0]), channel.signal_unit
+    dead = [j for j in left if rows.any() and np.ptp(table.values[rows, j]) == 0.0]
+    findings = []
+    for j in dead:
+        channel, name = Channel(j, unit=header_unit(table.units[j]) or "1"), table.names[j]  # a number if nothing says
+        first = channel.convert(table.values[rows, j][:1].copy(), name)
+        findings.append(still(name, float(first[0]), channel.signal_unit))
+    return tuple(findings)
 
 
 def _guesses(

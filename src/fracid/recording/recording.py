@@ -124,9 +124,7 @@ class Recording(CardDisplay):
         inside = (self.time >= low - slack) & (self.time <= high + slack)
         if inside.sum() < 2:
             span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else "no time at all"
-            raise InputError(
-                f"{self.name}: from {low:.6g} to {high:.6g} s holds {inside.sum()} samples; it spans {span}."
-            )
+            raise InputError(SAYS("few-samples", name=self.name, low=low, high=high, count=inside.sum(), span=span))
         part = self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
         release, found = self.report.release, part.report.release
         if found is not None or release is None or not part.time[0] - slack <= release <= part.time[-1]:
@@ -308,10 +306,7 @@ class Recording(CardDisplay):
         """
         time = _array(f"{name}: time", time)
         if not hasattr(signals, "items"):
-            raise InputError(
-                f"{name}: a {type(signals).__name__} has no names of signals; expected e.g. {{'alpha': samples}}, "
-                "of a table of polars table.to_dict()."
-            )
+            raise InputError(SAYS("nameless", name=name, kind=type(signals).__name__))
         arrays = {n: _array(f"{name}: {n}", x) for n, x in signals.items()}
         if not arrays:
             raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
@@ -325,9 +320,7 @@ class Recording(CardDisplay):
                                       units=', '.join(dict.fromkeys(of for _, of in UNITS.values()))))  # fmt: skip
         for n, x in arrays.items():
             if x.shape != time.shape or time.ndim != 1:
-                raise InputError(
-                    f"{name}: {n} has shape {x.shape} and time {time.shape}; expected (n_samples,) for both."
-                )
+                raise InputError(SAYS("other-shape", name=name, n=n, shape=x.shape, time=time))
         signal_units = {n: units.get(n, "rad") for n in arrays}
         digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
         report = measure(time, arrays, signal_units)

@@ -148,12 +148,10 @@ class Report:
         )
         missing = sum(len(s.missing) for s in self.signals)
         blanks = f"{missing} missing value{'s' * (missing > 1)}" if missing else ""
-        but = "; " + (
-            "resampled" if self.resampled else ", ".join(filter(None, (few, jitter, gaps, blanks, *findings)))
-        )
+        against = ["resampled"] if self.resampled else filter(None, (few, jitter, gaps, blanks, *findings))
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
-        return f"{self.level}: {length}, {released}, {end}{but.rstrip('; ')}"
+        return f"{self.level}: {length}, {released}, {end}; {', '.join(against)}".rstrip("; ")
 
     def rows(self) -> list[tuple[str, str]]:
         """Return (what, value) pairs for a table.

@@ -7,9 +7,10 @@ reason.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,25 +34,74 @@ AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, WORDS))})\s*$"
 SINGLE = "is a single number"
 """Why an array is left out that is no column."""
 
-LISTED = 12
-"""Names in a message, at most."""
+LISTED, SHOWN = 12, 20
+"""Arrays, and columns, in a message, at most."""
 
 
 @dataclass(frozen=True)
-class Chosen:
-    """Columns of numbers with their names."""
+class Table:
+    """Columns of numbers, as they stand in a file."""
 
     values: NDArray[np.float64]
-    """Shape (n_rows, n_columns)."""
+    """Shape (n_rows, n_columns), NaN where a cell is blank."""
     names: tuple[str, ...]
+    """``column 0``, ``column 1``, ... where the file names none."""
     units: tuple[str, ...]
+    """What the header says, an empty string where it says nothing."""
     source: str
-    """File, and variable where one was chosen."""
-    left_out: Mapping[str, str]
-    """Name of what is no column to the reason, as it goes on after the name."""
+    """File, and variable where one was chosen, for messages."""
+    header: tuple[str, ...] = ()
+    """The lines before the numbers of a text file."""
+    notes: tuple[str, ...] = ()
+    """What was guessed on reading, in sentences."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """What is in the file and no column: its name, and why, as it goes on after the name."""
+    beside: Mapping[str, Any] = field(default_factory=dict)
+    """Single values that stand beside the samples, by name."""
+
+    def find(self, key: int | str) -> int:
+        """Return a column's position from its position (from 0) or name.
+
+        Raises
+        ------
+        InputError
+            There is no such column, or several of that name.
+
+        Examples
+        --------
+        >>> Table(np.zeros((2, 2)), ("t", "theta"), ("", ""), "a.csv").find("theta")
+        1
+        """
+        if isinstance(key, int) and 0 <= key < len(self.names):
+            return key
+        for names in (self.names, tuple(map(_bare, self.names))):  # "theta [deg]", or "theta" for short
+            if names.count(str(key)) > 1:
+                many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
+                raise InputError(f"{self.source} has {many}: give its position.")
+            if key in names:
+                return names.index(str(key))
+        if str(key).isdecimal() and int(key) < len(self.names):
+            return int(key)
+        raise InputError(self._no_column(key))
+
+    def _no_column(self, key: int | str) -> str:
+        if str(key) in self.left_out:
+            return f"{self.source}: {ascii_short(str(key))} {self.left_out[str(key)]}."
+        columns = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:SHOWN]))
+        more = f" and {len(self.names) - SHOWN} more" if len(self.names) > SHOWN else ""
+        bare = {_bare(name): name for name in reversed(self.names)}
+        close = [bare[name] for name in difflib.get_close_matches(str(key), bare, n=1, cutoff=0.5)]
+        hint = f" Did you mean {ascii_short(close[0])}?" if close else ""
+        label = ascii_short(key) if isinstance(key, str) else key
+        return f"{self.source} has no column {label}.{hint} Its columns, by position or name: {columns}{more}."
 
 
-def choose(content: Content, variable: str | None, path: Path) -> Chosen:
+def _bare(name: str) -> str:
+    """Return the name without a unit in brackets."""
+    return re.sub(rf"\s*[\[(][^\])\[(]*[\])]\s*$|{AFTER_COMMA}", "", name)
+
+
+def choose(content: Content, variable: str | None, path: Path) -> Table:
     """Take the recording from a file's arrays, by the rule at the top of this page.
 
     Raises
@@ -73,13 +123,13 @@ def choose(content: Content, variable: str | None, path: Path) -> Chosen:
         raise DataError(_nothing(path, left_out))
     refuse_bomb(path, sum(a.size for a in arrays.values()), path.stat().st_size)
     matrices = {name: a for name, a in arrays.items() if np.squeeze(a).ndim == 2}
-    if len(matrices) == 1 and _is_longest(next(iter(matrices.values())), arrays):
+    longest = max(max(a.shape) for a in arrays.values())
+    if [max(m.shape) for m in matrices.values()] == [longest]:
         (name, matrix), *_ = matrices.items()
         beside = {n: a.ravel() for n, a in arrays.items() if n != name and a.size == max(matrix.shape)}
-        odd = {
-            n: f"has {a.size} numbers beside the matrix {name!r}" for n, a in arrays.items() if n not in (name, *beside)
-        }
-        return _with_vectors(_matrix(matrix, source, left_out | odd), beside)
+        others = [n for n in arrays if n not in (name, *beside)]
+        left_out |= {n: f"has {arrays[n].size} numbers beside the matrix {name!r}" for n in others}
+        return _with_vectors(_matrix(matrix, source, left_out), beside)
     if matrices:
         first = ascii_short(next(iter(matrices)))
         raise InputError(f"{path.name} holds several arrays: {_list(arrays)}. Choose one: variable = {first}.")
@@ -88,7 +138,7 @@ def choose(content: Content, variable: str | None, path: Path) -> Chosen:
     return stack({n: a.ravel() for n, a in arrays.items() if n not in odd}, source, left_out | odd)
 
 
-def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]) -> Chosen:
+def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]) -> Table:
     """Put vectors of one length beside each other."""
     if not columns:
         raise DataError(_nothing(Path(source), left_out))
@@ -98,7 +148,7 @@ def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]
         for j, column in enumerate(columns.values()):
             values[:, j] = column
         values += 0.0
-    return Chosen(values, names, units, source, left_out)
+    return Table(values, names, units, source, left_out=left_out)
 
 
 def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
@@ -117,10 +167,6 @@ def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
     if others:
         return f"{start} What it holds: {'; '.join(others[:3])}{'; and more' * (len(others) > 3)}."
     return start if single else f"{start} Save them as plain arrays: save('f.mat', 't', 'theta', 'alpha')."
-
-
-def _is_longest(matrix: Array, arrays: Mapping[str, Array]) -> bool:
-    return bool(max(matrix.shape) >= max(max(a.shape) for a in arrays.values()))
 
 
 def _named(flat: Mapping[str, Array | LeftOut], variable: str, path: Path) -> dict[str, Array | LeftOut]:
@@ -204,7 +250,7 @@ def _numeric(item: Any) -> Array | LeftOut:
 # --- a matrix -------------------------------------------------------------------------------------------
 
 
-def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
+def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Table:
     """Lay a matrix out with time downwards: its longer axis; of a square, the one that has a clock."""
     with np.errstate(all="ignore"):
         values = np.squeeze(np.asarray(array, dtype=float)) + 0.0
@@ -212,20 +258,16 @@ def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Chosen:
     sideways = rows < columns or (rows == columns and _increases(values.T) and not _increases(values))
     values = values.T if sideways else values
     names = tuple(f"column {j}" for j in range(values.shape[1]))
-    return Chosen(values, names, ("",) * len(names), source, left_out)
+    return Table(values, names, ("",) * len(names), source, left_out=left_out)
 
 
-def _with_vectors(matrix: Chosen, beside: Mapping[str, Array]) -> Chosen:
+def _with_vectors(matrix: Table, beside: Mapping[str, Array]) -> Table:
     """Put vectors of the matrix's length behind its columns, whose positions stay: a clock, say."""
     if not beside:
         return matrix
     more = stack(beside, matrix.source, {})
-    return replace(
-        matrix,
-        values=np.column_stack([matrix.values, more.values]),
-        names=(*matrix.names, *more.names),
-        units=(*matrix.units, *more.units),
-    )
+    values = np.column_stack([matrix.values, more.values])
+    return replace(matrix, values=values, names=(*matrix.names, *more.names), units=(*matrix.units, *more.units))
 
 
 def _increases(values: NDArray[np.float64]) -> bool:

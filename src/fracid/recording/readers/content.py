@@ -20,7 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
+from fracid.findings import Words
 from fracid.safety.text import printable
+
+SAYS = Words("recording/readers/text.toml")
 
 FEW_NUMBERS = 2**22
 """Any file may unpack to so many."""
@@ -81,10 +84,7 @@ def refuse_bomb(path: Path, numbers: float, size: int) -> None:
         With both figures.
     """
     if numbers > most_numbers(size):
-        raise DataError(
-            f"{path.name}, of {size} bytes, unpacks to more than {most_numbers(size):.3g} numbers, as no recording of "
-            "that size does. Is it damaged? If they are meant, save them uncompressed."
-        )
+        raise DataError(SAYS("unpacks", path=path, size=size, most=most_numbers(size)))
 
 
 def damaged(path: Path, kind: str, what: object) -> DataError:
@@ -132,10 +132,9 @@ def seconds_of_stamp(text: str) -> float | None:
     stamp = STAMP.fullmatch(text)
     if stamp is None or not (stamp["day"] or stamp["time"]):
         return None
+    moment_text = f"{stamp['day'] or '1970-01-01'}T{stamp['time'] or '00:00:00'}"
     try:
-        moment = datetime.fromisoformat(
-            f"{stamp['day'] or '1970-01-01'}T{stamp['time'] or '00:00:00'}".replace("/", "-").replace(",", ".").upper()
-        )
+        moment = datetime.fromisoformat(moment_text.replace("/", "-").replace(",", ".").upper())
     except ValueError:  # the 31st of February
         return None
     return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - EPOCH).total_seconds()

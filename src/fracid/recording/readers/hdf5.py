@@ -129,9 +129,8 @@ def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
     if dtype.names:
         if set(dtype.names) in ({"real", "imag"}, {"r", "i"}):
             return COMPLEX
-        return (
-            None if all(dtype[n].kind in "fiub" for n in dtype.names) else LeftOut("is a record that holds no numbers")
-        )
+        numbers = all(dtype[n].kind in "fiub" for n in dtype.names)
+        return None if numbers else LeftOut("is a record that holds no numbers")
     if dtype.kind == "c":
         return COMPLEX
     if isinstance(h5py.check_vlen_dtype(dtype), np.dtype):  # not str or bytes; NumPy's float64 also equals None

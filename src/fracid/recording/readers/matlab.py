@@ -84,6 +84,13 @@ def object_left_out(kind: str) -> LeftOut:
     return LeftOut(MATLAB_OBJECT.get(kind, f"is a MATLAB object of class {kind[:40]!r}; save its numbers as arrays"))
 
 
+_Parts = Iterator[tuple[int, memoryview]]
+"""Type and data of one element after the other."""
+
+NOTHING = 0, memoryview(b"")
+"""In place of an element that is not there."""
+
+
 class _Damaged(Exception):
     """A length or a type that cannot be."""
 
@@ -122,7 +129,7 @@ class _Reader:
     """``<`` or ``>``."""
     path: Path
 
-    def elements(self, start: int) -> Iterator[tuple[int, memoryview]]:
+    def elements(self, start: int) -> _Parts:
         """Return type and data of one element after the other."""
         while start < len(self.raw):
             if start + 8 > len(self.raw):
@@ -172,7 +179,7 @@ def _unpacked(packed: _Reader, room: int) -> tuple[memoryview, int]:
         return memoryview(b""), room - len(unpacked)
     if not stream.eof:
         raise _Damaged("what is packed in it has no end")
-    kind, data = next(packed.within(memoryview(unpacked)).elements(0), (0, memoryview(b"")))
+    kind, data = next(packed.within(memoryview(unpacked)).elements(0), NOTHING)
     if kind != MATRIX:
         raise _Damaged("no variable is packed where one should be")
     return data, room - len(unpacked)
@@ -199,12 +206,7 @@ def _matrix(reader: _Reader, depth: int) -> tuple[str, NDArray[np.generic] | Lef
 
 
 def _value(
-    reader: _Reader,
-    parts: Iterator[tuple[int, memoryview]],
-    kind: int,
-    is_complex: bool,
-    shape: tuple[int, ...],
-    depth: int,
+    reader: _Reader, parts: _Parts, kind: int, is_complex: bool, shape: tuple[int, ...], depth: int
 ) -> NDArray[np.generic] | LeftOut | Content | list[Content]:
     if kind == STRUCT:
         return _structs(reader, parts, math.prod(shape), depth)
@@ -228,12 +230,10 @@ def _value(
     return np.squeeze(values.reshape(shape, order="F"))
 
 
-def _structs(
-    reader: _Reader, parts: Iterator[tuple[int, memoryview]], count: int, depth: int
-) -> Content | list[Content] | LeftOut:
+def _structs(reader: _Reader, parts: _Parts, count: int, depth: int) -> Content | list[Content] | LeftOut:
     """Return one struct as its fields, several as a list."""
     length = _whole(parts, reader, "the length of field names")
-    _, names = next(parts, (0, memoryview(b"")))
+    _, names = next(parts, NOTHING)
     size = int(length[0]) if length.size else 0
     if size <= 0 or len(names) % size:
         raise _Damaged(f"field names of {size} letters in {len(names)} bytes")
@@ -242,7 +242,7 @@ def _structs(
     for _ in range(count if fields else 0):
         record = {}
         for field in fields:
-            kind, data = next(parts, (0, memoryview(b"")))
+            kind, data = next(parts, NOTHING)
             if kind != MATRIX:
                 raise _Damaged(f"the field {field[:40]!r} is missing")
             record[field] = _matrix(reader.within(data), depth + 1)[1]
@@ -250,15 +250,15 @@ def _structs(
     return EMPTY if not structs else structs[0] if len(structs) == 1 else structs
 
 
-def _letters(reader: _Reader, parts: Iterator[tuple[int, memoryview]]) -> str:
+def _letters(reader: _Reader, parts: _Parts) -> str:
     """Return the start of a text, such as the label of a signal."""
-    kind, data = next(parts, (0, memoryview(b"")))
+    kind, data = next(parts, NOTHING)
     encoding = {4: "utf-16", 16: "utf-8", 17: "utf-16"}.get(kind, "latin-1")
     ordered = encoding + ("-le" if reader.order == "<" else "-be") * (encoding == "utf-16")
     return bytes(data[:200]).decode(ordered, "replace")
 
 
-def _whole(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) -> NDArray[np.generic]:
+def _whole(parts: _Parts, reader: _Reader, what: str) -> NDArray[np.generic]:
     """Return the whole numbers of the next element."""
     values = _some(parts, reader, what)
     if values.dtype.kind not in "iu":
@@ -266,9 +266,9 @@ def _whole(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) 
     return values
 
 
-def _some(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) -> NDArray[np.generic]:
+def _some(parts: _Parts, reader: _Reader, what: str) -> NDArray[np.generic]:
     """Return the numbers of the next element."""
-    kind, data = next(parts, (0, memoryview(b"")))
+    kind, data = next(parts, NOTHING)
     if kind not in NUMBERS:
         raise _Damaged(f"{what} of type {kind}")
     dtype = np.dtype(reader.order + NUMBERS[kind])
@@ -277,8 +277,8 @@ def _some(parts: Iterator[tuple[int, memoryview]], reader: _Reader, what: str) -
     return np.frombuffer(data, dtype)
 
 
-def _text(parts: Iterator[tuple[int, memoryview]]) -> str:
-    return _until_zero(next(parts, (0, memoryview(b"")))[1])
+def _text(parts: _Parts) -> str:
+    return _until_zero(next(parts, NOTHING)[1])
 
 
 def _until_zero(raw: memoryview) -> str:
@@ -292,8 +292,7 @@ def _version4(raw: bytes) -> Content:
     variables: dict[str, NDArray[np.generic] | LeftOut] = {}
     at = 0
     while at < len(raw):
-        name, value, at = _old_matrix(raw, at)
-        variables[name] = value
+        name, variables[name], at = _old_matrix(raw, at)
     return variables
 
 
@@ -320,9 +319,8 @@ def _old_matrix(raw: bytes, at: int) -> tuple[str, NDArray[np.generic] | LeftOut
     start = at + 20 + length
     end = start + rows * columns * dtype.itemsize * (1 + is_complex)
     if end > len(raw):
-        raise _Damaged(
-            f"a matrix of {rows}×{columns} should have {end - start} bytes, {max(0, len(raw) - start)} are left"
-        )
+        left = max(0, len(raw) - start)
+        raise _Damaged(f"a matrix of {rows}×{columns} should have {end - start} bytes, {left} are left")
     name = _until_zero(memoryview(raw)[at + 20 : start])
     if full or is_complex:
         return name, (COMPLEX if is_complex and not full else TEXT if full == 1 else SPARSE), end

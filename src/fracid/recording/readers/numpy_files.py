@@ -87,9 +87,8 @@ def _array(file: IO[bytes], size: int) -> NDArray[np.generic] | LeftOut:
         return TEXT
     expected = prod(shape) * dtype.itemsize
     if any(n < 0 for n in shape) or expected > size:
-        raise ValueError(
-            f"its array of {'×'.join(map(str, shape[:5]))} should have {expected} bytes in a file of {size}"
-        )
+        extent = "×".join(map(str, shape[:5]))
+        raise ValueError(f"its array of {extent} should have {expected} bytes in a file of {size}")
     raw = file.read(expected)
     if len(raw) != expected:
         raise ValueError(f"its array should have {expected} bytes, and {len(raw)} are there")

@@ -199,13 +199,10 @@ def _topics(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Found:
         samples.append(_plain(message))
     first = min((stamps[0] for stamps, _ in logs.values()), default=0)
     columns = Columns(path)
-    groups = {
-        topic: (
-            np.array([1e-9 * (t - first) for t in stamps]),
-            dict(_flat(columns.of(samples), f"{topic}." if len(logs) > 1 else "")),
-        )
-        for topic, (stamps, samples) in logs.items()
-    }
+    groups = {}
+    for topic, (stamps, samples) in logs.items():
+        named = dict(_flat(columns.of(samples), f"{topic}." if len(logs) > 1 else ""))
+        groups[topic] = np.array([1e-9 * (t - first) for t in stamps]), named
     return _on_one_clock(groups) | left
 
 
@@ -219,10 +216,8 @@ def _plain(value: Any) -> Any:
         record = {str(n): _plain(v) for n, v in record.items()}
         joints = record.get("name")
         if isinstance(joints, list) and all(isinstance(joint, str) for joint in joints):
-            by_joint = {
-                n: v for n, v in record.items() if isinstance(v, list) and len(v) == len(joints) and n != "name"
-            }
-            record |= {n: dict(zip(joints, v, strict=True)) for n, v in by_joint.items()}
+            lists = {n: v for n, v in record.items() if isinstance(v, list) and n != "name"}
+            record |= {n: dict(zip(joints, v, strict=True)) for n, v in lists.items() if len(v) == len(joints)}
         return record
     if len(value) > MOST_ELEMENTS or isinstance(value, bytes):
         return None

@@ -21,19 +21,16 @@ plain file is opened, no pipe and no device, and one that changes while it is re
 from __future__ import annotations
 
 import difflib
-import re
 import stat
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from os.path import isfile
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
-from fracid.recording.readers.arrays import AFTER_COMMA, choose, name_and_unit
+from fracid.findings import Words
+from fracid.recording.readers.arrays import Table as Table
+from fracid.recording.readers.arrays import choose
 from fracid.recording.readers.content import Content, LeftOut
 from fracid.recording.readers.hdf5 import read_hdf5
 from fracid.recording.readers.matlab import is_hdf5, read_mat
@@ -41,74 +38,15 @@ from fracid.recording.readers.numpy_files import read_npy, read_npz
 from fracid.recording.readers.packages import FORMATS, read_by_package
 from fracid.recording.readers.parquet import read_parquet
 from fracid.recording.readers.records import read_json
-from fracid.recording.readers.text import MOST_COLUMNS, TextTable, parse_text, read_text
+from fracid.recording.readers.text import MOST_COLUMNS, parse_text, read_text
 from fracid.safety.json_files import short_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
 
+SAYS = Words("recording/readers/text.toml")
+
 SINGLES = 12
 """Values beside the records that are named, at most."""
-
-LISTED = 20
-"""Columns in a message, at most."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns of numbers, as they stand in a file."""
-
-    values: NDArray[np.float64]
-    """Shape (n_rows, n_columns), NaN where a cell is blank."""
-    names: tuple[str, ...]
-    """``column 0``, ``column 1``, ... where the file names none."""
-    units: tuple[str, ...]
-    """What the header says, an empty string where it says nothing."""
-    source: str
-    """File, and variable where one was chosen, for messages."""
-    header: tuple[str, ...] = ()
-    """The lines before the numbers of a text file."""
-    notes: tuple[str, ...] = ()
-    """What was guessed on reading, in sentences."""
-    left_out: Mapping[str, str] = field(default_factory=dict)
-    """What is in the file and no column: its name, and why, as it goes on after the name."""
-    beside: Mapping[str, Any] = field(default_factory=dict)
-    """Single values that stand beside the samples, by name."""
-
-    def find(self, key: int | str) -> int:
-        """Return a column's position from its position (from 0) or name.
-
-        Raises
-        ------
-        InputError
-            There is no such column, or several of that name.
-
-        Examples
-        --------
-        >>> Table(np.zeros((2, 2)), ("t", "theta"), ("", ""), "a.csv").find("theta")
-        1
-        """
-        if isinstance(key, int) and 0 <= key < len(self.names):
-            return key
-        for names in (self.names, tuple(map(_bare, self.names))):  # "theta [deg]", or "theta" for short
-            if names.count(str(key)) > 1:
-                many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
-                raise InputError(f"{self.source} has {many}: give its position.")
-            if key in names:
-                return names.index(str(key))
-        if str(key).isdecimal() and int(key) < len(self.names):
-            return int(key)
-        raise InputError(self._no_column(key))
-
-    def _no_column(self, key: int | str) -> str:
-        if str(key) in self.left_out:
-            return f"{self.source}: {ascii_short(str(key))} {self.left_out[str(key)]}."
-        columns = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:LISTED]))
-        more = f" and {len(self.names) - LISTED} more" if len(self.names) > LISTED else ""
-        bare = {_bare(name): name for name in reversed(self.names)}
-        close = [bare[name] for name in difflib.get_close_matches(str(key), bare, n=1, cutoff=0.5)]
-        hint = f" Did you mean {ascii_short(close[0])}?" if close else ""
-        label = ascii_short(key) if isinstance(key, str) else key
-        return f"{self.source} has no column {label}.{hint} Its columns, by position or name: {columns}{more}."
 
 
 def read_table(path: str | Path, variable: str | None = None) -> Table:
@@ -154,17 +92,11 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
     except DataError:
         if (target := _elsewhere(path)) is None:
             raise
-        raise DataError(
-            f"{path.name} is a link to {printable(str(target))}, which is no recording; what stands there is not "
-            "quoted. To see why, give that file itself."
-        ) from None
+        raise DataError(SAYS("elsewhere", path=path, target=printable(str(target)))) from None
     if table is None or not table.values.size:
-        raise DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
+        raise DataError(SAYS("empty", name=path.name))
     if len(table.names) > MOST_COLUMNS:
-        raise DataError(
-            f"{path.name} has {len(table.names)} columns; fracid reads {MOST_COLUMNS} at most. Time must run downwards."
-        )
-    table = _without_empty_columns(table)
+        raise DataError(SAYS("many-columns", path=path, columns=len(table.names), MOST_COLUMNS=MOST_COLUMNS))
     return replace(table, names=tuple(map(_one_line, table.names)), units=tuple(map(_one_line, table.units)))
 
 
@@ -196,41 +128,21 @@ def _elsewhere(path: Path) -> Path | None:
     return target if path.is_symlink() and not target.is_relative_to(path.parent.resolve()) else None
 
 
-def _bare(name: str) -> str:
-    """Return the name without a unit in brackets."""
-    return re.sub(rf"\s*[\[(][^\])\[(]*[\])]\s*$|{AFTER_COMMA}", "", name)
-
-
 def _nearby(path: Path) -> str:
     here = [p.name for p in beside_each_other(path.parent) if isfile(p)]
     close = difflib.get_close_matches(path.name, here, n=1)
     return f"did you mean {path.with_name(close[0])}?" if close else f"check the path; it leads to {path.resolve()}."
 
 
-def _without_empty_columns(table: Table) -> Table:
-    """Drop the nameless empty last column that a delimiter at each line's end makes."""
-    if (
-        len(table.names) > 1
-        and table.names[-1] == f"column {len(table.names) - 1}"
-        and np.isnan(table.values[:, -1]).all()
-    ):
-        return replace(table, values=table.values[:, :-1], names=table.names[:-1], units=table.units[:-1])
-    return table
+def _one_table(read: Callable[[Path], Table]) -> Callable[[Path, str | None], Table]:
+    """Return the reader of a format that has no variables."""
 
+    def reader(path: Path, variable: str | None) -> Table:
+        if variable is not None:
+            raise InputError(f"{path.name} is one table: leave out the variable {variable!r} and choose columns.")
+        return read(path)
 
-def _text(path: Path, variable: str | None) -> Table:
-    _no_variable(path, variable)
-    return _of_text(read_text(path), path.name)
-
-
-def _of_text(text: TextTable, source: str) -> Table:
-    names, units = zip(*map(name_and_unit, text.names, text.units, range(len(text.names))), strict=True)
-    return Table(text.values, names, units, source, text.header, notes=text.notes)
-
-
-def _no_variable(path: Path, variable: str | None) -> None:
-    if variable is not None:
-        raise InputError(f"{path.name} is one table: leave out the variable {variable!r} and choose columns.")
+    return reader
 
 
 def _mat(path: Path) -> Content:
@@ -239,17 +151,7 @@ def _mat(path: Path) -> Content:
 
 def _arrays(read: Callable[[Path], Content]) -> Callable[[Path, str | None], Table]:
     """Return the reader of a format that holds named arrays."""
-
-    def reader(path: Path, variable: str | None) -> Table:
-        choice = choose(read(path), variable, path)
-        return Table(choice.values, choice.names, choice.units, choice.source, left_out=choice.left_out)
-
-    return reader
-
-
-def _parquet(path: Path, variable: str | None) -> Table:
-    _no_variable(path, variable)
-    return _arrays(read_parquet)(path, None)
+    return lambda path, variable: choose(read(path), variable, path)
 
 
 def _json(path: Path, variable: str | None) -> Table:
@@ -263,14 +165,13 @@ def _workbook(path: Path, variable: str | None) -> Table:
     """Read the sheet of that name, else the first one with numbers."""
     sheets = {name: other.text for name, other in read_by_package(path).items() if isinstance(other, LeftOut)}
     if variable is not None and variable not in sheets:
-        raise InputError(
-            f"{path.name} has no sheet {ascii_short(variable)}. It has: {', '.join(map(ascii_short, sheets))}."
-        )
-    refused = DataError(f"{path.name} is empty. A recording needs at least two rows of numbers.")
+        known = ", ".join(map(ascii_short, sheets))
+        raise InputError(SAYS("no-sheet", path=path, variable=ascii_short(variable), sheets=known))
+    refused = DataError(SAYS("empty", name=path.name))
     for sheet in sheets if variable is None else [variable]:
         source = f"{path.name}:{printable(sheet)}" if len(sheets) > 1 else path.name
         try:
-            table = _of_text(parse_text(sheets[sheet], source), source)
+            table = parse_text(sheets[sheet], source)
         except DataError as error:
             refused = error
         else:
@@ -281,12 +182,12 @@ def _workbook(path: Path, variable: str | None) -> Table:
 
 
 READERS: dict[str, Callable[[Path, str | None], Table]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _text),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), _one_table(read_text)),
     ".mat": _arrays(_mat),
     ".npz": _arrays(read_npz),
     ".npy": _arrays(read_npy),
     **dict.fromkeys((".h5", ".hdf5"), _arrays(read_hdf5)),
-    ".parquet": _parquet,
+    ".parquet": _one_table(lambda path: choose(read_parquet(path), None, path)),
     **dict.fromkeys((".json", ".jsonl"), _json),
     **{ending: _arrays(read_by_package) for ending in FORMATS},
     ".xlsx": _workbook,

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError
 from fracid.findings import Words
+from fracid.recording.readers.arrays import Table, name_and_unit
 from fracid.recording.readers.content import seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
@@ -56,6 +57,9 @@ thousand of them takes no longer than to read it."""
 
 MOST_COLUMNS = 10_000
 """Cells in a line beyond which a file is no table of samples."""
+
+MARKS = {"utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE), "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)}
+"""How texts of more than a byte a letter begin: UTF-32 first, which begins as UTF-16 does, too."""
 
 CHUNK = 2**20
 """Read at a time [bytes]."""
@@ -117,22 +121,6 @@ DIALECTS = tuple(
 
 
 @dataclass(frozen=True)
-class TextTable:
-    """What a text file holds."""
-
-    values: NDArray[np.float64]
-    """Shape (n_rows, n_columns), NaN where a cell is blank."""
-    names: tuple[str, ...]
-    """From the header, empty strings without one."""
-    units: tuple[str, ...]
-    """From a line of units under the names, empty strings without one."""
-    header: tuple[str, ...]
-    """Every line before the numbers, as it stands in the file."""
-    notes: tuple[str, ...] = ()
-    """What had to be guessed, in sentences."""
-
-
-@dataclass(frozen=True)
 class _Lines:
     """A text that can be read more than once, and some of its lines."""
 
@@ -157,7 +145,7 @@ def _counts(line: str) -> bool:
 # --- from bytes to lines --------------------------------------------------------------------------------
 
 
-def read_text(path: Path) -> TextTable:
+def read_text(path: Path) -> Table:
     """Read a file of text, whatever its encoding, line ends and dialect.
 
     Raises
@@ -180,13 +168,8 @@ def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
     """Return the encoding, and a sentence where it is not the usual one."""
     with opened(path) as file:
         start = file.read(4096)
-    for mark, encoding in (
-        (codecs.BOM_UTF32_LE, "utf-32"),
-        (codecs.BOM_UTF32_BE, "utf-32"),
-        (codecs.BOM_UTF16_LE, "utf-16"),
-        (codecs.BOM_UTF16_BE, "utf-16"),
-    ):
-        if start.startswith(mark):
+    for encoding, marks in MARKS.items():
+        if start.startswith(marks):
             return encoding, (f"The text is {encoding.upper()}.",)
     even, odd = start[0::2], start[1::2]
     for zeros, others, encoding in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
@@ -227,7 +210,7 @@ def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
     return [*lines, *filter(_counts, [tail])], tail
 
 
-def parse_text(text: str, name: str = "text") -> TextTable:
+def parse_text(text: str, name: str = "text") -> Table:
     r"""Parse the text of a recording.
 
     Parameters
@@ -239,7 +222,7 @@ def parse_text(text: str, name: str = "text") -> TextTable:
 
     Returns
     -------
-    TextTable
+    Table
 
     Raises
     ------
@@ -259,9 +242,9 @@ def parse_text(text: str, name: str = "text") -> TextTable:
 # --- from lines to numbers ------------------------------------------------------------------------------
 
 
-def _parse(lines: _Lines) -> TextTable:
+def _parse(lines: _Lines) -> Table:
     if not lines.sample and not any(True for line in lines.read() if line.strip()):
-        raise DataError(f"{lines.name} is empty. A recording needs at least two rows of numbers.")
+        raise DataError(SAYS("empty", name=lines.name))
     dialect, width = _sniff(lines)
     first = next((i for i, line in lines.rows() if _is_row(dialect, width, line)), None)
     if first is None:
@@ -271,14 +254,14 @@ def _parse(lines: _Lines) -> TextTable:
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     values = _numbers(dialect, width, lines, first, names)
-    if not any(names) and width > 1 and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
-        shorter, units_before = _names(dialect, width - 1, header, lines.name)
-        if any(shorter):
-            names, units = (*shorter, ""), (*units_before, "")
+    if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
+        values = values[:, :-1]
+        names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
     notes = [*remarks, *_header_note(dialect, width, header, names), *_cut_note(lines)]
     if dialect.decimal == ",":
         notes.insert(0, "Its numbers have decimal commas.")
-    return TextTable(values, names, units, tuple(header), tuple(notes))
+    names, units = zip(*map(name_and_unit, names, units, range(len(names))), strict=True)
+    return Table(values, names, units, lines.name, tuple(header), tuple(notes))
 
 
 def _is_row(dialect: Dialect, width: int, line: str) -> bool:
@@ -396,10 +379,8 @@ def _cut_note(lines: _Lines) -> list[str]:
 def _numbers(dialect: Dialect, width: int, lines: _Lines, first: int, names: tuple[str, ...]) -> NDArray[np.float64]:
     """Parse the rows from line `first` on, block by block."""
     rows = ((i, line) for i, line in lines.rows() if i >= first)
-    blocks = []
-    while block := list(islice(rows, BLOCK)):
-        blocks.append(_block(dialect, width, block, names, lines.name))
-    return np.concatenate(blocks)
+    blocks = iter(lambda: list(islice(rows, BLOCK)), [])
+    return np.concatenate([_block(dialect, width, block, names, lines.name) for block in blocks])
 
 
 def _block(
@@ -407,16 +388,12 @@ def _block(
 ) -> NDArray[np.float64]:
     """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
     texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
-    try:
-        if dialect.stamped or dialect.delimiter == dialect.decimal:
-            raise ValueError("what is no plain number is for _row")
-        if dialect.decimal == "," and any("." in line for _, line in rows):
-            raise ValueError("a point among decimal commas is for _row to tell")
-        values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
-    except ValueError:
-        values = np.empty((0, 0))
-    if values.shape == (len(rows), width):
-        return values
+    points = dialect.decimal == "," and any("." in line for _, line in rows)
+    if not (points or dialect.stamped or dialect.delimiter == dialect.decimal):
+        with suppress(ValueError):
+            values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
+            if values.shape == (len(rows), width):
+                return values
     return np.array([_row(dialect, width, i, line, names, file) for i, line in rows])
 
 
@@ -427,7 +404,5 @@ def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...]
                              text=ascii_short(line.strip())))  # fmt: skip
     for j in _text_cells(dialect, cells):
         column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
-        raise DataError(
-            f"{file}, line {i}, {column}: {ascii_short(cells[j])} is not a number. Correct it or leave it blank."
-        )
+        raise DataError(SAYS("text-in-row", file=file, i=i, column=column, text=ascii_short(cells[j])))
     return [dialect.number(cell) for cell in cells]
