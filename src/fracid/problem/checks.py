@@ -208,20 +208,16 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
         at_start = h(0.0, start.initial, e.inputs[0], start.parameters)
         off, size = e.measured[0, k] - at_start, np.ptp(e.measured[:, k])
         helped = any(h(0.0, start.initial, e.inputs[0], start.parameters + d) != at_start for d in nudges)
-        slopes = np.array(
-            [h(0.0, start.initial + d, e.inputs[0], start.parameters) for d in PROBE * np.eye(len(states))]
-        )
-        slopes = (slopes - at_start) / PROBE
+        nudged = start.initial + PROBE * np.eye(len(states))
+        slopes = (np.array([h(0.0, x, e.inputs[0], start.parameters) for x in nudged]) - at_start) / PROBE
         slopes[seen] = 0.0
         if helped or not slopes.any() or abs(off) <= ELSEWHERE * size:
             continue
         fastest = np.max(np.abs(np.diff(e.measured[:, k]))) / e.step
-        ranges = {
-            i: (off * slopes[i] / (slopes @ slopes), size / abs(slopes[i])) for i in np.flatnonzero(slopes).tolist()
-        }
-        ranges |= {
-            j: (0.0, fastest / abs(slopes[i])) for i, j in p.model.rates.items() if i in ranges and j not in ranges
-        }
+        shown = np.flatnonzero(slopes).tolist()
+        ranges = {i: (off * slopes[i] / (slopes @ slopes), size / abs(slopes[i])) for i in shown}
+        rates = {j: i for i, j in p.model.rates.items() if i in ranges and j not in ranges}
+        ranges |= {j: (0.0, fastest / abs(slopes[i])) for j, i in rates.items()}
         typed = ", ".join(
             f'"{states[i]}" = {{ start = {at:.3g}, lower = {at - reach:.3g}, upper = {at + reach:.3g} }}'
             for i, (at, reach) in ranges.items()

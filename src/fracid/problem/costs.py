@@ -47,7 +47,10 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.safety.user_code import run_file
+
+SAYS = Words("problem/checks.toml")
 
 Scored = NDArray[np.bool_] | None
 """Which samples count, shape (n_samples,); None for all."""
@@ -77,11 +80,6 @@ class Loss:
     """−2 ln(likelihood) is this times n ln(mean ρ) and a constant: 1 for normal errors, 2 for Laplace's."""
 
 
-def _density_at_zero(e: FloatArray) -> float:
-    """Of normal residuals of the same variance: an estimate from the sample would see an encoder's lattice."""
-    return 1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12))
-
-
 def _smooth_abs(e: FloatArray) -> FloatArray:
     """√(e² + δ²) − δ, without its cancellation near zero."""
     return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
@@ -96,7 +94,8 @@ def _two(_: FloatArray) -> float:
 
 
 def _abs_curvature(e: FloatArray) -> float:
-    return 2 * _density_at_zero(e)
+    """Of normal residuals of the same variance: a density from the sample would see an encoder's lattice."""
+    return 2 * (1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12)))
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -179,10 +178,7 @@ class Cost:
         try:
             cost = float(self.function(time, residual))
         except Exception as error:
-            raise InputError(
-                f"The cost {self.name} fails: {type(error).__name__}: {error}. It gets time of shape (n,) and the "
-                "residual of shape (n, n_outputs), and must return one number."
-            ) from error
+            raise InputError(SAYS("cost-fails", name=self.name, kind=type(error).__name__, error=error)) from error
         if math.isnan(cost) or cost == -math.inf:
             raise InputError(f"The cost {self.name} gave {cost} for a finite residual; return a number, or inf.")
         return cost

@@ -110,15 +110,9 @@ class Experiment(CardDisplay):
 
     @classmethod
     def of(
-        cls,
-        recording: Recording,
-        model: Model,
-        outputs: Sequence[str],
-        initial: Mapping[str, float | Free] | None = None,
-        *,
-        before: Recording | None = None,
-        **options: Any,
-    ) -> Experiment:
+        cls, recording: Recording, model: Model, outputs: Sequence[str],
+        initial: Mapping[str, float | Free] | None = None, *, before: Recording | None = None, **options: Any,
+    ) -> Experiment:  # fmt: skip
         """Take the outputs and the model's inputs out of a recording; `initial` are states at its start:
         a number is known, a range is to find it in.
 
@@ -403,10 +397,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
         return step, inputs
     grid = np.arange(count) * step
     last = np.searchsorted(times, grid + 1e-9 * step, side="right") - 1
-    columns = [
-        u[last] if n in recording.held else np.interp(grid, times, u)
-        for n, u in zip(model.inputs, inputs.T, strict=True)
-    ]
+    named = zip(model.inputs, inputs.T, strict=True)
+    columns = [u[last] if n in recording.held else np.interp(grid, times, u) for n, u in named]
     return step, np.ascontiguousarray(np.column_stack(columns))
 
 

@@ -119,8 +119,7 @@ class _Equations:
 
         self.model = model
         measured = {n: i for n, i in model.output_states.items() if n in signals}
-        width = max(1.5, 0.03 / step / max(_highest(signals[n], step) for n in (measured or model.outputs)
-                                           if n in signals))  # fmt: skip
+        width = smoothing(np.column_stack([signals[n] for n in measured or model.outputs if n in signals]), step)
 
         def smooth(x: FloatArray, order: int = 0) -> FloatArray:
             return np.asarray(gaussian_filter1d(x, width, order=order, mode="nearest")) / step**order

@@ -13,9 +13,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import Problem
 from fracid.solver.memory import Memory, compressed, memory_from_name
+
+SAYS = Words("problem/checks.toml")
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,7 @@ class Portable:
         """By name, what is code; an InputError where the name would be another's."""
         cost = self.problem.cost_function
         if COSTS.get(cost.name) != cost:
-            raise InputError(
-                f"The cost {cost.name!r} comes from a file of your own, which other processes do not have: type "
-                "--executor threads"
-            )
+            raise InputError(SAYS("cost-of-a-file", cost=cost))
         parts = {f.name: getattr(self.problem, f.name) for f in fields(Problem) if f.name != "memo"}
         return _carried, (parts | {n: parts[n].name for n in ("cost_function", "memory")},)
 

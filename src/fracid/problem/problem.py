@@ -138,9 +138,8 @@ class Problem(CardDisplay):
     @cached_property
     def parametrisation(self) -> Parametrisation:
         """From x to orders, parameters, initial state and release of each recording."""
-        pasts = {
-            e.name: Past(e, self.model, self.outputs, self.substeps) for e in self.experiments if e.past is not None
-        }
+        begun = [e for e in self.experiments if e.past is not None]
+        pasts = {e.name: Past(e, self.model, self.outputs, self.substeps) for e in begun}
         return Parametrisation(
             self.model, self.experiments, self.orders, self.parameters, self.per_recording, self.outputs,
             self.initial_state, pasts,

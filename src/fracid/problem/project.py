@@ -43,12 +43,12 @@ import difflib
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError
@@ -80,8 +80,6 @@ from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
 
 SAYS = Words("problem/project.toml")
-
-_T = TypeVar("_T")
 
 CHANNEL = tuple(field.name for field in fields(Channel))
 
@@ -358,10 +356,8 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
         return _project(path, text, content, preset or content.fit.preset, trust)
     except NotTrusted:
         raise
-    except FormulaError as error:
-        raise InputError(f"{path}: {error}") from None
     except InputError as error:
-        raise InputError(f"{path}: {_short(error)}") from None
+        raise InputError(f"{path}: {error if isinstance(error, FormulaError) else _short(error)}") from None
 
 
 def _not_toml(error: tomllib.TOMLDecodeError, text: str) -> str:
@@ -419,7 +415,9 @@ def _short(message: object) -> str:
 
 
 def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
-    fit = _apply(content.fit, preset)
+    if preset is not None and preset not in PRESETS:
+        raise unknown_name("preset", preset, PRESETS)
+    fit = content.fit.model_copy(update=PRESETS.get(preset or "", {}))
     named = (content.model.name, *(a.model for a in content.alternative), fit.cost)
     own_code = refuse_untrusted(path, named, trust)
     optimiser_from_name(fit.optimiser)
@@ -430,15 +428,14 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
     _refuse_twins(content.recording)
     channels = [_channels(r, model) for r in content.recording]
-    pairs = [
-        _load(r, c, model, path.parent, past, _whence(text))
-        for r, c, past in zip(content.recording, channels, pasts, strict=True)
-    ]
+    each = zip(content.recording, channels, pasts, strict=True)
+    pairs = [_load(r, c, model, path.parent, past, _whence(text)) for r, c, past in each]
     recordings = tuple(recording for recording, _ in pairs)
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
-            r, model, outputs, _initial(r.name, s), before=before, weight=s.weight,
+            r, model, outputs, {n: _number_or_free(f"initial {n} of {r.name}", v) for n, v in s.initial.items()},
+            before=before, weight=s.weight,
             release_time=_number_or_free(f"release_time of {r.name}", s.release_time),
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
@@ -446,24 +443,22 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         )
         for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
     ]  # fmt: skip
-    uses = [r.use for r in content.recording]
-    fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
-    if not fitted:
-        raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
     if paper:
         experiments = [fixed(e) for e in experiments]
-        fitted = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "fit")
         orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
+    used = [*zip(experiments, (r.use for r in content.recording), strict=True)]
+    fitted, validation = (tuple(e for e, use in used if use == kind) for kind in ("fit", "validate"))
+    if not fitted:
+        raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
     of_channels = {n for table in ({**e.sensors, **e.actuators} for e in experiments) for c, s in table.items()
                    for n in s.free(c)}  # fmt: skip
     parameters |= _freed_by_recording([n for n in fit.per_recording if n not in of_channels], parameters, model)
     problem = Problem(
         model, fitted, orders, parameters, tuple(fit.per_recording),
-        cost_from_name(_in_folder(fit.cost, path.parent)), outputs, fit.initial_state,  # type: ignore[arg-type]
+        cost_from_name(str(path.parent / fit.cost) if ".py:" in fit.cost else fit.cost), outputs, fit.initial_state,  # type: ignore[arg-type]
         fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps or 1, fit.weights,  # type: ignore[arg-type]
         fit.windows,
     )  # fmt: skip
-    validation = tuple(e for e, use in zip(experiments, uses, strict=True) if use == "validate")
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
     notes += [f"{r.name}: {note}" for r in recordings for note in with_code(r.report.reading, "interpolated")]
     if paper:
@@ -499,14 +494,6 @@ def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
     if model.complements or not all(isinstance(q, float | int) and float(q).is_integer() for q in values):
         raise InputError(SAYS("orders-not-integer", spec=spec, order=(model.order_names or ("q",))[0]))
     return alternative_of(problem, model, orders, parameters)
-
-
-def _apply(fit: _Fit, preset: str | None) -> _Fit:
-    if preset is None:
-        return fit
-    if preset not in PRESETS:
-        raise unknown_name("preset", preset, PRESETS)
-    return fit.model_copy(update=PRESETS[preset])
 
 
 def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Value]]:
@@ -558,11 +545,8 @@ def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:
 def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:
     """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
     values = {n: parameters.get(n, model.parameter(n).value) for n in names}
-    return {
-        n: Free(v, v - 1.0, v + 1.0)
-        for n, v in values.items()
-        if not isinstance(v, Free | Tied) and model.parameter(n).unit == "rad"
-    }
+    numbers = {n: v for n, v in values.items() if not isinstance(v, Free | Tied)}
+    return {n: Free(v, v - 1.0, v + 1.0) for n, v in numbers.items() if model.parameter(n).unit == "rad"}
 
 
 class _Channels(NamedTuple):
@@ -593,8 +577,10 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
             if "sd" in table:
                 channels.columns[f"{name}{DEVIATION}"] = _deviation(channels.columns[name], name, table["sd"])
             values = {key: _of_sensor(name, key, value) for key, value in table.items() if key in QUANTITIES}
-            if values:
-                channels.sensors[name] = _named(f"[[recording]] {spec.name or spec.file}: {name}", Sensor, **values)
+            try:
+                channels.sensors.update({name: Sensor(**values)} if values else {})
+            except InputError as error:
+                raise InputError(f"[[recording]] {spec.name or spec.file}: {name}: {error}") from None
             if "between" in table:
                 if table["between"] not in BETWEEN:
                     raise unknown_name(f"between of {name}", table["between"], BETWEEN)
@@ -635,14 +621,6 @@ def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
     return found if isinstance(found, Free) else float(found)
 
 
-def _named(where: str, build: Callable[..., _T], **values: Any) -> _T:
-    """Build something from a table of the file; what cannot be is said with its place."""
-    try:
-        return build(**values)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def _whence(text: str) -> str:
     """What the head of a project says of where its recordings are; empty where it says nothing.
 
@@ -681,14 +659,9 @@ def _load(
     )  # fmt: skip
     held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
-    recording = replace(
-        recording,
-        signals={
-            **recording.signals,
-            **{n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()},
-        },
-        units={**recording.units, **{n: unit for n, (_, unit) in channels.constants.items()}},
-    )
+    constants = {n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()}
+    units = {n: unit for n, (_, unit) in channels.constants.items()}
+    recording = replace(recording, signals={**recording.signals, **constants}, units={**recording.units, **units})
     if not past:
         return recording, None
     after = recording.trim(spec.start)
@@ -734,10 +707,8 @@ def _orders(specs: Mapping[str, float | _Range | _Constant | str], model: Model)
     for name in specs:
         if name not in model.order_names:
             raise unknown_name("order in [model.orders]", name, model.order_names)
-    ranges = dict.fromkeys(model.order_names, ORDER_RANGE) | dict.fromkeys(
-        model.springpot_orders.values(), SPRINGPOT_RANGE
-    )
-    return {n: _value(n, specs.get(n, ranges[n])) for n in model.order_names}
+    springpots = dict.fromkeys(model.springpot_orders.values(), SPRINGPOT_RANGE)
+    return {n: _value(n, specs.get(n, springpots.get(n, ORDER_RANGE))) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -745,10 +716,6 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     if not outputs:
         raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
     return outputs
-
-
-def _initial(name: str, spec: _Recording) -> dict[str, float | Free]:
-    return {n: _number_or_free(f"initial {n} of {name}", value) for n, value in spec.initial.items()}
 
 
 def _number_or_free(name: str, spec: float | _Range) -> float | Free:
@@ -769,11 +736,6 @@ def _value(name: str, spec: float | _Range | _Constant | str | Free) -> Value:
         return Free(spec.start, spec.lower, spec.upper, prior, spec.scale, spec.hard)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-
-
-def _in_folder(cost: str, folder: Path) -> str:
-    """A user's own cost, ``my.py:function``, is looked for beside the project file."""
-    return str(folder / cost) if ".py:" in cost else cost
 
 
 # --- what pydantic says, in our words ----------------------------------------------------------------

@@ -8,7 +8,10 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
+from fracid.findings import Words
 from fracid.problem import Problem
+
+SAYS = Words("twins/twin.toml")
 
 FINER = 4
 """Steps of the truth for each of the problem's."""
@@ -45,10 +48,7 @@ def simulated(problem: Problem, x: FloatArray, finer: int = FINER) -> Problem:
     twins = []
     for e in problem.experiments:
         if e.past is not None:
-            raise InputError(
-                f"{e.name} starts with a measured past, which no simulation can replace: leave out history = "
-                '"measured", and let the recording start at rest, initial_state = "rest".'
-            )
+            raise InputError(SAYS("measured-past", e=e))
         run = exact.fitted(x, e)
         if isinstance(run, Failure):
             raise InputError(f"The truth cannot be simulated: {run}. Give values whose run reaches the end.")

@@ -100,11 +100,10 @@ class Twin(CardDisplay):
         gone = set(self.model.states) - set(model.states)
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "initial", {n: v for n, v in self.initial.items() if n not in gone})
-        for what, value in (("step", self.step), ("end", self.end - self.hold)):
+        settings = {f"step = {self.step:g} s": self.step,
+                    f"end = {self.end:g} s with hold = {self.hold:g} s": self.end - self.hold}  # fmt: skip
+        for setting, value in settings.items():
             if not (math.isfinite(value) and value > 0):
-                setting = (
-                    f"end = {self.end:g} s with hold = {self.hold:g} s" if what == "end" else f"step = {value:g} s"
-                )
                 raise InputError(f"{setting} is not possible; expected an end after the release and a step above 0.")
         if self.end / self.step > MOST:
             raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
