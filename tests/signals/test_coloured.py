@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from fracid.signals.coloured import is_coloured_noise
+from fracid.signals.coloured import is_coloured_noise, whitened, whitening_filter
 
 TIME = np.arange(1000) / 50
 SWING = np.exp(-TIME / 8) * np.cos(5 * TIME)
@@ -41,3 +41,12 @@ def test_what_the_unknowns_can_do_is_nothing_that_the_model_lacks():
 
 def test_a_drift_over_the_record_is_no_noise():
     assert not asked(noise(1, 0.0) + 5 * np.sin(TIME / 5))
+
+
+@pytest.mark.parametrize("slow", [0.3, 1.0])
+def test_white_noise_differenced_does_not_count_as_white(slow):
+    e = slow * noise(1, 0.995) + np.random.default_rng(2).standard_normal(1000)
+    whitening, white = whitening_filter(e)
+    assert white
+    left = whitened(e, whitening)
+    assert np.corrcoef(left[1:], left[:-1])[0, 1] > -0.25

@@ -115,7 +115,8 @@ def whitening_filter(e: FloatArray) -> tuple[FloatArray, bool]:
         found = np.concatenate([[1.0], -solve_toeplitz(covariance[:p], covariance[1 : p + 1])])
         ε = whitened(e, found)
         left = products_by_lag(ε - np.mean(ε))[:most]
-        if correlation_time(left / left[0]) <= 1 / WHITE:
+        ρ = left / left[0]
+        if correlation_time(ρ) <= 1 / WHITE and 1.0 + 2.0 * ρ[1] >= WHITE:  # nor overdone: white noise differenced
             return found, True
     return found, False
 
