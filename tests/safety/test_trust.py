@@ -135,10 +135,10 @@ def test_from_python_the_caller_says_so(folder):
 
 
 def test_another_process_trusts_what_this_one_was_told_to_and_nothing_else(folder):
-    origin = _origin(fracid.load_project("rig.toml", trust=True), (), (), "processes")
+    origin = _origin(fracid.load_project("rig.toml", trust=True), (), "processes")
     assert origin.load()[0].model.name == "spring"
     Path("rig.toml").write_text(PROJECT.format(orders="lambda = 1.0\nmu = 1.0", fit=""))
-    origin = _origin(fracid.load_project("rig.toml"), (), (), "processes")
+    origin = _origin(fracid.load_project("rig.toml"), (), "processes")
     Path("rig.toml").write_text(MODEL)
     Path("ran").unlink()
     with pytest.raises(fracid.NotTrusted):

@@ -168,5 +168,13 @@ def embedded(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
 
 
+def starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """The same, the search for its parameters to begin at those of these values."""
+    return replace(problem, parameters={
+        n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
+        for n, v in problem.parameters.items()
+    })  # fmt: skip
+
+
 def _off(problem: Problem, names: Sequence[str]) -> dict[str, float]:
     return {n: problem.model.friction[n].off for n in names}

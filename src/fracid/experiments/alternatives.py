@@ -38,6 +38,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
+from fracid.estimation.climbing import starting_at
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
@@ -45,8 +46,7 @@ from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.space import ARMS, Candidate, DesignSpace, by_motion
 from fracid.experiments.subject import Subject
 from fracid.optimise import Evaluation
-from fracid.problem import Free, Problem
-from fracid.problem.unknowns import Value
+from fracid.problem import Problem
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 from fracid.tasks.job import in_threads
@@ -259,8 +259,7 @@ def _square(subject: Subject, rival: Rival, counts: Sequence[int]) -> float:
     if isinstance(errors, Failure):
         return math.inf
     variances = np.array([subject.noise_of(n).variance for n in rival.problem.outputs])
-    worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
-    return worth * sum(k * float(np.sum(e**2 / variances)) for k, e in zip(counts, errors, strict=True))
+    return subject.worth * sum(k * float(np.sum(e**2 / variances)) for k, e in zip(counts, errors, strict=True))
 
 
 def _by_arm(
@@ -313,9 +312,6 @@ class _Rival:
     problem: Problem
     """Of those experiments, starting at the best."""
     best: Evaluation
-    orders: Mapping[str, Value]
-    parameters: Mapping[str, Value]
-    """Starting at the best."""
     values: Mapping[str, float]
     """Of what is free and inside its bounds, the best."""
     sizes: Mapping[str, float]
@@ -325,7 +321,7 @@ class _Rival:
 
     def of(self, problem: Problem) -> Problem:
         """This model of the experiments of another problem of that arm."""
-        return replace(problem, orders=self.orders, parameters=self.parameters, memo=None)
+        return replace(problem, orders=self.problem.orders, parameters=self.problem.parameters, memo=None)
 
 
 @dataclass(frozen=True)
@@ -385,7 +381,7 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     grown = growing(joint, joint.start, jobs, Watch()).best.point  # on the whole at once it may end a swing ahead
     ends = [refined(joint, x, jobs, Watch(), tolerance=1e-8).best for x in (joint.start, grown)]
     best = min(ends, key=lambda e: e.cost)
-    joint = replace(joint, parameters=_starting(joint, best.point))
+    joint = starting_at(joint, joint.named(best.point))
     elements = {e.name: e.problem for e in _elements(joint)}
     extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
     unknowns = {u.name: u.range for p in (joint, *elements.values()) for u in p.unknowns}
@@ -394,14 +390,7 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     values = {u.name: float(v) for u, v, free in zip(joint.unknowns, best.point, inside, strict=True)
               if u.experiment is None and free}  # fmt: skip
     sizes = {n: max(abs(of.start), 1e-2 * min(of.upper - of.lower, 1.0)) for n, of in unknowns.items()}
-    return _Rival(joint, best, joint.orders, joint.parameters, values, sizes, extra)
-
-
-def _starting(problem: Problem, x: FloatArray) -> dict[str, Value]:
-    """The parameters of a problem, starting at x."""
-    values = {u.target: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.experiment is None}
-    return {n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
-            for n, v in problem.parameters.items()}  # fmt: skip
+    return _Rival(joint, best, values, sizes, extra)
 
 
 def _elements(problem: Problem) -> Iterator[Element]:
@@ -442,11 +431,11 @@ def _sums(
     rows = np.stack([-columns.get(n, still) for n in (*common.names, *own)], axis=-1) * root[:, None]
     n, off = len(common.names), np.array([rival.values.get(n, v) - v for n, v in common.origin.items()])
     missed = errors[0] * root + rows[..., : len(off)] @ off
-    worth = 1 / float(np.exp(np.mean(np.log(subject.excess))))
     sums: list[tuple[FloatArray, ...]] = []
     for count in samples:
         flat, r = rows[:count].reshape(-1, rows.shape[-1]), missed[:count].ravel()
         q, _ = np.linalg.qr(flat[:, n:] / np.maximum(np.linalg.norm(flat[:, n:], axis=0), 1e-300))
         shared, r = flat[:, :n] - q @ (q.T @ flat[:, :n]), r - q @ (q.T @ r)
-        sums.append((np.asarray(worth * r @ r), worth * shared.T @ r, worth * shared.T @ shared))
+        weighed, r_weighed = subject.worth * shared.T, subject.worth * r
+        sums.append((np.asarray(r_weighed @ r), weighed @ r, weighed @ shared))
     return sums

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -21,7 +21,7 @@ from fracid.experiments.exchange import averaged, exchange
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
-from fracid.experiments.subject import Subject, driven, subject_of_model, subject_of_problem
+from fracid.experiments.subject import VAGUE, Subject, driven, subject_of_model, subject_of_problem
 from fracid.findings import Note, Words, with_code
 from fracid.fit import Fit
 from fracid.models import Model
@@ -36,9 +36,6 @@ SAYS = Words("experiments/choice.toml")
 Source = Fit | Project | Problem | Model
 
 Tell = Callable[[Progress], None]
-
-VAGUE = 100.0
-"""Standard deviation, in typical sizes, of what nothing is known of: it keeps a curvature from being singular."""
 
 SHORTLIST = 60
 """Candidates that are looked at again with other values, or about another alternative."""
@@ -128,7 +125,8 @@ def design(
     name = criterion or ("T" if against else "Ds" if of else "D")
     if name not in CRITERIA:
         raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
-    candidates = _some(space)  # before a project is searched
+    if not (candidates := space.candidates):  # before a project is searched
+        raise InputError(SAYS("no-candidate"))
     watching = observer or Observer()
     if isinstance(source, Project):
         watching.stage("search")
@@ -139,33 +137,36 @@ def design(
     places = subject.places(of)
     with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
         tables = informations(subject, space, candidates, jobs=jobs, progress=tell)
-    possible = [i for i, t in enumerate(tables) if isinstance(t, Information)]
+    possible = [(c, t) for c, t in zip(candidates, tables, strict=True) if isinstance(t, Information)]
     if not possible:
         raise InputError(_excluded(tables))
-    candidates = tuple(candidates[i] for i in possible)
-    information = [t for t in tables if isinstance(t, Information)]
-    parts, base = _stacked([information]), _base(subject)
+    candidates, narrowed = tuple(c for c, _ in possible), tuple(subject.names[i] for i in places)
     distances: Mapping[str, float] | None = None
     alone: Mapping[str, float] | None = None
     if name == "T":
         watching.stage("integer-order models that come nearest")
-        each = orders_alone(subject, space, candidates, experiments, of=[subject.names[i] for i in places], jobs=jobs)
+        each = orders_alone(subject, space, candidates, experiments, of=narrowed, jobs=jobs)
         chosen = each.chosen(experiments)
         alone = each.nearest(chosen)
-        done = [candidates[i] for i in chosen]
         watching.stage("integer-order models of the chosen experiments")
-        rivals = rivals_of(subject, space, done, jobs=jobs)
-        together = alternatives_of(subject, space, done, range(len(done)), rivals, jobs)
-        distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
+        distances = _distances(subject, space, [candidates[i] for i in chosen], jobs)
     else:
+        parts, base = _stacked([[t for _, t in possible]]), _stacked([subject.known(VAGUE)])
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
             watching.stage("values from the intervals")
             chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
     watching.stage("")
-    return _plan(subject, space, name, tuple(subject.names[i] for i in places),
-                 _Table(candidates, information, chosen, len(tables) - len(possible)), distances, alone)  # fmt: skip
+    return _plan(subject, space, possible, chosen, criterion=name, of=narrowed,
+                 excluded=len(tables) - len(possible), distances=distances, alone=alone)  # fmt: skip
+
+
+def _distances(subject: Subject, space: DesignSpace, done: Sequence[Candidate], jobs: int) -> dict[str, float]:
+    """Integer-order alternative → how far it stays from the chosen experiments."""
+    rivals = rivals_of(subject, space, done, jobs=jobs)
+    together = alternatives_of(subject, space, done, range(len(done)), rivals, jobs)
+    return {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
 
 
 def subject_of(
@@ -265,13 +266,6 @@ def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candida
     ]  # fmt: skip
 
 
-def _some(space: DesignSpace) -> tuple[Candidate, ...]:
-    candidates = space.candidates
-    if not candidates:
-        raise InputError(SAYS("no-candidate"))
-    return candidates
-
-
 def _excluded(tables: Sequence[Information | str]) -> str:
     reasons = [t for t in tables if isinstance(t, str)]
     common = max(set(reasons), key=reasons.count)
@@ -279,16 +273,12 @@ def _excluded(tables: Sequence[Information | str]) -> str:
     return SAYS("none-possible", count=len(tables), times=reasons.count(common), common=common, advice=advice)
 
 
-def _stacked(draws: Sequence[Sequence[Information]]) -> tuple[FloatArray, FloatArray]:
-    """Curvatures and scatters, shape (n_draws, n_candidates, n, n)."""
-    return (np.array([[i.curvature for i in draw] for draw in draws]),
-            np.array([[i.scatter for i in draw] for draw in draws]))  # fmt: skip
-
-
-def _base(subject: Subject) -> tuple[FloatArray, FloatArray]:
-    """What is known before, vaguely of everything, shape (1, n, n)."""
-    vague = np.diag((VAGUE * subject.scale) ** -2.0)
-    return (subject.recorded.curvature + vague)[None], (subject.recorded.scatter + vague)[None]
+def _stacked(draws: Any) -> tuple[FloatArray, FloatArray]:
+    """Curvatures and scatters of draws, or of draws of candidates, shape (n_draws, ..., n, n)."""
+    if isinstance(draws, Information):
+        return draws.curvature, draws.scatter
+    curvatures, scatters = zip(*map(_stacked, draws), strict=True)
+    return np.array(curvatures), np.array(scatters)
 
 
 # --- robust -----------------------------------------------------------------------------------------------
@@ -319,8 +309,7 @@ def _robust(
 def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
     """Values from their intervals, or from a tenth around a constant of which none is known; within their bounds."""
     rng = np.random.default_rng(seed)
-    vague = np.diag((NOMINAL * subject.scale) ** -2.0)
-    covariance = (subject.recorded + Information(vague, vague)).covariance(subject.scale)
+    covariance = subject.known(NOMINAL).covariance(subject.scale)
     ranges = [u.range for u in subject.problem.unknowns if u.experiment is None]
     lower, upper = np.array([r.lower for r in ranges]), np.array([r.upper for r in ranges])
     return [np.clip(rng.multivariate_normal(subject.values, covariance, method="eigh"), lower, upper)
@@ -330,34 +319,22 @@ def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
 # --- the plan ---------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Table:
-    """All candidates that are possible, and which are chosen."""
-
-    candidates: Sequence[Candidate]
-    information: Sequence[Information]
-    chosen: tuple[int, ...]
-    excluded: int
-
-
 def _plan(
-    subject: Subject, space: DesignSpace, criterion: str, of: tuple[str, ...], table: _Table,
-    distances: Mapping[str, float] | None, alone: Mapping[str, float] | None,
+    subject: Subject, space: DesignSpace, possible: Sequence[tuple[Candidate, Information]], chosen: tuple[int, ...],
+    **said: Any,
 ) -> Plan:  # fmt: skip
-    base = Information(*(b[0] for b in _base(subject)))
-    total = base
-    for i in table.chosen:
-        total += table.information[i]
-    before, after = (np.sqrt(np.diag(i.covariance(subject.scale))) for i in (base, total))
+    """The plan of those that are chosen, with what else is said of it."""
+    names, scale, base = subject.names, subject.scale, subject.known(VAGUE)
+    total = sum((possible[i][1] for i in chosen), base)
+    before, after = (np.sqrt(np.diag(i.covariance(scale))) for i in (base, total))
     expected = {n: Value(v, u, e if e < s else None, b if b < s else None) for n, v, u, e, b, s
-                in zip(subject.names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
-                       subject.scale.tolist(), strict=True)}  # fmt: skip
-    single = [np.sqrt(np.diag((base + i).covariance(subject.scale))) for i in table.information]
-    landscape = tuple((c, dict(zip(subject.names, e.tolist(), strict=True)))
-                      for c, e in zip(table.candidates, single, strict=True))  # fmt: skip
+                in zip(names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
+                       scale.tolist(), strict=True)}  # fmt: skip
+    landscape = tuple(
+        (c, dict(zip(names, np.sqrt(np.diag((base + i).covariance(scale))).tolist(), strict=True)))
+        for c, i in possible
+    )  # fmt: skip
     return Plan(
-        subject, space, criterion, of, tuple(table.candidates[i] for i in table.chosen), expected,
-        len(table.candidates), table.excluded, landscape,
-        Information(total.curvature, total.scatter).covariance(subject.scale),
-        distances, alone,
+        subject, space, experiments=tuple(possible[i][0] for i in chosen), expected=expected, candidates=len(possible),
+        landscape=landscape, covariance=total.covariance(scale), **said,
     )  # fmt: skip

@@ -6,6 +6,7 @@ A signal does not depend on the duration, so a shorter experiment is the beginni
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -20,7 +21,32 @@ PARTS_OF_PEAK = (1.0, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
-class Multisine:
+class _Band:
+    """Frequencies from one to another."""
+
+    low: float
+    """Lowest frequency [Hz]."""
+    high: float
+    """Highest frequency [Hz]."""
+    peak: float
+    """Largest magnitude, in the unit of the input [V]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no signal."""
+        if not (0 < self.low <= self.high < np.inf and 0 < self.peak < np.inf):
+            raise InputError(SAYS("band", e=self))
+
+    def variants(self, levels: int) -> tuple[Self, ...]:
+        """Concrete signals that a design compares: the whole band and its two halves, each with some amplitudes."""
+        del levels
+        middle = float(np.sqrt(self.low * self.high))
+        bands = [(self.low, self.high)]
+        bands += [] if middle in bands[0] else [(self.low, middle), (middle, self.high)]
+        return tuple(replace(self, low=a, high=b, peak=p) for a, b in bands for p in _peaks(self.peak))
+
+
+@dataclass(frozen=True)
+class Multisine(_Band):
     """A sum of sines, spaced evenly in the logarithm of the frequency, with Schroeder's phases.
 
     With one line it is a sine, whose frequency between `low` and `high` the design chooses.
@@ -39,27 +65,21 @@ class Multisine:
     [1.0, 2.0, 4.0]
     """
 
-    low: float
-    """Lowest frequency [Hz]."""
-    high: float
-    """Highest frequency [Hz]."""
-    peak: float
-    """Largest magnitude, in the unit of the input [V]."""
     lines: int = 12
     """How many sines."""
 
     def __post_init__(self) -> None:
         """Refuse what is no signal."""
-        _check_band(self)
+        super().__post_init__()
         if not 1 <= self.lines <= 1000:
             raise InputError(f"lines = {self.lines}; expected 1 to 1000 sines, for example lines = 12.")
 
-    def variants(self, levels: int) -> tuple[Multisine, ...]:
+    def variants(self, levels: int) -> tuple[Self, ...]:
         """Concrete signals that a design compares: bands and amplitudes, or of one line its frequencies."""
         if self.lines > 1:
-            return tuple(replace(self, low=a, high=b, peak=p) for a, b in _bands(self) for p in _peaks(self))
+            return super().variants(levels)
         frequencies = np.geomspace(self.low, self.high, levels if self.high > self.low else 1).tolist()
-        return tuple(replace(self, low=f, high=f, peak=p) for f in frequencies for p in _peaks(self))
+        return tuple(replace(self, low=f, high=f, peak=p) for f in frequencies for p in _peaks(self.peak))
 
     def signal(self, time: FloatArray) -> FloatArray:
         """u at some times [s], shape (n_samples,)."""
@@ -79,7 +99,7 @@ class Multisine:
 
 
 @dataclass(frozen=True)
-class Chirp:
+class Chirp(_Band):
     """A sine whose frequency rises from `low` to `high`, evenly in its logarithm, again and again.
 
     Raises
@@ -94,25 +114,14 @@ class Chirp:
     [0.0, 0.0]
     """
 
-    low: float
-    """Lowest frequency [Hz]."""
-    high: float
-    """Highest frequency [Hz]."""
-    peak: float
-    """Largest magnitude, in the unit of the input [V]."""
     sweep: float = 10.0
     """Duration of one rise [s]."""
 
     def __post_init__(self) -> None:
         """Refuse what is no signal."""
-        _check_band(self)
+        super().__post_init__()
         if not (self.sweep > 0 and self.high > self.low):
             raise InputError(SAYS("chirp", low=self.low, high=self.high, sweep=self.sweep))
-
-    def variants(self, levels: int) -> tuple[Chirp, ...]:
-        """Concrete signals that a design compares: bands and amplitudes."""
-        del levels
-        return tuple(replace(self, low=a, high=b, peak=p) for a, b in _bands(self) for p in _peaks(self))
 
     def signal(self, time: FloatArray) -> FloatArray:
         """u at some times [s], shape (n_samples,)."""
@@ -156,7 +165,7 @@ class Pulses:
         """Concrete signals that a design compares: widths and amplitudes."""
         count = min(levels, 4) if self.longest > self.shortest else 1
         widths = np.geomspace(self.shortest, self.longest, count).tolist()
-        return tuple(Pulses(w, w, p) for w in widths for p in _peaks(self))
+        return tuple(Pulses(w, w, p) for w in widths for p in _peaks(self.peak))
 
     def signal(self, time: FloatArray) -> FloatArray:
         """u at some times [s], shape (n_samples,)."""
@@ -171,19 +180,8 @@ class Pulses:
 Excitation = Multisine | Chirp | Pulses
 
 
-def _check_band(e: Multisine | Chirp) -> None:
-    if not (0 < e.low <= e.high < np.inf and 0 < e.peak < np.inf):
-        raise InputError(SAYS("band", e=e))
-
-
-def _bands(e: Multisine | Chirp) -> tuple[tuple[float, float], ...]:
-    """The whole band and its two halves."""
-    middle = float(np.sqrt(e.low * e.high))
-    return ((e.low, e.high),) if middle in (e.low, e.high) else ((e.low, e.high), (e.low, middle), (middle, e.high))
-
-
-def _peaks(e: Excitation) -> tuple[float, ...]:
-    return tuple(part * e.peak for part in PARTS_OF_PEAK)
+def _peaks(peak: float) -> tuple[float, ...]:
+    return tuple(part * peak for part in PARTS_OF_PEAK)
 
 
 def _sines(time: FloatArray, frequency: FloatArray, phase: FloatArray) -> FloatArray:

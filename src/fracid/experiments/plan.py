@@ -30,7 +30,7 @@ from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError, writing
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate, DesignSpace
-from fracid.experiments.subject import Subject, driven
+from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Style, draw
 from fracid.fit import Fit
 from fracid.problem import Free
@@ -260,9 +260,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     subject, curves = plan.subject, []
     covariance = plan.covariance
     if subject.intervals:
-        vague = np.diag((100 * subject.scale) ** -2.0)
-        known = subject.recorded.curvature + vague, subject.recorded.scatter + vague
-        covariance = type(subject.recorded)(*known).covariance(subject.scale)
+        covariance = subject.known(VAGUE).covariance(subject.scale)
     for c in dict.fromkeys(plan.experiments):
         problem = subject.problem_of(c, plan.space)
         outputs = problem.fitted(problem.start, problem.experiments[0])

@@ -134,22 +134,21 @@ class DesignSpace(CardDisplay):
         for u in _several(self.voltage):
             if not isinstance(u, Multisine | Chirp | Pulses | None):
                 raise InputError(SAYS("voltage", u=u))
-        least = min((u.peak for u in _several(self.voltage) if u is not None), default=math.inf)
-        if not 0 <= self.voltage_step <= least or math.isinf(self.voltage_step):
-            raise InputError(SAYS("voltage-step", voltage_step=self.voltage_step))
-        if self.counts is not None and (self.counts < 0 or 0 < self.counts < 3):
-            raise InputError(f"counts = {self.counts:g} is not possible; expected counts a turn, such as 4096, or 0.")
-        if self.noise is not None and not 0 <= self.noise < math.inf:
-            raise InputError(f"noise = {self.noise!r} is not possible; expected a standard deviation, 0 or more [rad].")
         for name, limit in self.limits.items():
             if not limit > 0:
                 raise InputError(f"limits: {name} = {limit!r} is not possible; expected a magnitude above 0.")
-        if self.initial_state not in ("rest", "held", "estimate"):
-            raise InputError(f"initial_state = {self.initial_state!r}; expected 'rest', 'held' or 'estimate'.")
-        if not 0 <= self.moment < math.inf:
-            raise InputError(f"moment = {self.moment!r} is not possible; expected a time, 0 s or more.")
-        if self.levels < 1:
-            raise InputError(f"levels = {self.levels}; expected 1 or more.")
+        least = min((u.peak for u in _several(self.voltage) if u is not None), default=math.inf)
+        possible = {
+            "voltage-step": 0 <= self.voltage_step <= least and not math.isinf(self.voltage_step),
+            "counts": self.counts is None or self.counts == 0 or self.counts >= 3,
+            "noise": self.noise is None or 0 <= self.noise < math.inf,
+            "initial-state": self.initial_state in ("rest", "held", "estimate"),
+            "moment": 0 <= self.moment < math.inf,
+            "levels": self.levels >= 1,
+        }
+        for code, is_possible in possible.items():
+            if not is_possible:
+                raise InputError(SAYS(code, space=self))
 
     @property
     def angles(self) -> tuple[float, ...]:

@@ -50,6 +50,9 @@ FINE = 1e-3
 CLAMPED = 1e3
 """Inertia of a clamped arm [kg m²]."""
 
+VAGUE = 100.0
+"""Standard deviation, in typical sizes, of what nothing is known of: it keeps a curvature from being singular."""
+
 WIDE = 10.0
 """A constant of a model is free from this part of its value to so many times it."""
 
@@ -86,6 +89,16 @@ class Subject:
         ranges = [u.range for u in self.problem.unknowns if u.experiment is None]
         return np.array([max(abs(v), 1e-2 * min(r.upper - r.lower, 1.0))
                          for v, r in zip(self.values.tolist(), ranges, strict=True)])  # fmt: skip
+
+    @cached_property
+    def worth(self) -> float:
+        """What a squared residual counts beside that of white noise."""
+        return 1 / float(np.exp(np.mean(np.log(self.excess))))
+
+    def known(self, vague: float) -> Information:
+        """What is known now, next to nothing of the rest: a standard deviation of so many typical sizes."""
+        little = np.diag((vague * self.scale) ** -2.0)
+        return self.recorded + Information(little, little)
 
     def places(self, names: Sequence[str]) -> tuple[int, ...]:
         """Where some of the shared values are.
@@ -273,10 +286,9 @@ def subject_of_problem(
     for e, error, j in zip(problem.experiments, errors, J, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
         fitted = e.measured - error
-        recorded += of_samples(fitted, j[..., shared], j[..., own], _noise_of(noise, problem), problem.weights, excess)
-    for k, i in enumerate(np.flatnonzero(shared)):
-        prior = unknowns[i].prior
-        recorded += _of_prior(math.inf if prior is None else prior.sd, k, int(shared.sum()))
+        recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], problem.weights, excess)
+    priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
+    recorded += Information(priors, priors)
     fixed = replace(
         problem, memo=None,
         orders={n: held.get(n, v) for n, v in problem.orders.items()},
@@ -379,28 +391,23 @@ def _noises(problem: Problem, errors: list[FloatArray], space: DesignSpace) -> t
     noises, alone = {}, True
     for o, name in enumerate(problem.outputs):
         found = [_noise(e, error[:, o], o) for e, error in zip(problem.experiments, errors, strict=True)]
-        deviation = math.sqrt(float(np.mean([n.deviation**2 for n, _ in found])))
-        step = max(n.step for n, _ in found) if all(explained for _, explained in found) else 0.0
-        alone &= all(explained for _, explained in found)
+        deviation, explained = math.sqrt(float(np.mean([n.deviation**2 for n in found]))), all(n.step for n in found)
+        step, alone = max(n.step for n in found) if explained else 0.0, alone and explained
         if space.counts is not None and step:
-            deviation, step = deviation, 2 * math.pi / space.counts if space.counts else 0.0
+            step = 2 * math.pi / space.counts if space.counts else 0.0
         noises[name] = Noise(deviation if space.noise is None else space.noise, step)
     return noises, alone
 
 
-def _noise(e: Experiment, error: FloatArray, output: int) -> tuple[Noise, bool]:
-    """The noise of one output of one recording, and whether rounding and white noise explain its residual."""
+def _noise(e: Experiment, error: FloatArray, output: int) -> Noise:
+    """The noise of one output of one recording; without a step where rounding and white noise do not explain it."""
     scored = np.ones(len(error), bool) if e.scored is None else e.scored
     r, measured = error[scored], e.measured[scored, output]
     step = resolution(measured)
     noise = None if step is None else encoder_noise(r, measured - r, step)
     if step is None or noise is None:
-        return Noise(math.sqrt(float(np.mean(r**2))), 0.0), False
-    return Noise(noise * step, step), True
-
-
-def _noise_of(noise: Mapping[str, Noise], problem: Problem) -> tuple[Noise, ...]:
-    return tuple(noise[n] for n in problem.outputs)
+        return Noise(math.sqrt(float(np.mean(r**2))), 0.0)
+    return Noise(noise * step, step)
 
 
 def _excess(precision: Uncertainty) -> FloatArray:
@@ -409,9 +416,3 @@ def _excess(precision: Uncertainty) -> FloatArray:
     finite = samples[np.isfinite(samples) & (samples > 0)]
     typical = float(np.exp(np.mean(np.log(finite)))) if len(finite) else 1.0
     return np.asarray(np.maximum(np.where(np.isfinite(samples) & (samples > 0), samples, typical), 1.0))
-
-
-def _of_prior(sd: float, place: int, count: int) -> Information:
-    information = np.zeros((count, count))
-    information[place, place] = sd**-2 if math.isfinite(sd) else 0.0
-    return Information(information, information)

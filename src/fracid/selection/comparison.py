@@ -28,7 +28,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import attrgetter
@@ -40,7 +40,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
-from fracid.estimation.climbing import by_windows, embedded, late_rungs, without
+from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
@@ -50,7 +50,7 @@ from fracid.estimation.windows import PARTS, chosen_window, windowed
 from fracid.findings import Words, with_code
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
 from fracid.problem.project import Project, load_project
@@ -168,26 +168,26 @@ def compare(
     >>> compare(problem, validation=[swing(0.2)]).verdict.split(":")[0]
     'Orders make no difference, an integer-order model predicts as well'
     """
-    only = tuple(sorted(keep)), None if rungs is None else tuple(rungs)
-    origin = _origin(problem, validation, only, executor)
+    _made.cache_clear()
+    origin = _origin(problem, validation, executor)
     base, others, _ = origin.load()
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
     seed, starts = 1 if seed is None else seed, starts or 1
     folds = _folds(base, others, leave_one_out)
     optimiser = problem.optimiser if isinstance(problem, Project) else "multistart"
-    study = _Study(origin, folds, leave_one_out, optimiser, seed, starts,
-                   Execution(executor, jobs, journal, progress))  # fmt: skip
+    whole = _Place(origin, tuple(sorted(keep)), None if rungs is None else tuple(rungs), leave_one_out)
+    study = _Study(whole, folds, optimiser, seed, starts, Execution(executor, jobs, journal, progress))
     if evidence:
         for s in study.ladder(WHOLE).structures:
             require_evidence(s.problem)
-    fitted = study.fit()
-    rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
-    notes = (*_of_long_recordings(base), *(b.sentence for b in study.origin.opened))
+    fits = study.fit()
+    rows, samples = _rows(study.ladder(WHOLE), fits, folds, base)
+    notes = (*_of_long_recordings(base), *(b.sentence for b in study.whole.opened))
     fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
     if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
-        fitted, notes = study.fit_again(fitted, substeps), (*notes, SAYS("refined", substeps=substeps, base=base))
-        rows, samples = _rows(study.ladder(WHOLE), fitted, folds, base)
+        fits, notes = study.fit_again(fits, substeps), (*notes, SAYS("refined", substeps=substeps, base=base))
+        rows, samples = _rows(study.ladder(WHOLE), fits, folds, base)
     if evidence:
         rows, without = study.with_odds(rows, samples)
         notes += without
@@ -224,28 +224,14 @@ def _folds(problem: Problem, others: Sequence[Experiment], leave_one_out: bool) 
     return {WHOLE: ()} | {name: (name,) for name in names}
 
 
-_Only = tuple[tuple[str, ...], tuple[str, ...] | None]
-"""Parameters to keep, rungs to climb."""
-
-
 @dataclass(frozen=True, eq=False)
 class _InMemory:
     """A problem as it is given; for threads."""
 
     problem: Problem
     validation: tuple[Experiment, ...]
-    only: _Only
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     """Models of integer order beside the ladder."""
-    substeps: int | None = None
-    """Steps a sample; None for the problem's."""
-    opened: tuple[OpenedBound, ...] = ()
-    """The bounds that the fit of the project opened: they are open for every structure."""
-    folds: dict[tuple[str, ...], _Fold] = field(default_factory=dict)
-
-    def but(self, **changes: Any) -> _InMemory:
-        """The same at a finer step, or with bounds opened."""
-        return replace(self, folds={}, **changes)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         return self.problem, self.validation, self.alternatives
@@ -258,16 +244,7 @@ class _OfFile:
     path: str
     preset: str | None
     sha256: str
-    only: _Only
     trust: bool
-    substeps: int | None = None
-    """Steps a sample; None for the problem's."""
-    opened: tuple[OpenedBound, ...] = ()
-    """As of the other."""
-
-    def but(self, **changes: Any) -> _OfFile:
-        """The same at a finer step, or with bounds opened."""
-        return replace(self, **changes)
 
     def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
         project = load_project(self.path, preset=self.preset, trust=self.trust)
@@ -276,18 +253,16 @@ class _OfFile:
         return *to_compare(project.problem, project.validation), project.alternatives
 
 
-def _origin(
-    problem: Problem | Project, validation: Sequence[Experiment], only: _Only, executor: str
-) -> _InMemory | _OfFile:
+def _origin(problem: Problem | Project, validation: Sequence[Experiment], executor: str) -> _InMemory | _OfFile:
     if isinstance(problem, Project) and executor != "threads":
         digest = hashlib.sha256(problem.text.encode()).hexdigest()
-        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, only, bool(problem.own_code))
+        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, bool(problem.own_code))
     if isinstance(problem, Project):
         compared, others = to_compare(problem.problem, (*problem.validation, *validation))
-        return _InMemory(compared, others, only, problem.alternatives)
+        return _InMemory(compared, others, problem.alternatives)
     if executor != "threads":
         raise InputError(SAYS("in-memory", executor=executor))
-    return _InMemory(*to_compare(problem, validation), only)
+    return _InMemory(*to_compare(problem, validation))
 
 
 @dataclass(frozen=True)
@@ -302,20 +277,23 @@ class _Fold:
 
 @dataclass(frozen=True)
 class _Place:
-    """Which recordings a task fits, and which it does not see."""
+    """Which recordings a task fits, and which it does not see; and how all structures are fitted."""
 
     origin: _InMemory | _OfFile
-    held_out: tuple[str, ...]
+    keep: tuple[str, ...]
+    """Parameters that are as the project has them."""
+    rungs: tuple[str, ...] | None
     leave_one_out: bool
+    held_out: tuple[str, ...] = ()
+    substeps: int | None = None
+    """Steps a sample; None for the problem's."""
+    opened: tuple[OpenedBound, ...] = ()
+    """The bounds that the fit of the project opened: they are open for every structure."""
 
     @property
     def fold(self) -> _Fold:
         """A process makes it once."""
-        if isinstance(self.origin, _OfFile):
-            return _fold_of_file(self)
-        if self.held_out not in self.origin.folds:
-            self.origin.folds[self.held_out] = _made(self)
-        return self.origin.folds[self.held_out]
+        return _made(self)
 
     def minimum(self, name: str, values: Mapping[str, float]) -> tuple[Problem, FloatArray]:
         """A structure's problem, and its minimum."""
@@ -323,23 +301,20 @@ class _Place:
         return problem, np.array([values[n] for n in problem.names])
 
 
+@lru_cache(maxsize=128)
 def _made(place: _Place) -> _Fold:
-    origin = place.origin
-    problem, validation, alternatives = origin.load()
-    problem = reopened(replace(problem, substeps=origin.substeps or problem.substeps), origin.opened)
+    problem, validation, alternatives = place.origin.load()
+    problem = reopened(replace(problem, substeps=place.substeps or problem.substeps), place.opened)
     every = (*problem.experiments, *validation) if place.leave_one_out else problem.experiments
     fitted = tuple(e for e in every if e.name not in place.held_out)
     others = tuple(e for e in (*problem.experiments, *validation) if e.name in place.held_out)
-    keep, rungs = origin.only
     window = chosen_window(problem)
     window = window and window / PARTS  # where any start leads to the minimum
     fitted_problem = replace(problem, experiments=fitted)
     fitted_problem = windowed(fitted_problem, window) if window else fitted_problem
     beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
-    return _Fold(others, ladder(fitted_problem, keep=keep, rungs=rungs, others=others, alternatives=beside), window)
-
-
-_fold_of_file = lru_cache(maxsize=32)(_made)
+    every_structure = ladder(fitted_problem, keep=place.keep, rungs=place.rungs, others=others, alternatives=beside)
+    return _Fold(others, every_structure, window)
 
 
 # --- one structure -------------------------------------------------------------------------------------
@@ -386,41 +361,36 @@ def _fit_structure(
         _fitted(structure, below, seed, starts, jobs, watch) if before is None
         else _refitted(structure, below, *before, jobs, watch)
     )  # fmt: skip
-    values = problem.named(best.point)
-    errors = problem.errors(best.point)
+    values, errors = problem.named(best.point), problem.errors(best.point)
+    alike = {"values": values, "parameters": len(values), "work": watch.work}
     if isinstance(errors, Failure):
         scores = {n: _score(problem, e, errors) for n, (e, _) in problem.recordings.items()}
-        return as_json(FittedBlock, {
-            "values": values, "cost": None, "outcome": str(errors), "in_sample": scores, "parameters": len(values),
-            "held_out": {e.name: _score(problem, e, errors) for e in others}, "orders": {}, "at_bound": [],
-            "squares": None, "samples": 2.0, "work": watch.work,
+        missed = {e.name: _score(problem, e, errors) for e in others}
+        nothing: dict[str, Any] = {"cost": None, "squares": None, "samples": 2.0, "orders": {}, "at_bound": []}
+        return as_json(FittedBlock, alike | nothing | {
+            "outcome": str(errors), "in_sample": scores, "held_out": missed,
         })  # fmt: skip
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
     predicted = {e.name: _predicted(structure, values, e, place.fold.window, jobs) for e in others}
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
-    precision = uncertainty(problem, best.point, jobs=jobs)
-    intervals = (
-        [] if isinstance(precision, Failure) else [precision.interval(best.point, i) for i in range(len(values))]
-    )
-    indices = () if isinstance(precision, Failure) else np.flatnonzero(precision.at_bound)
-    at_bound = [problem.names[i] for i in indices]
-    return as_json(FittedBlock, {
-        "values": values,
+    orders = {problem.names[i]: i for i in problem.order_indices}
+    known: dict[str, Any] = {"orders": dict.fromkeys(orders), "at_bound": []}
+    if not isinstance(precision := uncertainty(problem, best.point, jobs=jobs), Failure):
+        intervals = {n: precision.interval(best.point, i) for n, i in orders.items()}
+        beyond = {n: precision.half_beyond_bounds(i) for n, i in orders.items() if intervals[n]}
+        at_bound = [problem.names[i] for i in np.flatnonzero(precision.at_bound)]
+        known = {"orders": intervals, "beyond_bounds": beyond, "at_bound": at_bound}
+    return as_json(FittedBlock, alike | known | {
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": effective_samples(errors),
-        "parameters": len(values),
-        "at_bound": at_bound,
-        "orders": {problem.names[i]: intervals[i] if intervals else None for i in problem.order_indices},
-        "beyond_bounds": {} if isinstance(precision, Failure) else {
-            problem.names[i]: precision.half_beyond_bounds(i) for i in problem.order_indices if intervals[i]},
         "in_sample": {n: _score(problem, *found) for n, found in followed.items()},
         "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
         "left_over": leftovers(problem, best.point),
         "curves": {
             name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
         },
-        "outcome": outcome, "work": watch.work,
+        "outcome": outcome,
     })  # fmt: skip
 
 
@@ -540,13 +510,17 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
 # --- all of them -----------------------------------------------------------------------------------------
 
 
+Fits = dict[tuple[str, str], FittedBlock]
+"""(Fold, structure) → its fit."""
+
+
 @dataclass
 class _Study:
     """The fits of all folds, in waves."""
 
-    origin: _InMemory | _OfFile
+    whole: _Place
+    """Of the fold that holds nothing out but what is to be."""
     folds: Mapping[str, tuple[str, ...]]
-    leave_one_out: bool
     optimiser: str
     """The project's."""
     seed: int
@@ -562,64 +536,54 @@ class _Study:
     began: float = field(default_factory=time.perf_counter)
 
     def place(self, fold: str = WHOLE) -> _Place:
-        return _Place(self.origin, self.folds[fold], self.leave_one_out)
+        return replace(self.whole, held_out=self.folds[fold])
 
     def ladder(self, fold: str) -> Ladder:
         return self.place(fold).fold.ladder
 
-    def task(self, what: str, row: Row, *more: Any) -> Task:
-        """What follows from the fit of a structure to all recordings."""
-        return Task(f"{what} | {row.name}", (self.place(), row.name, dict(row.values), *more))
-
-    def fit(self) -> dict[tuple[str, str], dict[str, Any]]:
-        """(Fold, structure) → what :func:`_fit_structure` gave."""
+    def fit(self) -> Fits:
+        """What :func:`_fit_structure` gave of each structure in each fold."""
         self.total = sum(1 + len(self.ladder(fold).structures) for fold in self.folds)
-        self._fit_project("", {})
-        fits: dict[tuple[str, str], dict[str, Any]] = {}
+        self._fit_project("")
+        fits: Fits = {}
         for wave in self._waves():
-            tasks = [Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave]
-            results = self._run_fits(tasks)
-            fits |= {(fold, s.name): results[_key(fold, s)] for fold, s in wave}
+            fits |= self._run_fits(FittedBlock, _fit_structure, {
+                (fold, s.name): Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave
+            })  # fmt: skip
         return fits
 
     def substeps(self, rows: Sequence[Row]) -> int:
         """The steps a sample at which the best rows of either kind are quiet."""
         kinds = [[row for row in rows if row.fractional == kind and math.isfinite(row.cost)] for kind in (False, True)]
         best = [best_of(kind) for kind in kinds if kind]
-        tasks = [self.task("step", row, _half_widths(row), max(1, self.execution.jobs // 2)) for row in best]
-        results = self._run(_choose_step, tasks, "is the step fine enough?")
-        return max((int(results[task.key]["substeps"]) for task in tasks), default=1)
+        widths, jobs = {row.name: _half_widths(row) for row in best}, max(1, self.execution.jobs // 2)
+        results = self._follow("step", "is the step fine enough?", _choose_step, best, widths, jobs)
+        return max((int(found["substeps"]) for found in results.values()), default=1)
 
-    def fit_again(self, fits: Mapping[tuple[str, str], dict[str, Any]], substeps: int) -> dict[tuple[str, str], Any]:
+    def fit_again(self, fits: Fits, substeps: int) -> Fits:
         """All fits once more, at a finer step, each from its minimum."""
-        coarse, self.origin = self.ladder(WHOLE).given.substeps, self.origin.but(substeps=substeps)
-        again = dict(fits)
-        self.total += len(self.folds) + sum(fit["cost"] is not None for fit in fits.values())
-        self._fit_project(f"again, with {substeps} steps a sample", self.given)
+        coarse, self.whole = self.ladder(WHOLE).given.substeps, replace(self.whole, substeps=substeps)
+        again, note = dict(fits), f"again, with {substeps} steps a sample"
+        self.total += len(self.folds) + sum(fit.cost is not None for fit in fits.values())
+        self._fit_project(note)
         for wave in self._waves():
-            tasks = {
+            again |= self._run_fits(FittedBlock, _fit_structure, {
                 (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
-                    *self._arguments(fold, s, again, len(wave)),
-                    (fits[fold, s.name]["values"], fits[fold, s.name]["outcome"], coarse),
-                )) for fold, s in wave if fits[fold, s.name]["cost"] is not None
-            }  # fmt: skip
-            results = self._run_fits([*tasks.values()], f"again, with {substeps} steps a sample")
-            again |= {pair: results[task.key] for pair, task in tasks.items()}
+                    *self._arguments(fold, s, again, len(wave)), (fit.values, fit.outcome, coarse),
+                )) for fold, s in wave if (fit := fits[fold, s.name]).cost is not None
+            }, note)  # fmt: skip
         return again
 
-    def _fit_project(self, again: str, before: Mapping[str, dict[str, float]]) -> None:
+    def _fit_project(self, again: str) -> None:
         """Fit the project as it stands, in each fold, and open the bounds that stop it for every structure."""
         jobs = max(1, self.execution.jobs // len(self.folds))
-        tasks = {
+        found = self._run_fits(GivenBlock, _fit_project, {
             fold: Task(" | ".join(filter(None, (GIVEN, fold, again))), (
-                self.place(fold), self.optimiser, self.seed, self.starts, jobs, before.get(fold) or None,
+                self.place(fold), self.optimiser, self.seed, self.starts, jobs, self.given.get(fold) or None,
             )) for fold in self.folds
-        }  # fmt: skip
-        results = self._run_fits([*tasks.values()], again, _fit_project)
-        found = {fold: record_of(GivenBlock, results[task.key]) for fold, task in tasks.items()}
+        }, again)  # fmt: skip
         self.given = {fold: block.values for fold, block in found.items()}
-        if opened := tuple(found[WHOLE].opened):
-            self.origin = self.origin.but(opened=(*self.origin.opened, *opened))
+        self.whole = replace(self.whole, opened=(*self.whole.opened, *found[WHOLE].opened))
 
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
@@ -634,16 +598,17 @@ class _Study:
                 waves.setdefault(level[s.name], []).append((fold, s))
         return iter(waves[k] for k in sorted(waves))
 
-    def _arguments(
-        self, fold: str, s: Structure, fits: Mapping[tuple[str, str], dict[str, Any]], beside: int
-    ) -> tuple[Any, ...]:
-        hierarchy = self.ladder(fold)
-        minima = {n: fits[fold, n]["values"] for n in s.below if fits[fold, n]["cost"] is not None}
-        below = {n: assignment(p := hierarchy[n].problem, np.array([values[u] for u in p.names]))
-                 for n, values in minima.items()} | ({GIVEN: self.given[fold]} if self.given[fold] else {})  # fmt: skip
-        return self.place(fold), s.name, below, self.seed, self.starts, max(1, self.execution.jobs // beside)
+    def _arguments(self, fold: str, s: Structure, fits: Fits, beside: int) -> tuple[Any, ...]:
+        place = self.place(fold)
+        ended = {n: fits[fold, n] for n in s.below if fits[fold, n].cost is not None}
+        below = {n: assignment(*place.minimum(n, fit.values)) for n, fit in ended.items()}
+        below |= {GIVEN: self.given[fold]} if self.given[fold] else {}
+        return place, s.name, below, self.seed, self.starts, max(1, self.execution.jobs // beside)
 
-    def _run_fits(self, tasks: list[Task], note: str = "", work: Callable[..., Any] = _fit_structure) -> dict[str, Any]:
+    def _run_fits(
+        self, kind: type[FittedBlock | GivenBlock], work: Callable[..., Any], tasks: Mapping[Any, Task], note: str = ""
+    ) -> dict[Any, Any]:
+        """What each task finds, as a block of that kind."""
         before = self.earlier
 
         def over_all(p: Progress) -> None:
@@ -651,15 +616,22 @@ class _Study:
             self._tell(self.done + p.done, note)
 
         part = Part("fits", self.done, self.total)
-        results = replace(self.execution, progress=over_all, part=part).run(work, tasks)
+        results = replace(self.execution, progress=over_all, part=part).run(work, [*tasks.values()])
         self.done += len(tasks)
-        self.work += sum(found.get("work", 0) for found in results.values())
-        return results
+        found = {name: record_of(kind, results[task.key]) for name, task in tasks.items()}
+        self.work += sum(block.work for block in found.values())
+        return found
 
-    def _run(self, work: Callable[..., Any], tasks: list[Task], note: str) -> dict[str, Any]:
-        """What follows from the fits, which stay what is counted."""
+    def _follow(
+        self, what: str, note: str, work: Callable[..., Any], rows: Iterable[Row], *more: Any
+    ) -> dict[str, Any]:
+        """What follows from the fits of some structures to all recordings; those stay what is counted."""
+        tasks = {row.name: Task(f"{what} | {row.name}", (self.place(), row.name, dict(row.values), *more))
+                 for row in rows}  # fmt: skip
         part = Part("fits", self.done, self.total, beside=True)
-        return replace(self.execution, progress=lambda _: self._tell(self.done, note), part=part).run(work, tasks)
+        execution = replace(self.execution, progress=lambda _: self._tell(self.done, note), part=part)
+        results = execution.run(work, [*tasks.values()])
+        return {name: results[task.key] for name, task in tasks.items()}
 
     def _tell(self, done: int, note: str) -> None:
         if self.execution.progress is not None:
@@ -668,36 +640,31 @@ class _Study:
 
     def with_odds(self, rows: Sequence[Row], samples: float) -> tuple[tuple[Row, ...], tuple[str, ...]]:
         """The rows with their posterior odds, and why some have none."""
-        fits = (row for row in rows if math.isfinite(row.cost))
-        tasks = {row.name: self.task("evidence", row, self.execution.jobs) for row in fits}
-        results = self._run(_log_evidence, [*tasks.values()], "evidence")
-        hierarchy, logs, without = self.ladder(WHOLE), {}, []
-        for name, task in tasks.items():
-            content = results[task.key]
-            if content["reason"]:
-                without.append(f"{name} has no evidence: {content['reason']}")
-                continue
-            fit = log_fit(content["cost"], samples, hierarchy[name].problem.cost_function)
-            logs[name] = content["log_evidence"] + fit
+        fits, cost = (row for row in rows if math.isfinite(row.cost)), self.ladder(WHOLE).given.cost_function
+        found = self._follow("evidence", "evidence", _log_evidence, fits, self.execution.jobs)
+        without = tuple(f"{n} has no evidence: {its['reason']}" for n, its in found.items() if its["reason"])
+        logs = {n: its["log_evidence"] + log_fit(its["cost"], samples, cost)
+                for n, its in found.items() if not its["reason"]}  # fmt: skip
         most = max(logs.values(), default=math.nan)
-        return tuple(replace(row, log_odds=logs.get(row.name, math.nan) - most) for row in rows), tuple(without)
+        return tuple(replace(row, log_odds=logs.get(row.name, math.nan) - most) for row in rows), without
 
     def alternative(self, comparison: Comparison, row: Row) -> Alternative | None:
         """What of integer order comes nearest to a fractional structure."""
-        own = self.origin.load()[2]
+        own = self.whole.origin.load()[2]
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
         how = {"jobs": self.execution.jobs, "starts": self.starts, "seed": self.seed}
-        task = self.task("alternatives", row, _half_widths(row), others, MORE * max(TIMES * self.work, LEAST), how)
-        content = self._run(_try_alternatives, [task], "integer-order alternatives")[task.key]["alternative"]
-        return None if content is None else record_of(Alternative, content)
+        most = MORE * max(TIMES * self.work, LEAST)
+        (found,) = self._follow("alternatives", "integer-order alternatives", _try_alternatives, [row],
+                                _half_widths(row), others, most, how).values()  # fmt: skip
+        return None if found["alternative"] is None else record_of(Alternative, found["alternative"])
 
     def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
         """The amplitude test of some structures."""
         names = dict.fromkeys(n for n in structures if math.isfinite(comparison[n].cost))
         jobs = max(1, self.execution.jobs // max(1, len(names)))
-        tasks = {name: self.task("amplitude", comparison[name], jobs) for name in names}
-        results = self._run(_test_amplitude, [*tasks.values()], "do the orders drift with amplitude?")
-        return {name: record_of(AmplitudeTest, results[task.key]) for name, task in tasks.items()}
+        rows, note = (comparison[name] for name in names), "do the orders drift with amplitude?"
+        results = self._follow("amplitude", note, _test_amplitude, rows, jobs)
+        return {name: record_of(AmplitudeTest, found) for name, found in results.items()}
 
 
 def _half_widths(row: Row) -> dict[str, float]:
@@ -706,12 +673,12 @@ def _half_widths(row: Row) -> dict[str, float]:
 
 
 def _choose_step(
-    place: _Place, name: str, values: Mapping[str, float], half_widths: dict[str, float], jobs: int
+    place: _Place, name: str, values: Mapping[str, float], widths: dict[str, dict[str, float]], jobs: int
 ) -> dict[str, Any]:
     problem, x = place.minimum(name, values)
     if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
-    return {"substeps": quiet_substeps(problem, x, half_widths, jobs=jobs)}
+    return {"substeps": quiet_substeps(problem, x, widths[name], jobs=jobs)}
 
 
 def _key(fold: str, s: Structure) -> str:
@@ -738,17 +705,9 @@ def _try_alternatives(
     """Look for them with so much work at most, which is counted in steps, as beside a fit."""
     problem, x = place.minimum(name, values)
     every = place.fold.ladder.structures
-    beside = {s.friction: _from_there(s.problem, others[s.name]) for s in every if s.name in others}
+    beside = {s.friction: starting_at(s.problem, others[s.name]) for s in every if s.name in others}
     nearest = integer_alternatives(problem, problem.evaluate(x), half, own=beside, watch=Watch(most=most), **how)
     return {"alternative": None if nearest is None else as_json(Alternative, nearest)}
-
-
-def _from_there(problem: Problem, values: Mapping[str, float]) -> Problem:
-    """The same, its search to begin at the minimum that it is known to have."""
-    return replace(problem, parameters={
-        n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
-        for n, v in problem.parameters.items()
-    })  # fmt: skip
 
 
 def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison:
@@ -797,11 +756,10 @@ def _springpots(row: Row, problem: Problem) -> list[str]:
 
 
 def _rows(
-    hierarchy: Ladder, fitted: Mapping[tuple[str, str], dict[str, Any]], folds: Mapping[str, tuple[str, ...]],
-    problem: Problem,
-) -> tuple[tuple[Row, ...], float]:  # fmt: skip
+    hierarchy: Ladder, fits: Fits, folds: Mapping[str, tuple[str, ...]], problem: Problem
+) -> tuple[tuple[Row, ...], float]:
     """The table's rows, and the samples that the residuals of the best in sample are worth."""
-    whole = {s.name: record_of(FittedBlock, fitted[WHOLE, s.name]) for s in hierarchy.structures}
+    whole = {s.name: fits[WHOLE, s.name] for s in hierarchy.structures}
     samples = min(whole.values(), key=lambda r: math.inf if r.cost is None else r.cost).samples
     criteria = {n: math.inf if r.squares is None else schwarz(r.squares, r.parameters, samples, problem.cost_function)
                 for n, r in whole.items()}  # fmt: skip
@@ -814,15 +772,13 @@ def _rows(
             for n in s.problem.orders
             for q in [s.problem.ties.get(n, n)]
         }
-        held_out = {n: score for fold in folds for n, score in
-                    fitted.get((fold, s.name), {"held_out": {}})["held_out"].items()}  # fmt: skip
-        curves = {**r.curves} | {n: curve for fold, names in folds.items()
-                                 for n, curve in fitted.get((fold, s.name), {}).get("curves", {}).items()
-                                 if n in names}  # fmt: skip
+        own = {fold: fits[fold, s.name] for fold in folds if (fold, s.name) in fits}
+        held_out = {n: score for fit in own.values() for n, score in fit.held_out.items()}
+        curves = {**r.curves} | {n: y for fold, fit in own.items() for n, y in fit.curves.items() if n in folds[fold]}
         rows.append(Row(
             s.friction, s.fractional, s.name, s.paper, math.inf if r.cost is None else r.cost, r.parameters,
             criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r.values, tuple(r.at_bound),
-            r.in_sample, {n: record_of(Score, v) for n, v in held_out.items()}, r.outcome, r.left_over, curves,
+            r.in_sample, held_out, r.outcome, r.left_over, curves,
         ))  # fmt: skip
     return tuple(rows), samples
 

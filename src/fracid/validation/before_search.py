@@ -65,7 +65,7 @@ from fracid.signals.swing import final_value, swing_period, tail
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
-from fracid.solver.stiffness import STEPS_A_PERIOD, TooLong, linearised, modes, step_gain, steps_a_period, too_long
+from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.reversed_signs import reversals, wrong_sign
 
 SAYS = Words("validation/before_search.toml")
@@ -124,12 +124,11 @@ def before(
     samples = [f for e in recordings for f in _sample_findings(problem, e, reports.get(e.name))]
     findings = [f for f in samples if f.code != "counted-backwards"]  # the model itself tells a wrong sign
     hanging = _hanging(problem)
-    linearisations = [_linearisation(problem, e) for e in problem.experiments]
     in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in findings)
     if in_its_unit:  # else all that follows from it would be said too
-        findings += [f for at in linearisations for f in _wrong_zero(at, hanging)]
+        findings += [f for e in problem.experiments for f in _wrong_zero(problem, e, hanging)]
         findings += [f for e in recordings for f in _tilted_axis(problem, e, hanging)]
-    findings += _worst(f for at in linearisations for f in _long_steps(at, problem.method, problem.substeps))
+    findings += _worst(f for e in problem.experiments for f in _long_steps(problem, e))
     if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
         findings += wrong_sign(reversals(problem, jobs))
     return tuple(findings)
@@ -172,23 +171,6 @@ class Hanging:
         return math.remainder(angle - self.rest - (math.pi if self.zero == "upright" else 0.0), 2 * math.pi)
 
 
-@dataclass(frozen=True)
-class Linearisation:
-    """The start's model linearised along a recording's measured motion, and in the posture in which that stays."""
-
-    recording: str
-    too_long: TooLong | None
-    """How far the step is beyond what the method follows along the motion; None where it is not."""
-    steps: float
-    """In a period of the fastest oscillation; the median along the motion."""
-    posture: Mapping[str, float]
-    """Where each output stays that does [rad]; empty where the rig is driven to the end."""
-    growth: float
-    """The fastest departure from that posture [1/s]."""
-    falls: bool
-    """Whether the model, put there, has left within a swing."""
-
-
 def _hanging(problem: Problem) -> Hanging | None:
     """None where the model has no pendulum, or one whose rest is no parameter."""
     pendulum = problem.model.pendulum
@@ -201,28 +183,16 @@ def _hanging(problem: Problem) -> Hanging | None:
     return Hanging(pendulum, rest, problem.model.zero, start, reach)
 
 
-def _linearisation(problem: Problem, e: Experiment) -> Linearisation:
-    model = problem.model
-    orders, values, _ = problem.unpack(problem.start, e)
-    motion = [*_measured_states(problem, e)]
-    ends = {} if _driven(e) else {o: final_value(y) for o, y in zip(problem.outputs, e.measured.T, strict=True)}
-    posture = {o: value for o, value in ends.items() if value is not None}
-    swing = min(swing_period(e.most_moved), len(e.measured)) * e.step
-
-    rhs = compile_rhs(model.rhs)
+def _growth(problem: Problem, e: Experiment, posture: Mapping[str, float]) -> float:
+    """How fast the start's model leaves a posture [1/s]."""
+    model, values = problem.model, problem.unpack(problem.start, e)[1]
     still, no_inputs = np.zeros(len(model.states)), np.zeros(len(model.inputs))
     for o, value in posture.items():
         if o in model.output_states:
             still[model.output_states[o]] = value
-    gain = step_gain(e.step / problem.substeps, orders, time_scale(model, values))
     with np.errstate(all="ignore"):
-        linear = [linearised(rhs, t, x, u, values) for t, x, u in motion]
-        departures = modes(linearised(rhs, 0.0, still, no_inputs, values), np.ones(len(still)))
-
-    beyond = too_long(problem.method, orders, linear, gain, len(e.measured) * problem.substeps)
-    steps = float(np.median([steps_a_period(modes(J, gain)) for J in linear]))
-    growth = max((m.real for m in departures if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
-    return Linearisation(e.name, beyond, steps, posture, growth, growth * swing > 1)
+        departures = modes(linearised(compile_rhs(model.rhs), 0.0, still, no_inputs, values), np.ones(len(still)))
+    return max((m.real for m in departures if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
 
 
 def _driven(e: Experiment) -> bool:
@@ -249,19 +219,22 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
 # --- the checks ------------------------------------------------------------------------------------------
 
 
-def _wrong_zero(at: Linearisation, hanging: Hanging | None) -> Iterator[Finding]:
+def _wrong_zero(problem: Problem, e: Experiment, hanging: Hanging | None) -> Iterator[Finding]:
     """Where the recording stays, does the model?"""
-    if hanging is not None and hanging.pendulum in at.posture:
-        yield from _off_hanging(at, hanging)
-    elif at.posture and at.falls:
-        yield SAYS.finding("falls", at.recording, at.growth, 0.0, seconds=1 / at.growth)
+    ends = {} if _driven(e) else {o: final_value(y) for o, y in zip(problem.outputs, e.measured.T, strict=True)}
+    posture = {o: value for o, value in ends.items() if value is not None}
+    growth, swing = _growth(problem, e, posture), min(swing_period(e.most_moved), len(e.measured)) * e.step
+    falls = growth * swing > 1  # the model, put there, has left within a swing
+    if hanging is not None and hanging.pendulum in posture:
+        yield from _off_hanging(f"{e.name}: {hanging.pendulum}", posture[hanging.pendulum], falls, hanging)
+    elif posture and falls:
+        yield SAYS.finding("falls", e.name, growth, 0.0, seconds=1 / growth)
 
 
-def _off_hanging(at: Linearisation, hanging: Hanging) -> Iterator[Finding]:
-    pendulum, where = hanging.pendulum, f"{at.recording}: {hanging.pendulum}"
-    off = hanging.off(at.posture[pendulum])
-    stays, away = f"it stays at {math.degrees(at.posture[pendulum]):.1f}°", abs(math.degrees(off))
-    if at.falls and abs(off) > math.pi / 2:
+def _off_hanging(where: str, angle: float, falls: bool, hanging: Hanging) -> Iterator[Finding]:
+    off, pendulum = hanging.off(angle), hanging.pendulum
+    stays, away = f"it stays at {math.degrees(angle):.1f}°", abs(math.degrees(off))
+    if falls and abs(off) > math.pi / 2:
         other = "hanging" if hanging.zero == "upright" else "upright"
         yield SAYS.finding("upside-down", where, away, 90.0, stays=stays, hanging=hanging, pendulum=pendulum,
                            other=other)  # fmt: skip
@@ -293,15 +266,19 @@ def _before_the_input(e: Experiment, y: FloatArray) -> float | None:
     return float(np.mean(still)) if at_rest else None
 
 
-def _long_steps(at: Linearisation, method: str, substeps: int) -> Iterator[Finding]:
-    if beyond := at.too_long:
-        more = _or_substeps(substeps, beyond.parts)
+def _long_steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
+    """How far the step is beyond what the method follows along the motion, by the start's model."""
+    method, substeps, (orders, values, _) = problem.method, problem.substeps, problem.unpack(problem.start, e)
+    gain, rhs = step_gain(e.step / substeps, orders, time_scale(problem.model, values)), compile_rhs(problem.model.rhs)
+    with np.errstate(all="ignore"):
+        linear = [linearised(rhs, t, x, u, values) for t, x, u in _measured_states(problem, e)]
+    if beyond := too_long(method, orders, linear, gain, len(e.measured) * substeps):
         scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
-        yield SAYS.finding("stiff", at.recording, beyond.size, beyond.limit, method=method, scheme=scheme, other=other,
-                           more=more)  # fmt: skip
-    elif at.steps < STEPS_A_PERIOD:
-        yield SAYS.finding("coarse-steps", at.recording, at.steps, STEPS_A_PERIOD,
-                           finer=_finer(substeps, 2 * STEPS_A_PERIOD / at.steps))  # fmt: skip
+        yield SAYS.finding("stiff", e.name, beyond.size, beyond.limit, method=method, scheme=scheme, other=other,
+                           more=_or_substeps(substeps, beyond.parts))  # fmt: skip
+    elif (steps := float(np.median([steps_a_period(modes(J, gain)) for J in linear]))) < STEPS_A_PERIOD:
+        yield SAYS.finding("coarse-steps", e.name, steps, STEPS_A_PERIOD,
+                           finer=_finer(substeps, 2 * STEPS_A_PERIOD / steps))  # fmt: skip
 
 
 def _or_substeps(substeps: int, parts: float) -> str:
