@@ -151,7 +151,7 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
 def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> list[tuple[float, float, float]]:
     """The growth from so many places of a recording, each to the next one."""
     ends = np.linspace(0, len(e.measured), places + 1).astype(int).tolist()
-    parts = (problem.with_shared(x, (_piece(e, e.name, a, b),)) for a, b in pairwise(ends) if b - a > SAMPLES)
+    parts = (problem.with_shared(x, (piece(e, e.name, a, b),)) for a, b in pairwise(ends) if b - a > SAMPLES)
     return [_growth(replace(part, initial_state="estimate", memo=None)) for part in parts]
 
 
@@ -329,12 +329,12 @@ def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, r
     pairs = [p for a, b in pairs for p in pairwise(np.linspace(a, b, parts + 1).astype(int).tolist())]
     windows = []
     for k, (a, b) in enumerate(pairs, start=1):
-        piece = replace(_piece(e, f"{e.name}, window {k}", a, b), whole=whole, begun=_begun(e, a))
+        window = replace(piece(e, f"{e.name}, window {k}", a, b), whole=whole, begun=_begun(e, a))
         if remembers and a >= SAMPLES:
             before = slice(max(0, a - PAST * length), a)
             inputs = e.inputs if len(e.inputs) == 1 else e.inputs[before]
-            piece = replace(piece, past=e.measured[before], past_inputs=inputs)
-        windows.append(piece)
+            window = replace(window, past=e.measured[before], past_inputs=inputs)
+        windows.append(window)
     return windows
 
 
@@ -366,7 +366,7 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
     pieces = []
     for e in problem.experiments:
         ends = np.linspace(0, len(e.measured), parts + 1).astype(int).tolist()
-        pieces += [_piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
+        pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
     return replace(
         problem,
@@ -386,11 +386,11 @@ def _windows(e: Experiment, most: int) -> list[Experiment]:
     length = min(samples, max(length, math.ceil(2 * late / e.step) + 2 if late > 0 else 0))
     count = min(most, samples // length)
     firsts = np.linspace(0, samples - length, count).astype(int) if count > 1 else [0]
-    windows = [_piece(e, f"{e.name}, window {k + 1}", a, a + length) for k, a in enumerate(map(int, firsts))]
-    return [w for w in windows if w.samples >= LEAST * length] or [_piece(e, e.name, 0, samples)]
+    windows = [piece(e, f"{e.name}, window {k + 1}", a, a + length) for k, a in enumerate(map(int, firsts))]
+    return [w for w in windows if w.samples >= LEAST * length] or [piece(e, e.name, 0, samples)]
 
 
-def _piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
+def piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
     """Some samples of a recording, which begin in motion."""
     return replace(
         e, name=name, past=None, past_inputs=None, release_time=0.0, initial={},

@@ -53,13 +53,8 @@ HELD = 1e-7
 Residual = Callable[[FloatArray], FloatArray]
 """Constants → the equation's residual at each row, shape (n_rows,)."""
 
-
-@dataclass(frozen=True)
-class _Row:
-    """One equation on one recording."""
-
-    name: str
-    residual: Residual
+Equation = tuple[str, Residual]
+"""One equation on one recording, by the name of its state or output."""
 
 
 def _equation(model: Model, i: int) -> tuple[Any, Any]:
@@ -76,7 +71,17 @@ def _equation(model: Model, i: int) -> tuple[Any, Any]:
     return made(over), made(under)
 
 
-def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float) -> Iterator[_Row]:
+def _along(f: Any, i: int, x: Sequence[Sequence[float]], u: Any, p: FloatArray) -> FloatArray:
+    """A right-hand side's rate of one state, along states and inputs."""
+    out, values = np.zeros(2 * max(map(len, x), default=0)), np.empty(len(x))
+    with np.errstate(all="ignore"):  # an equation beside this one may divide by what is 0 here
+        for k, (state, v) in enumerate(zip(x, u, strict=True)):
+            f(0.0, state, v, p, out)
+            values[k] = out[i]
+    return values
+
+
+def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float) -> Iterator[Equation]:
     """The equations that a recording has all signals of."""
     from scipy.ndimage import gaussian_filter1d
 
@@ -103,31 +108,21 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
         x = np.column_stack([columns.get(i, np.zeros(n))[at] for i in range(len(model.states))])
         return [[float(v) for v in row] for row in x]
 
-    def along(f: Any, i: int, x: Sequence[Sequence[float]], p: FloatArray) -> FloatArray:
-        out, values = np.zeros(2 * len(model.states)), np.empty(len(x))
-        with np.errstate(all="ignore"):  # an equation beside this one may divide by what is 0 here
-            for k, (state, v) in enumerate(zip(x, u, strict=True)):
-                f(0.0, state, v, p, out)
-                values[k] = out[i]
-        return values
-
     start = model.with_parameters(**problem.parameter_starts).parameter_vector()
     for i in (i for i in rates if model.rates.get(i) not in known):
         over, under = _equation(model, i)
         x = states_of(known)
-        hidden = [k for k in range(len(model.states)) if k not in known]
-        here = along(over, i, x, start)
-        missing = [model.states[k] for k in hidden
-                   if not np.array_equal(along(over, i, states_of(known | {k: np.ones(n)}), start), here)]  # fmt: skip
+        here = _along(over, i, x, u, start)
+        others = {k: states_of(known | {k: np.ones(n)}) for k in range(len(model.states)) if k not in known}
+        missing = [model.states[k] for k, other in others.items()
+                   if not np.array_equal(_along(over, i, other, u, start), here)]  # fmt: skip
         if missing:
-            raise InputError(
-                f"The equation of {model.states[i]} has {', '.join(missing)}, which nothing measures here: fracid fit."
-            )
+            raise InputError(SAYS("missing", state=model.states[i], missing=", ".join(missing)))
 
         def residual(p: FloatArray, i: int = i, over: Any = over, under: Any = under, x: Any = x) -> FloatArray:
-            return filtered(along(under, i, x, p) * rates[i][at] - along(over, i, x, p))
+            return filtered(_along(under, i, x, u, p) * rates[i][at] - _along(over, i, x, u, p))
 
-        yield _Row(model.states[i], residual)
+        yield model.states[i], residual
     functions = {n: h for n, h in model.outputs.items() if n in problem.outputs and not isinstance(h, int)}
     if functions and not known:
         run = problem.simulator.trajectory(problem.start, e)
@@ -141,7 +136,7 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
             def shown(p: FloatArray, y: FloatArray = y, f: Any = f) -> FloatArray:
                 return filtered(y - np.array([f(0.0, state, v, p) for state, v in zip(states, u, strict=True)]))
 
-            yield _Row(name, shown)
+            yield name, shown
 
 
 def linear_in(residual: Residual, names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> list[str]:
@@ -185,8 +180,8 @@ def regress_equations(problem: Problem) -> Regression:
     places = {n: k for k, n in enumerate(model.parameter_names)}
     unknown = [n for n in names if n in places]
     rows = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
-    for r in rows:
-        unknown = linear_in(r.residual, unknown, at, places)
+    for _, residual in rows:
+        unknown = linear_in(residual, unknown, at, places)
     held = [n for n in names if n not in unknown]
     if not unknown or not rows:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
@@ -232,15 +227,15 @@ class _Estimate:
     condition: float
 
 
-def _estimate(rows: Sequence[_Row], names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> _Estimate:
+def _estimate(rows: Sequence[Equation], names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> _Estimate:
     """Huber's regression of all rows, each equation in parts of its largest term."""
     index = [places[n] for n in names]
     zero = at.copy()
     zero[index] = 0.0
     columns, targets, sizes = [], [], []
-    for r in rows:
-        target = r.residual(zero)
-        column = np.column_stack([r.residual(_moved(zero, {k: 1.0})) - target for k in index])
+    for _, residual in rows:
+        target = residual(zero)
+        column = np.column_stack([residual(_moved(zero, {k: 1.0})) - target for k in index])
         size = float(np.sqrt(np.mean(np.square(np.column_stack([column * at[index], target])), axis=0).max()))
         columns.append(column / size)
         targets.append(-target / size)
@@ -260,7 +255,7 @@ def _estimate(rows: Sequence[_Row], names: Sequence[str], at: FloatArray, places
     gradient = [g.sum(axis=0) for g in np.array_split(A * (weights * errors)[:, None], BLOCKS)]
     covariance = inverse @ sum(np.outer(g, g) for g in gradient) @ inverse
     ends = np.cumsum([len(t) for t in targets])[:-1]
-    parted = dict(zip((f"{r.name}" for r in rows), np.split(errors, ends), strict=False))
+    parted = dict(zip((name for name, _ in rows), np.split(errors, ends), strict=False))
     return _Estimate(
         beta / scale, np.sqrt(np.diag(covariance)) / scale, parted,
         dict(zip(parted, np.split(weights, ends), strict=False)),

@@ -55,6 +55,16 @@ def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tup
     return v[:-1] / v[-1], 1.0 / float(inverse[-1])
 
 
+def scaled_by_itself(system: System, gauge: Gauge, own: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Total least squares with the noise of its own estimate in each equation: v, the ratio, and these scales."""
+    near = scales = system.scales(own)
+    v, ratio = gauge.fixed, math.inf
+    for _ in range(3):
+        v, ratio = total_least_squares(system, gauge, scales)
+        scales = system.scales(gauge.beta(v), near)
+    return v, ratio, scales
+
+
 def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArray) -> FloatArray:
     """Solve Zᵀ w (A v − y) = 0."""
     units, zunits = np.linalg.norm(A, axis=0), np.linalg.norm(Z, axis=0)

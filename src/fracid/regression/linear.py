@@ -30,9 +30,9 @@ from fracid.regression.estimators import (
     overlap,
     raised,
     sandwich,
+    scaled_by_itself,
     solve,
     stack,
-    total_least_squares,
 )
 from fracid.regression.instruments import instruments_of, theta_rest_of
 from fracid.regression.orders import OrderSearch, search_orders
@@ -279,18 +279,16 @@ def _regress(
         own = own_values(model, names)
         basic = _independent(data.system(at), gauge, own)[0]
         search, at, spread = search_orders(data, basic, own, orders)
-    regression = _at(data, gauge, names, fixed_values, model, at, estimator, spread)
-    late = search is not None and any(s.in_motion for s in swings)
-    return replace(
-        _doubted(regression, search, late, estimator), cutoff=hertz, cutoff_reason=reason, window=window, search=search,
-    )  # fmt: skip
+    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "search": search}
+    regression = _at(data, gauge, names, fixed_values, model, at, estimator, spread, **how)
+    return _doubted(regression, search is not None and any(s.in_motion for s in swings), estimator)
 
 
 def _at(
     data: Data, gauge: Gauge, names: Sequence[str], fixed_values: Mapping[str, float], model: Model,
-    orders: Mapping[str, float], estimator: str, spread: FloatArray,
+    orders: Mapping[str, float], estimator: str, spread: FloatArray, **how: Any,
 ) -> Regression:  # fmt: skip
-    """Regress at given orders."""
+    """Regress at given orders; `how` they and the filters were found is told with it."""
     system = data.system(orders)
     warnings = list(_motion_warnings(data.rows, orders))
     own = own_values(model, names)
@@ -321,10 +319,10 @@ def _at(
         weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
         fit_percent=fit_percents(system, beta), noise_ratio=ratio,
         condition_number=condition_number_of(stack(system.W, scales)[:, gauge.free]),
-        samples=len(weights), cutoff=0.0, cutoff_reason="", window=0.0,
+        samples=len(weights),
         noise={n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))},
         amplitude=max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows),
-        search=None, warnings=tuple(warnings),
+        warnings=tuple(warnings), **how,
     )  # fmt: skip
 
 
@@ -394,17 +392,13 @@ def _independent(
     system: System, gauge: Gauge, own: FloatArray
 ) -> tuple[Gauge, dict[int, dict[int, float]], FloatArray, float]:
     """Take out what cannot be told apart (it keeps the model's value), and find the equations' scales."""
-    near = scales = system.scales(own)
-    basic, dependent = base_parameters(system, gauge.free, scales)
+    basic, dependent = base_parameters(system, gauge.free, system.scales(own))
     if not basic:
         raise InputError("The motion shows none of the constants that are free: free another, or record more of it.")
     fixed = gauge.fixed.copy()
     fixed[list(dependent)] = own[list(dependent)]
     gauge = Gauge(tuple(basic), fixed)
-    ratio = math.nan
-    for _ in range(3):
-        v, ratio = total_least_squares(system, gauge, scales)
-        scales = system.scales(gauge.beta(v), near)
+    _, ratio, scales = scaled_by_itself(system, gauge, own)
     return gauge, dependent, scales, ratio
 
 
@@ -478,13 +472,14 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     return messages
 
 
-def _doubted(regression: Regression, search: OrderSearch | None, late: bool, estimator: Estimator) -> Regression:
+def _doubted(regression: Regression, late: bool, estimator: Estimator) -> Regression:
     """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
 
     ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.
     Where another estimator than the one asked for was taken, for there are no instruments, the estimate does not
     even reproduce the motion: its own bias says too little then.
     """
+    search = regression.search
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
     messages = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()] + [

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.problem import Free
-from fracid.regression.estimators import Gauge, overlap, total_least_squares
+from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
 from fracid.regression.rows import Data, Pair
 
 PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
@@ -65,23 +65,16 @@ def search_orders(
     independent = sum(len(t) for t in data.times) / overlap(data.rows[0])
     profile = {n: (path[:, i], np.exp(path[:, -1])) for i, (n, path) in enumerate(paths.items())}
     interval = {n: _interval(*curve, math.exp(result.fun), independent) for n, curve in profile.items()}
-    search = OrderSearch(
-        {n: np.array([q[i] for q, _ in evaluations]) for i, n in enumerate(free)}, np.array([value for _,
-        value in evaluations]),
-        profile, interval, "converged" if result.success else str(result.message),
-    )  # fmt: skip
+    points, ratios = (np.array(column) for column in zip(*evaluations, strict=True))
+    search = OrderSearch(dict(zip(free, points.T, strict=True)), ratios, profile, interval,
+                         "converged" if result.success else str(result.message))  # fmt: skip
     return search, at(result.x), _spread(data, gauge, own, at, paths, interval)
 
 
 def _projected(data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float]) -> tuple[FloatArray, float]:
     """Constants at given orders by total least squares, and the residual's ratio to that of noise."""
-    system = data.system(orders, draws=1)
-    near = scales = system.scales(own)
-    v, value = gauge.fixed, math.inf
-    for _ in range(3):
-        v, value = total_least_squares(system, gauge, scales)
-        scales = system.scales(gauge.beta(v), near)
-    return v, value
+    v, ratio, _ = scaled_by_itself(data.system(orders, draws=1), gauge, own)
+    return v, ratio
 
 
 def _profile(

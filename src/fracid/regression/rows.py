@@ -221,7 +221,7 @@ class Swing:
         frequencies = []
         for x, noise in zip(self.angles[self.start :].T, self.noise, strict=True):
             f, power = _spectrum(x, self.step)
-            below = (_band(power) < 10.0 * noise**2) & (f > self.frequency)
+            below = (np.convolve(power, np.ones(5) / 5.0, "same") < 10.0 * noise**2) & (f > self.frequency)
             frequencies.append(float(f[below][0]) if below.any() else 0.25 / self.step)
         return max(frequencies) if self.arm else frequencies[1]
 
@@ -242,10 +242,6 @@ class Swing:
     def in_motion(self) -> bool:
         """Whether it starts in motion, so that what came before is missing from the memory."""
         return bool(np.any(self.initial[1] != 0.0))
-
-
-def _band(power: FloatArray) -> FloatArray:
-    return np.convolve(power, np.ones(5) / 5.0, "same")
 
 
 def swing_of(recording: Recording, model: Model) -> Swing:
@@ -376,14 +372,11 @@ class Rows:
 
         scale = self.model.parameter("time_scale").value
         theta, alpha = np.stack(many, axis=-1).swapaxes(0, 1)
-        arm_rates, rates = (
-            _rates(theta, orders["lambda"], self.step, scale),
-            _rates(alpha, orders["mu"], self.step, scale),
-        )
+        both_rates = [_rates(x, orders[n], self.step, scale) for x, n in ((theta, "lambda"), (alpha, "mu"))]
         pairs = []
         for i in range(len(many)):
-            mine = [(x[:, i], a[:, i]) for x, a in (arm_rates, rates)]
-            both = _columns(self.model, theta[:, i], alpha[:, i], mine[0], mine[1], self.drive)
+            arm_rates, rates = ((x[:, i], a[:, i]) for x, a in both_rates)
+            both = _columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
             arm, pendulum = (
                 fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[rows]
                 for W, rows in zip(both, self.kept, strict=True)
@@ -407,12 +400,8 @@ class Data:
         noisy = []
         for _ in range(DRAWS):
             errors = [factor * r.swing.noise * rng.standard_normal(r.swing.angles.shape) for r in rows]
-            noisy.append(
-                (
-                    tuple(r.angles(e) for r, e in zip(rows, errors, strict=True)),
-                    tuple(r.angles(-e) for r, e in zip(rows, errors, strict=True)),
-                )
-            )
+            plus, minus = (tuple(r.angles(sign * e) for r, e in zip(rows, errors, strict=True)) for sign in (1, -1))
+            noisy.append((plus, minus))
         return cls(tuple(rows), tuple(r.angles() for r in rows), tuple(noisy))
 
     def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Pair]:

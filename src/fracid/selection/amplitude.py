@@ -373,8 +373,12 @@ def _window(
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
     errors = _standard_errors(piece, best.point, jobs)
     orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
-    sizes, stills = _amplitudes(piece, orders), _stills(piece, e, orders)
-    units = {n: e.units.get(_told_by(piece, n)[0], "rad") for n in orders}
+    measured, told = piece.experiments[0].measured, {n: _told_by(piece, n) for n in orders}
+    period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
+    swings = {o: float(np.mean(envelope(y, period))) for o, y in zip(piece.outputs, measured.T, strict=True)}
+    least = {o: COUNTS * (resolution(y) or 0.0) for o, y in zip(piece.outputs, e.measured.T, strict=True)}
+    sizes, stills = ({n: max(of[o] for o in own) for n, own in told.items()} for of in (swings, least))
+    units = {n: e.units.get(own[0], "rad") for n, own in told.items()}
     standard_errors = {
         n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
     }
@@ -382,25 +386,11 @@ def _window(
     return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, standard_errors, units)
 
 
-def _amplitudes(piece: Problem, orders: Mapping[str, float]) -> dict[str, float]:
-    """Order → the largest mean amplitude of the outputs that tell of it [their unit]."""
-    measured = piece.experiments[0].measured
-    period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
-    sizes = {o: float(np.mean(envelope(column, period))) for o, column in zip(piece.outputs, measured.T, strict=True)}
-    return {n: max(sizes[o] for o in _told_by(piece, n)) for n in orders}
-
-
 def _told_by(piece: Problem, order: str) -> list[str]:
     """The scored outputs whose states have an order, all where none has; of several units those of the first's."""
     states, orders, units = piece.model.output_states, piece.model.orders, piece.experiments[0].units
     own = [o for o in piece.outputs if o in states and orders[states[o]] == order] or [*piece.outputs]
     return [o for o in own if units.get(o, "rad") == units.get(own[0], "rad")]
-
-
-def _stills(piece: Problem, e: Experiment, orders: Mapping[str, float]) -> dict[str, float]:
-    """Order → the amplitude below which its output stands still [its unit]."""
-    steps = {o: COUNTS * (resolution(column) or 0.0) for o, column in zip(piece.outputs, e.measured.T, strict=True)}
-    return {n: max(steps[o] for o in _told_by(piece, n)) for n in orders}
 
 
 # --- drifts --------------------------------------------------------------------------------------------------

@@ -104,11 +104,13 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
     >>> [f.code for f in after(problem, problem.start, none)]         # order 1 does not explain it
     ['cannot-explain', 'cannot-explain']
     """
-    findings = [*_loose_memory(problem, x, uncertainty, jobs), *_short_window(problem, uncertainty)]
-    parabola = _parabola(problem, x, uncertainty, jobs)
-    findings += noisy_start(problem, x, uncertainty, jobs=jobs, parabola=parabola)
-    findings += _stopped_short(problem, x, uncertainty, parabola)
-    findings += misread(problem, x, uncertainty, jobs=jobs)
+    findings = [*_loose_memory(problem, x, uncertainty, jobs)]
+    if not isinstance(uncertainty, Failure):
+        findings += _short_window(problem, uncertainty)
+        parabola = _parabola(problem, x, uncertainty, jobs)
+        findings += noisy_start(problem, x, uncertainty, jobs=jobs, parabola=parabola)
+        findings += _stopped_short(problem, x, uncertainty, parabola)
+        findings += misread(problem, x, uncertainty, jobs=jobs)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -187,10 +189,8 @@ def _tolerance(problem: Problem) -> float:
     return 0.0 if kind == "full" else 1.0
 
 
-def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Iterator[Finding]:
+def _short_window(problem: Problem, uncertainty: Uncertainty) -> Iterator[Finding]:
     """Orders that are not known well, where the records have few swings."""
-    if isinstance(uncertainty, Failure):
-        return
     longest = max((e for e, _ in problem.recordings.values()), key=lambda e: swing_count(e.most_moved))
     y = longest.most_moved
     swings, period, begins = swing_count(y), swing_period(y), swing_start(y)
@@ -208,14 +208,11 @@ def _short_window(problem: Problem, uncertainty: Uncertainty | Failure) -> Itera
                            enough=enough, WANTED=WANTED)  # fmt: skip
 
 
-def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Curvature | Failure:
+def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> Curvature | Failure:
     """The cost next to its minimum over the unknowns that no bound holds, or why there is none."""
-    if isinstance(uncertainty, Failure):
-        return uncertainty
     free = np.flatnonzero(~uncertainty.at_bound)
-    if not len(free):
-        return Failure(FailureReason.NOTHING_FREE, "nothing is free")
-    return curvature(problem, x, free, jobs=jobs)
+    nothing = Failure(FailureReason.NOTHING_FREE, "nothing is free")
+    return curvature(problem, x, free, jobs=jobs) if len(free) else nothing
 
 
 def noisy_start(
@@ -259,8 +256,7 @@ def noisy_start(
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    shift = _start_shift(problem, x, uncertainty, jobs, parabola)
-    if shift is None or isinstance(uncertainty, Failure):
+    if isinstance(uncertainty, Failure) or (shift := _start_shift(problem, x, uncertainty, jobs, parabola)) is None:
         return ()
     error = uncertainty.standard_error
     alone = error if not len(uncertainty.start) else np.sqrt(np.maximum(error**2 - uncertainty.start**2, 0.0))
@@ -294,21 +290,16 @@ def with_start(
     jobs : int
         Threads.
     """
-    shift = _start_shift(problem, x, known, jobs)
-    if shift is None or isinstance(known, Failure):
+    if isinstance(known, Failure) or (shift := _start_shift(problem, x, known, jobs)) is None:
         return known
     return replace(known.wider(problem.space, x, shift), start=shift)
 
 
 def _start_shift(
-    problem: Problem,
-    x: FloatArray,
-    known: Uncertainty | Failure,
-    jobs: int,
-    parabola: Curvature | Failure | None = None,
+    problem: Problem, x: FloatArray, known: Uncertainty, jobs: int, parabola: Curvature | Failure | None = None
 ) -> FloatArray | None:
     """How far that noise moves each unknown, one standard deviation; None where no start is taken from samples."""
-    if isinstance(known, Failure) or problem.initial_state not in LOOSER:
+    if problem.initial_state not in LOOSER:
         return None
     quadratic = _parabola(problem, x, known, jobs) if parabola is None else parabola
     noise = _noise_at_the_start(problem, x)
@@ -318,22 +309,20 @@ def _start_shift(
 
 
 def _stopped_short(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, parabola: Curvature | Failure
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty, parabola: Curvature | Failure
 ) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
-    if isinstance(parabola, Failure) or isinstance(uncertainty, Failure):
+    if isinstance(parabola, Failure):
         return
     step, cost = newton_step(problem, x, parabola)
     size = [max(abs(v), 1e-2 * min(u.range.upper - u.range.lower, 1.0))
             for u, v in zip(problem.unknowns, x.tolist(), strict=True)]  # fmt: skip
     least, half = NEXT_TO_NOTHING * np.array(size), NORMAL_95 * uncertainty.standard_error
     intervals = np.abs(step) / np.where(np.isfinite(half), np.maximum(half, least), math.inf)
-    here, i = problem.cost(x), int(np.argmax(intervals))
-    lower = 100 * (1 - cost / here) if here > 0 else 0.0
-    by_cost = lower > FALLS and bool(np.any(np.abs(step) > least))
-    if intervals[i] > SHORT or by_cost:
-        i = i if intervals[i] > SHORT else int(np.argmax(np.abs(step) / least))
-        beyond = float(intervals[i]) > SHORT
+    here = problem.cost(x)
+    lower, beyond = 100 * (1 - cost / here) if here > 0 else 0.0, bool(np.any(intervals > SHORT))
+    if beyond or (lower > FALLS and np.any(np.abs(step) > least)):
+        i = int(np.argmax(intervals if beyond else np.abs(step) / least))
         name, number, limit = ("stopped-short", intervals[i], SHORT) if beyond else ("by-cost", lower, FALLS)
         yield SAYS.finding(name, problem.names[i], float(number), limit, step=step[i], times=intervals[i], cost=cost,
                            here=here)  # fmt: skip
@@ -344,12 +333,9 @@ def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return {}
-    return {
-        e.name: np.array(
-            [min(noise_level(y), float(np.sqrt(np.mean(r**2)))) for y, r in zip(e.measured.T, d.T, strict=True)]
-        )
-        for e, d in zip(problem.experiments, errors, strict=True)
-    }
+    left_over = [[float(np.sqrt(np.mean(r**2))) for r in d.T] for d in errors]
+    return {e.name: np.array([min(noise_level(y), rms) for y, rms in zip(e.measured.T, left, strict=True)])
+            for e, left in zip(problem.experiments, left_over, strict=True)}  # fmt: skip
 
 
 def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[Finding]:

@@ -69,7 +69,7 @@ from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import run_tasks
+from fracid.tasks.tasks import Execution
 from fracid.twins.encoder import encoder, simulated
 from fracid.validation.after_search import noisy_start
 from fracid.validation.study_records import (
@@ -197,9 +197,9 @@ class NoiseStudy(CardDisplay):
     def _of_the_intervals(self) -> Iterator[str]:
         """What is wrong, a sentence each; then the others, in one sentence where they are many."""
         judged = [self._judged(name) for name in self.problem.names]
-        for kind in ("narrow", "none", "wide", "few", "believed"):
-            group = [j for j in judged if j.kind == kind]
-            if kind in TOGETHER and len(group) > ALONE:
+        for kinds in (("narrow-at", "narrow"), ("none",), ("wide",), ("few",), ("believed",)):
+            group = [j for j in judged if j.kind in kinds]
+            if {*kinds} & TOGETHER and len(group) > ALONE:
                 yield _folded(group)
             else:
                 yield from (Note(j.sentence, "biased" if j.biased else j.kind, j.name) for j in group)
@@ -207,23 +207,19 @@ class NoiseStudy(CardDisplay):
     def _judged(self, name: str) -> _Judged:
         rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
         hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
-        if not intervals:
-            return _Judged(name, "none", 0, 0, f"{name}: no repetition gave an interval.")
-        text = (
-            f"{name}: {hits} of {intervals} intervals of 95 % contain the true value ({100 * hits / intervals:.1f} %)"
-        )
-        narrow = [(c, s) for c, s in rows if _promises_too_much(s.held, s.intervals)]
-        if narrow:
-            kind, judgement = "narrow", f"; they are too narrow at {'; at '.join(_why(c, s) for c, s in narrow)}."
-        elif _promises_too_much(hits, intervals):
-            kind, judgement = "narrow", f": they are too narrow ({_by_chance(hits, intervals)})."
-        elif hits / intervals > BELIEVED[1] and binomial95(hits, intervals)[0] > 0.95:
-            kind, judgement = "wide", ": they are wider than they need be."
-        elif intervals < ENOUGH:
-            kind, judgement = "few", f": too few to judge; {ENOUGH} or more are needed."
-        else:
-            kind, judgement = "believed", ": they can be believed."
-        return _Judged(name, kind, hits, intervals, text + judgement, any(_is_off(s) for _, s in narrow))
+        narrow = [(c, s) for c, s in rows if intervals and _promises_too_much(s.held, s.intervals)]
+        kinds = {
+            "none": not intervals,
+            "narrow-at": bool(narrow),
+            "narrow": bool(intervals) and _promises_too_much(hits, intervals),
+            "wide": hits > BELIEVED[1] * intervals and binomial95(hits, intervals)[0] > 0.95,
+            "few": intervals < ENOUGH,
+        }
+        kind = next((kind for kind, is_so in kinds.items() if is_so), "believed")
+        said = SAYS(kind, name=name, hits=hits, intervals=intervals, percent=100 * hits / max(intervals, 1),
+                    where="; at ".join(_why(c, s) for c, s in narrow), chance=_by_chance(hits, intervals),
+                    enough=ENOUGH)  # fmt: skip
+        return _Judged(name, kind, hits, intervals, said, any(_is_off(s) for _, s in narrow))
 
 
 @dataclass(frozen=True)
@@ -239,7 +235,7 @@ class _Judged:
     """Whether intervals are too narrow for their estimates are off."""
 
 
-TOGETHER, ALONE = ("few", "believed"), 3
+TOGETHER, ALONE = {"few", "believed"}, 3
 """Kinds of which more than so many are told in one sentence."""
 
 NAMED = 6
@@ -251,11 +247,8 @@ def _folded(group: Sequence[_Judged]) -> str:
     least, most = min(j.intervals for j in group), max(j.intervals for j in group)
     names = f"{len(group)} parameters" if len(group) > NAMED else listed(j.name for j in group)
     share = " to ".join(dict.fromkeys(f"{share:.0f}" for share in (min(shares), max(shares))))
-    text = SAYS("coverage", names=names, share=share)
-    if group[0].kind == "believed":
-        return Note(f"{text}: they can be believed.", "believed")
-    each = f"{most}" if least == most else f"{least} to {most}"
-    return f"{text}: {each} intervals each are too few to judge; {ENOUGH} or more are needed."
+    each, kind = f"{most}" if least == most else f"{least} to {most}", group[0].kind
+    return Note(SAYS(f"all-{kind}", names=names, share=share, each=each, enough=ENOUGH), kind)
 
 
 @counted("repetitions")
@@ -336,7 +329,7 @@ def noise_study(
         problem, x, levels=levels, resolutions=resolutions, seeds=seeds, seed=seed, optimiser=optimiser, starts=starts,
         cost=cost, options=options, relative=relative, rival=rival,
     )  # fmt: skip
-    return plan.run(executor=executor, jobs=jobs, journal=journal, progress=progress)
+    return plan.run(Execution(executor, jobs, journal, progress))
 
 
 @dataclass(frozen=True)
@@ -389,15 +382,12 @@ class Plan:
         numbers, unit = range(1, self.seeds + 1), TIMES if self.how["sizes"] else "rad"
         return [(cell, k, f"{label_of(*cell, unit)}, repetition {k}") for cell in self.cells for k in numbers]
 
-    def run(
-        self, *, executor: str = "threads", jobs: int = 1, journal: Journal | None = None,
-        progress: Callable[[Progress], None] | None = None,
-    ) -> NoiseStudy:  # fmt: skip
-        """Do it; parameters and errors as of :func:`noise_study`."""
-        _check_portable(self, executor)
-        return self.study(
-            run_tasks(repetition, self.tasks, executor=executor, jobs=jobs, journal=journal, progress=progress)
-        )
+    def run(self, execution: Execution | None = None) -> NoiseStudy:
+        """Do it; errors as of :func:`noise_study`."""
+        execution = execution or Execution()
+        if execution.executor != "threads" and self.own:
+            raise InputError(SAYS("own-code", plan=self))
+        return self.study(execution.run(repetition, self.tasks))
 
     def study(self, results: Mapping[str, Any]) -> NoiseStudy:
         """Gather what the repetitions found, by the keys of the tasks."""
@@ -474,30 +464,27 @@ def repetition(
     """
     own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
     noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
-    read = tuple(
-        replace(e, measured=_read(e, level, resolution, noise, how["sizes"])) for e in twin.problem.experiments
-    )  # fmt: skip
+    read = tuple(replace(e, measured=_read(e, level, resolution, noise, how["sizes"]))
+                 for e in twin.problem.experiments)  # fmt: skip
     problem, true = replace(twin.problem, experiments=read), np.array(truth)
-    result, _ = search(
-        problem, optimiser_from_name(how["optimiser"]), luck, starts=how["starts"], options=dict(how["options"])
-    )
+    optimiser = optimiser_from_name(how["optimiser"])
+    result, _ = search(problem, optimiser, luck, starts=how["starts"], options=dict(how["options"]))
     best, at_truth = result.best, problem.cost(true)
     begun = {"evaluations": result.evaluations, "cost_of_truth": at_truth}
     if not math.isfinite(best.cost):
         return as_json(FailedBlock, begun | {"failure": best.reason or "no run reached its end", "cost": None})
     precision = uncertainty(problem, best.point)
+    errors: dict[str, Any] = dict.fromkeys(problem.names)
+    intervals = dict(errors)
+    if not isinstance(precision, Failure):
+        errors = problem.named(precision.standard_error)
+        intervals = {n: precision.interval(best.point, i) for i, n in enumerate(problem.names)}
     return as_json(RepetitionBlock, begun | {
         "failure": "",
         "cost": best.cost,
         "values": problem.named(best.point),
-        "standard_errors": {
-            n: None if isinstance(precision, Failure) else float(precision.standard_error[i])
-            for i, n in enumerate(problem.names)
-        },
-        "intervals": {
-            n: None if isinstance(precision, Failure) else precision.interval(best.point, i)
-            for i, n in enumerate(problem.names)
-        },
+        "standard_errors": errors,
+        "intervals": intervals,
         "fractional": _called_fractional(problem, best, precision) if how["rival"] else None,
     })  # fmt: skip
 
@@ -632,11 +619,6 @@ def _checked_truth(problem: Problem, x: FloatArray) -> FloatArray:
         if u.kind != "initial" and not u.range.lower <= value <= u.range.upper:  # an initial state's moves with it
             raise InputError(SAYS("truth-outside", u=u, value=value))
     return truth
-
-
-def _check_portable(plan: Plan, executor: str) -> None:
-    if executor != "threads" and plan.own:
-        raise InputError(SAYS("own-code", plan=plan))
 
 
 def _importable(name: str) -> bool:

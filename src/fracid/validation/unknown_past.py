@@ -42,6 +42,7 @@ from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.windows import piece
 from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.optimise import Outcome
@@ -379,7 +380,7 @@ def _from_plateau(problem: Problem, records: Records) -> Problem | Failure:
         release = release_in_past(_onwards(records[e.name], e, 0))
         if release * e.step < HELD:
             return Failure(FailureReason.NO_PLATEAU, f"no plateau was found before the start of {e.name}")
-        begun = _slice(records[e.name], release)
+        begun = _from(records[e.name], release)
         changed[e.name] = replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED))
     return _changed(problem, changed, "rest")
 
@@ -390,7 +391,7 @@ def _cut_later(problem: Problem, records: Records) -> Problem | Failure:
         k = _turning_point(e)
         if k is not None:
             knows = e.past is not None or at_rest
-            changed[e.name] = _onwards(records[e.name], e, k) if knows else _slice(e, k)
+            changed[e.name] = _onwards(records[e.name], e, k) if knows else _from(e, k)
     if not changed:
         return Failure(FailureReason.NO_TURN, f"no turning point was found in the first {EARLY:.0%} of the record")
     return _changed(problem, changed, "estimate" if at_rest else problem.initial_state)
@@ -437,12 +438,9 @@ def _whole(e: Experiment, record: Experiment | None) -> Experiment:
     )  # fmt: skip
 
 
-def _slice(e: Experiment, k: int) -> Experiment:
+def _from(e: Experiment, k: int) -> Experiment:
     """From its sample k on; what was known of its start is known no more."""
-    return replace(
-        e, measured=e.measured[k:], inputs=_from(e.inputs, k), start=e.start + k * e.step, initial={},
-        release_time=0.0, past=None, past_inputs=None,
-    )  # fmt: skip
+    return piece(e, e.name, k, len(e.measured))
 
 
 def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
@@ -451,13 +449,9 @@ def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
     past = whole.measured[:at] + (e.measured[0] - whole.measured[at])  # zero = "rest" may differ between the two
     inputs = whole.inputs[: at + k] if len(whole.inputs) > 1 else whole.inputs
     return replace(
-        _slice(e, k), past=np.vstack([past, e.measured[:k]]), past_inputs=inputs, weight=e.weight,
+        _from(e, k), past=np.vstack([past, e.measured[:k]]), past_inputs=inputs, weight=e.weight,
         initial=e.initial if k == 0 else {},
     )  # fmt: skip
-
-
-def _from(inputs: FloatArray, k: int) -> FloatArray:
-    return inputs[k:] if len(inputs) > 1 else inputs
 
 
 # --- the refit -------------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
+from fracid.tasks.tasks import Execution
 from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.validation.study_records import fault_of_repetition
 from fracid.workflows.figures import of_study
@@ -214,7 +215,7 @@ def _studied(
     with begun(folder, _header(plan, truth), fault, observer, "repetitions", command) as kept:
         for finding in plan.findings:
             observer.notice(str(finding))
-        return plan.run(executor=executor or ("threads" if plan.own else "processes"), jobs=jobs, **kept)
+        return plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
 
 
 def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
