@@ -9,6 +9,7 @@ import pytest
 import fracid
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.windows import piece
 from fracid.problem import Free, Problem
 from fracid.problem.costs import cost_from_name
 from fracid.validation.unknown_past import CutCheck, Treatment, cut_check, whole_records
@@ -135,13 +136,13 @@ def test_a_drive_and_what_the_encoder_calls_zero_go_with_the_cut():
     ramp = np.linspace(0, 1, len(whole.measured))[:, None]
     later = cut(replace(whole, inputs=ramp), 0.7)
     later = replace(later, inputs=ramp[140:], measured=later.measured + 0.01)  # zero = "rest", taken elsewhere
-    from fracid.validation.unknown_past import _onwards, _slice
+    from fracid.validation.unknown_past import _onwards
 
     past = _onwards(replace(whole, inputs=ramp), later, 10)
     assert np.array_equal(past.all_inputs, ramp)
     assert np.allclose(np.vstack([past.past, past.measured]), whole.measured + 0.01)
     assert past.start == pytest.approx(0.75)
-    assert np.array_equal(_slice(later, 10).inputs, ramp[150:])
+    assert np.array_equal(piece(later, "later", 10, len(later.measured)).inputs, ramp[150:])
 
 
 @pytest.mark.parametrize(("change", "words"), [

@@ -137,19 +137,12 @@ def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, p
 class _Way:
     """A start on its way."""
 
-    origin: str
-    start: FloatArray
-    x: FloatArray
-    first_cost: float = np.inf
-    cost: float | None = None
-    ended: str = "left when the search was interrupted"
-    evaluations: int = 0
-    joined: str | None = None
+    start: Start
     came_down: bool = False
 
-    def record(self) -> Start:
-        return Start(self.origin, self.start, self.first_cost, self.x, self.cost, self.ended, self.evaluations,
-                     self.joined)  # fmt: skip
+    def now(self, **changes: Any) -> None:
+        """What has become of it."""
+        self.start = replace(self.start, **changes)
 
 
 def grown_horizon(
@@ -160,7 +153,8 @@ def grown_horizon(
 
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
     """
-    ways = [_Way(origin, x, x) for origin, x in points]
+    left = "left when the search was interrupted"
+    ways = [_Way(Start(origin, x, np.inf, x, None, left, 0)) for origin, x in points]
     live, whole, baseline = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
     parts, others = [*horizons(problem), whole], iter(spare)
     for number, horizon in enumerate(parts):
@@ -175,11 +169,11 @@ def grown_horizon(
                 result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
         if result.interrupted and not last:
             nearest = live[int(np.argmin([_best_cost(p) for p in paths]))]
-            result = replace(result, best=problem.evaluate(nearest.x))
+            result = replace(result, best=problem.evaluate(nearest.start.end))
         if result.interrupted or last:
             break
         live = _promising(live, paths, number, f"{horizon:.3g} s")
-    return replace(result, evaluations=watch.count - baseline), tuple(w.record() for w in ways)
+    return replace(result, evaluations=watch.count - baseline), tuple(w.start for w in ways)
 
 
 def _on_part(
@@ -191,7 +185,7 @@ def _on_part(
     at = problem if last else problem.until(horizon)
     options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
     paths = [Path(came_down=w.came_down) for w in live]
-    descents = [_descent(at, w.x, **options) for w in live]
+    descents = [_descent(at, w.start.end, **options) for w in live]
     part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
     result = minimised(at, lockstep(descents, paths, keep=keep), jobs, watch, part)
     for way, path in zip(live, paths, strict=True):
@@ -204,8 +198,9 @@ def _moved(
     jobs: int, watch: Watch, path: Path,
 ) -> tuple[Result | None, Path]:  # fmt: skip
     """Begin a start whose run fails anew from another point, up to where the others are; as it was if none is left."""
-    for way.origin, way.start in others:
-        way.x, way.came_down = way.start, False
+    for origin, x in others:
+        way.now(origin=origin, point=x, end=x)
+        way.came_down = False
         for k, horizon in enumerate(parts):
             result, (path,) = _on_part(problem, [way], horizon, whole, jobs, watch, first=k == 0, keep=())
             if result.interrupted:
@@ -223,18 +218,17 @@ def _best_cost(path: Path) -> float:
 
 def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
     """Take over what a search has come to on one horizon."""
-    way.evaluations += path.evaluations
+    way.now(evaluations=way.start.evaluations + path.evaluations)
     if path.best is None:
         return
-    way.first_cost = path.first_cost if first else way.first_cost
-    way.came_down = path.came_down
-    way.x = path.best.point if np.isfinite(path.best.cost) else way.x
+    way.came_down, cost = path.came_down, path.best.cost
+    way.now(first_cost=path.first_cost if first else way.start.first_cost,
+            end=path.best.point if np.isfinite(cost) else way.start.end)  # fmt: skip
     if path.joined is not None:
-        way.joined = live[path.joined].origin
-        way.ended = f"left at {until}: the fit has become that of the start {way.joined}"
+        joined = live[path.joined].start.origin
+        way.now(joined=joined, ended=f"left at {until}: the fit has become that of the start {joined}")
     elif last:
-        way.cost = path.best.cost
-        way.ended = Outcome.INTERRUPTED.value if path.outcome is None else path.outcome.value
+        way.now(cost=cost, ended=Outcome.INTERRUPTED.value if path.outcome is None else path.outcome.value)
 
 
 def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> list[_Way]:
@@ -243,10 +237,10 @@ def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> 
     limit = np.inf if number < PATIENCE else HOPELESS * min(costs)
     survivors = []
     for i, (way, cost) in enumerate(zip(live, costs, strict=True)):
-        if i > 0 and way.joined is None and not cost < max(limit, 1e-300):
+        if i > 0 and way.start.joined is None and not cost < max(limit, 1e-300):
             far = "its run fails" if not np.isfinite(cost) else f"its cost is {cost / min(costs):.2g} times the best"
-            way.ended = f"left at {until}: {far}"
-        elif way.joined is None:
+            way.now(ended=f"left at {until}: {far}")
+        elif way.start.joined is None:
             survivors.append(way)
     return survivors
 

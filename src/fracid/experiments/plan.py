@@ -356,7 +356,7 @@ def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: b
     if p.per_recording:
         fit["per_recording"] = list(p.per_recording)
     said = f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."
-    copied = "\n# copy that file beside this one" * (".py:" in str(head["name"]))
+    copied = "\n# copy that file beside this one" * (".py:" in str(head.get("name")))
     return "\n\n".join((
         f"{said}\n{_table('[model]', head)}{copied}",
         _table("[model.parameters]", {n: _plain(v) for n, v in values.items()}),

@@ -183,10 +183,12 @@ def claim_of(
         return _undecided(SAYS("given"))
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
-        return _undecided(_no_fit(missed), SAYS("decide-model"))
+        each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
+        return _undecided(SAYS("no-fit", each=each), SAYS("decide-model"))
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
-    coloured = _coloured({where: e for where, e in left_over.items() if e.noise and not e.explained})
+    as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]
+    coloured = [SAYS("coloured", each=" and ".join(as_noise))] if as_noise else []
     decides = SAYS("decide-white", where="" if compared else SAYS("compare"))
     if element is not None:
         lacks = SAYS("lacks", orders=" and ".join(map(str, orders)))
@@ -220,8 +222,8 @@ def claim_of(
     memories = alternative.memories
     if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
         return _no_more_than(memories[-1], orders_off, coloured)
-    return Claim("fractional", (*(_effect(order) for order in clear), *_beaten(alternative), *_worth(memories),
-                                *coloured, *support))  # fmt: skip
+    effects = (SAYS("effect", order=order, ratio=damping(abs(order.value - order.nearest))) for order in clear)
+    return Claim("fractional", (*effects, *_beaten(alternative), *_worth(memories), *coloured, *support))
 
 
 def _undecided(*reasons: str) -> Claim:
@@ -240,14 +242,9 @@ def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
     inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
     beside = [order for order in determined if order not in inside]
     next_to = [SAYS("next-to", order=order, least=OFF) for order in beside]
-    return Claim("integer", (*_inside(inside), *next_to, *unknown))
-
-
-def _inside(orders: Sequence[OrderFound]) -> Iterator[str]:
-    if orders:
-        which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in orders))
-        several = "s" * (len(orders) > 1)
-        yield f"{' and '.join(map(str, orders))}: {which} lies within the interval{several}."
+    which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in inside))
+    said = SAYS("inside", orders=" and ".join(map(str, inside)), which=which, s="s" * (len(inside) > 1))
+    return Claim("integer", (*([said] if inside else []), *next_to, *unknown))
 
 
 def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Claim:
@@ -259,11 +256,6 @@ def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Clai
     return _undecided(said, *(open_question or [SAYS("no-recording")]))
 
 
-def _no_fit(missed: Mapping[str, LeftOver]) -> str:
-    each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
-    return SAYS("no-fit", each=each)
-
-
 def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
     """One sentence on all residuals that are no noise; empty where there are none."""
     sizes = {where: _size(e) for where, e in left_over.items()}
@@ -273,19 +265,10 @@ def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
     return [SAYS("all-unexplained", each=each)]
 
 
-def _coloured(left_over: Mapping[str, LeftOver]) -> list[str]:
-    """One sentence on all residuals that are correlated as noise is."""
-    return [SAYS("coloured", each=" and ".join(left_over))] if left_over else []
-
-
 def _size(e: LeftOver) -> str:
     if e.known:
         return f"{plain(e.rms)} of the standard deviations that the recording has"
     return f"{plain(e.times)} times the encoder's rounding" if math.isfinite(e.times) else "larger than noise"
-
-
-def _effect(order: OrderFound) -> str:
-    return SAYS("effect", order=order, ratio=damping(abs(order.value - order.nearest)))
 
 
 def _no_more_than(memory: FiniteMemory, orders: str, coloured: Sequence[str]) -> Claim:

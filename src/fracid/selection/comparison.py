@@ -70,7 +70,7 @@ from fracid.selection.comparison_records import (
     best_of,
     drawn,
 )
-from fracid.selection.comparison_verdict import as_good_as_integer, not_helped, verdict_of
+from fracid.selection.comparison_verdict import ORDERS_HELP, as_good_as_integer, not_helped, verdict_of
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, integers_of
 from fracid.selection.ladder import Ladder, Structure, assignment, ladder
@@ -738,10 +738,8 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
             drifts = [d.sentence for d in comparison.amplitude[fractional.name].drifts if d.drifts]
             first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict], compared=True)
     verdict = comparison.verdict
-    if first.claim != "fractional" and with_code([verdict], "orders-help"):
-        verdict = (
-            f"{verdict} That is no evidence of fractional dynamics, for held-out recordings lack the same physics."
-        )
+    if first.claim != "fractional" and any(with_code([verdict], code) for code in ORDERS_HELP):
+        verdict = SAYS("no-evidence", verdict=verdict)
     return replace(comparison, verdict=verdict, claim=first.claim, claim_reasons=first.reasons)
 
 

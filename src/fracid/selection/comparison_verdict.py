@@ -31,6 +31,9 @@ from fracid.units import GREEK, half_of, with_half_width
 
 SAYS = Words("selection/comparison_verdict.toml")
 
+ORDERS_HELP = ("orders-help", "orders-help-some")
+"""Codes of verdicts that speak for orders."""
+
 MARGIN = 0.02
 """Errors that differ by less than this part are the same."""
 
@@ -43,50 +46,36 @@ def verdict_of(comparison: Comparison, integers: Mapping[str, float | None] | No
     if not math.isfinite(min(integer.error, fractional.error)):
         return "No structure predicts every held-out recording: their runs fail."
     ones = _ones(fractional, integers or {})
-    sentences = (
-        _verdict_held_out(comparison, integer, fractional),
-        ones,
-        _paper_beside(comparison, integer, fractional),
-    )
-    text = " ".join(sentence for sentence in sentences if sentence)
-    return Note(text, sentences[0].code) if isinstance(sentences[0], Note) else text
+    verdict = _verdict_held_out(comparison, integer, fractional)
+    return Note(" ".join(filter(None, (verdict, ones, _paper_beside(comparison, integer, fractional)))), verdict.code)
 
 
-def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> str:
+def _verdict_held_out(comparison: Comparison, integer: Row, fractional: Row) -> Note:
     ratio, N = ratio_of(fractional, integer), len(comparison.held_out)
     helped = sum(fractional.held_out[n].error < integer.held_out[n].error for n in comparison.held_out)
     errors = {row.name: held_out_errors(row, comparison.units) for row in (fractional, integer)}
     against = f"{fractional.name} ({errors[fractional.name]}) against {integer.name} ({errors[integer.name]})"
-    few = {
-        1: " One held-out recording is not enough; hold out more.",
-        2: " Two held-out recordings are not enough; hold out more.",
-    }.get(N, "")
+    few = SAYS(f"few-{N}") if N in (1, 2) else ""
     if ratio < 1 - MARGIN and helped > N / 2:
-        by = f"by {100 * (1 - ratio):.2g} %"
-        return Note(f"Orders help on {helped} of {N} held-out recordings, {by}: {against}.{few}", "orders-help")
-    if (sentence := _replaced(comparison)) and ratio > 1 - MARGIN:
-        return f"{sentence} With all friction terms included, free orders {_change(ratio)}.{few}"
-    if abs(ratio - 1) <= MARGIN:
-        return f"Orders make no difference, an integer-order model predicts as well: {against}.{few}"
-    if ratio < 1:
-        only = f"Orders help on {helped} of {N} held-out recordings only, which is no evidence for them"
-        return Note(f"{only}: {against}.{few}", "orders-help")
-    if not math.isfinite(ratio):
-        return f"Orders fit better and do not predict: {against}.{few}"
-    return f"Orders fit better and predict worse, by {100 * (ratio - 1):.2g} % on held-out recordings: {against}.{few}"
+        code = "orders-help"
+    elif ratio > 1 - MARGIN and (both := _replaced(comparison)):
+        return SAYS("replaced", ordered=both[0], dried=both[1], change=_change(ratio), few=few)
+    elif abs(ratio - 1) <= MARGIN:
+        code = "same"
+    else:
+        code = "orders-help-some" if ratio < 1 else "worse" if math.isfinite(ratio) else "no-prediction"
+    return SAYS(code, helped=helped, N=N, percent=100 * abs(ratio - 1), against=against, few=few)
 
 
-def _replaced(comparison: Comparison) -> str:
-    """Orders help where viscous friction is alone, but dry friction helps more."""
+def _replaced(comparison: Comparison) -> tuple[str, ...]:
+    """Where orders help beside viscous friction alone, but dry friction helps more: the errors of both."""
     rows = {row.name: row for row in comparison.rows}
     names = ("viscous, orders 1", "viscous, orders free", "viscous + Coulomb, orders 1")
     if not all(name in rows for name in names):
-        return ""
+        return ()
     plain, paper, dry = (rows[name] for name in names)
-    if not (ratio_of(paper, plain) < 1 - MARGIN and ratio_of(dry, paper) < 1 - MARGIN):
-        return ""
-    ordered, dried = (held_out_errors(row, comparison.units) for row in (paper, dry))
-    return SAYS("replaced", ordered=ordered, dried=dried)
+    replaced = ratio_of(paper, plain) < 1 - MARGIN and ratio_of(dry, paper) < 1 - MARGIN
+    return tuple(held_out_errors(row, comparison.units) for row in (paper, dry)) if replaced else ()
 
 
 def _change(ratio: float) -> str:
