@@ -18,22 +18,18 @@ import re
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.export.compilers import here, library_of
+from fracid.export.markup import c_comment, program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written, written_outputs
 from fracid.models import Model, Parameter
 from fracid.models.written.languages import C
-from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text, write_whole
-from fracid.safety.text import one_line
-from fracid.solver.schemes import OPEN, SLACK
 
 DIGITS = {"1e-14": "3e-7", "1e-12": "1e-6", "1e-11": "1e-5", "1e-9": "1e-6", "1e-6": "5e-3", "1e-7": "3e-4"}
 """Where iterations end, and steps of differences, in double precision → in single."""
@@ -79,37 +75,35 @@ def c_model(tables: Recursion, case: Case, run_name: str, *, single: bool = Fals
     >>> list(c_model(Recursion.of(problem, problem.start), Case.of(problem, problem.start, swing), "runs/twin"))
     ['fracid_model.h', 'fracid_model.c']
     """
-    scheme, exported, model = tables.scheme, tables.exported, tables.model
-    third, gl = scheme.family == "pi3", scheme.family == "gl"
-    source = "model_gl.c.in" if gl else "model_pi.c.in"
-    state = own_text("export/state_gl.h.in" if gl else "export/state_pi.h.in")
-    state += own_text("export/state_start.h.in") * (tables.together > 0 and not gl)
-    sizes = [] if gl else [("TOGETHER", tables.together), ("CORRECTIONS", len(tables.fit))]
-    words = {
-        "version": __version__, "run": _comment(run_name), "method": tables.method, "scheme": exported.words,
-        "memory": tables.memory, "longest": tables.steps, "hours": _duration(tables.steps * case.step),
-        "x0": initialiser(case.past[-1]), "states": len(model.states), "inputs": max(1, len(model.inputs)),
-        "derivatives": len(model.states) + len(model.relaxing),
-        "state_names": _comment(", ".join(model.states)), "input_names": _comment(", ".join(model.inputs)),
-        "outputs": len(model.shown), "output_names": _comment(", ".join(model.shown)),
-        "order_values": tables.order_values,
-        "step": repr(case.step), "lags": tables.lags, "modes": tables.modes, "limit": repr(LIMIT),
-        "inputs_when": "u at the end of the step" + ", for the next" * gl,
-        "sizes": _sizes(tables, 4 if single else 8), "more_state": state,
-        "more_sizes": "".join(f"#define FRACID_{n} {size}\n" for n, size in sizes),
-        "tables": _tables(tables, case, gl), "rhs": HERE, "work": _work(tables),
-        "precision": f"In single precision. {_comment(error)}".strip() if single else "In double precision.",
-        "predictor": "in a parabola" if third else "in a straight line",
-        "extrapolated": "3 * s->f[i] - 3 * s->before[i] + s->earlier[i]" if third else "2 * s->f[i] - s->before[i]",
-        "sweeps": 0 if exported.newton else 1, "always": int(third), "slack": repr(SLACK), "open": repr(OPEN),
-        "start": "s->n == 0" + f" || (s->corrected && s->n < {tables.together})" * (tables.together > 1),
-        "origin": "0" if scheme.raw else "x0[i]", "update": tables.update("c"),
-    }  # fmt: skip
-
-    language, write = ("c-single", _single) if single else ("c", _double)
-    rhs = "\n".join(f(model, language, words_of(source)) for f in (written, written_outputs))
-    return {name: write(own_text(f"export/{file}"), words).replace(HERE, rhs)
+    family = tables.scheme.family
+    words = {"t": tables, "case": case, "run": run_name, "error": error, "gl": family == "gl",
+             "third": family == "pi3", "constants": constants_of(tables.model, case.parameters)}  # fmt: skip
+    source = f"model_{'gl' if family == 'gl' else 'pi'}.c.in"
+    return {name: c_text(file, tables.model, single=single, **words)
             for name, file in (("fracid_model.h", "fracid_model.h.in"), ("fracid_model.c", source))}  # fmt: skip
+
+
+def c_text(template: str, model: Model, *, single: bool, **words: Any) -> str:
+    """A template of C with a model's equations and outputs in it.
+
+    Examples
+    --------
+    >>> c_text.__name__
+    'c_text'
+    """
+    text, taken = own_text(f"export/{template}"), words_of(template)
+    language = "c-single" if single else "c"
+    text = re.sub(r"\b\d+e-\d+\b", lambda found: DIGITS.get(found[0], found[0]), text) if single else text
+    text = program(text, rhs=HERE, single=single, **words)
+    rhs = "\n".join(f(model, language, taken) for f in (written, written_outputs)) if HERE in text else ""
+    return (TOKEN.sub(_as_float, text) if single else text).replace(HERE, rhs)
+
+
+def _as_float(found: re.Match[str]) -> str:
+    """Of doubles floats, of numbers the nearest, of functions those of floats."""
+    if found["number"]:
+        return f"{np.float32(found[0])!s}f"
+    return found[0] if found["comment"] else "float" if found[0] == "double" else f"{found[0]}f"
 
 
 def error_of_single(tables: Recursion, case: Case) -> str:
@@ -164,23 +158,6 @@ def along_recording(texts: Mapping[str, str], main: str, *, single: bool) -> Cal
     return call
 
 
-def _work(tables: Recursion) -> str:
-    """Of a step, as it usually is and at worst."""
-    S, T, exported = len(tables.orders), tables.together, tables.exported
-    memory = S * (tables.lags + 2 * tables.modes + 1)
-    usual = f"Work of a step: {memory} multiplications for the memory"
-    if tables.scheme.family == "gl":
-        return f"{usual} and {S if exported.last_first else 1} right-hand side(s), always."
-    start = f"; {50 * T + 2 * S} in each of the first {T}" if T else ""
-    often = (
-        "Newton's method"
-        if exported.newton
-        else f"{2 + bool(tables.model.relaxing)} right-hand sides (first 64: 4 more)"
-    )
-    return (f"{usual} and {often}; where Newton's method is needed at most {12 * (S + 2) + S + 3} right-hand sides and "
-            f"13 factorisations of {S} x {S}{start}.")  # fmt: skip
-
-
 def used_constants(model: Model, values: FloatArray) -> list[tuple[Parameter, float]]:
     """The parameters that the function has, in their order, with their values.
 
@@ -204,88 +181,6 @@ def constants_of(model: Model, values: FloatArray, kind: str = "static const") -
     'static const struct { double gravity, J, b_angle, coulomb_angle, slip_speed, drag_angle, angle_rest; } p = {'
     """
     name, used = C(model.program).name, used_constants(model, values)
-    lines = [f"    .{name(p.name)} = {value!r},  /* {_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
+    lines = [f"    .{name(p.name)} = {value!r},  /* {c_comment(f'[{p.unit}] {p.description}')} */" for p, value in used]
     names = ", ".join(name(p.name) for p, _ in used)
     return "\n".join([f"{kind} struct {{ double {names}; }} p = {{", *lines, "};"] if used else [])
-
-
-def _double(template: str, words: Mapping[str, object]) -> str:
-    return Template(template).substitute(words)
-
-
-def _single(template: str, words: Mapping[str, object]) -> str:
-    """Of doubles floats, of numbers the nearest, of functions those of floats."""
-
-    def token(found: re.Match[str]) -> str:
-        if found["number"]:
-            return f"{np.float32(found[0])!s}f"
-        return found[0] if found["comment"] else "float" if found[0] == "double" else f"{found[0]}f"
-
-    template = re.sub(r"\b\d+e-\d+\b", lambda found: DIGITS.get(found[0], found[0]), template)
-    return TOKEN.sub(token, _double(template, words))
-
-
-def _tables(tables: Recursion, case: Case, gl: bool) -> str:
-    """The constants of the model, then those of memory and start."""
-    kernels, together = tables.kernels, tables.together
-    gain = case.step**tables.orders * tables.time_scale ** (1 - tables.orders)
-
-    values: dict[str, ArrayLike] = tables.rows | {
-        "gain": gain, "row": tables.row, "modes": [len(k.decay) for k in kernels],
-        "start": [k.start for k in kernels], "forgets": tables.forgets,
-        "newest": gain * tables.newest, "ramp": [k.ramp for k in kernels],
-        "start_shift": [k.start_shift for k in kernels], "share": tables.share,
-        "starting": tables.starting, "errors": tables.errors,
-    }  # fmt: skip
-    text = own_text("export/tables.c.in")
-    text += "" if gl else own_text("export/tables_pi.c.in")
-    text += own_text("export/tables_start.c.in") if together else ""
-    filled = Template(text).substitute(
-        {n: initialiser(v) for n, v in values.items()}, R=len(kernels), L=tables.lags, L1=tables.lags + 1,
-        M=tables.modes, E=len(tables.fit), s=together, s1=together + 1,
-    )  # fmt: skip
-    head = [constants_of(tables.model, case.parameters), *([f"#define KNOTS {len(tables.knots)}"] if together else [])]
-    return "\n".join([*head, filled])
-
-
-def _sizes(tables: Recursion, size: int) -> str:
-    """Memory, in words, with so many bytes a number."""
-    rows, corrections = len(tables.kernels), len(tables.fit)
-    numbers = rows * (2 * tables.lags + 3 * tables.modes + corrections * len(tables.knots)) + len(tables.knots)
-    stack = (tables.together * len(tables.orders)) ** 2
-    together = f"; the first {tables.together} steps want {size * stack} bytes of stack beside" if stack > 64 else ""
-    return f"Tables: about {size * numbers / 1000:.1f} kB of constants; state: sizeof(fracid_state){together}."
-
-
-def initialiser(values: ArrayLike) -> str:
-    """Numbers as C takes them, to the last bit, five a line.
-
-    Examples
-    --------
-    >>> initialiser([0.1, 2.0])
-    '{0.1, 2.0}'
-    """
-    array = np.asarray(values)
-    if array.ndim > 1:
-        return "{" + ",\n    ".join(initialiser(part) for part in array) + "}"
-    words = [repr(v) for v in array.tolist()]
-    return "{" + ",\n    ".join(", ".join(words[i : i + 5]) for i in range(0, len(words), 5)) + "}"
-
-
-def _duration(seconds: float) -> str:
-    """In the unit that people would use.
-
-    Examples
-    --------
-    >>> _duration(20.0), _duration(1e4)
-    ('20 s', '2.8 h')
-    """
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds:.3g} s"
-
-
-def _comment(text: str) -> str:
-    """On one line, and nothing in it that ends a comment."""
-    return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")

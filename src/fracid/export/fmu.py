@@ -12,15 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
-from string import Template
 from typing import Literal
+from uuid import UUID
 
 from fracid._version import __version__
 from fracid.errors import unknown_name
-from fracid.export.c import c_model, initialiser
+from fracid.export.c import c_model
 from fracid.export.compilers import PLATFORMS, here, library_of
 from fracid.export.identified import Identified, Quantity
-from fracid.export.markup import xml
+from fracid.export.markup import program, xml
 from fracid.models.written.equations import dimension
 from fracid.safety.door import own_text
 from fracid.safety.text import one_line
@@ -88,25 +88,15 @@ def sources(model: Identified, version: Version) -> dict[str, str]:
     """
     texts = c_model(model.tables, model.case, model.run)
     constants = texts["fracid_model.c"]
-    if "static const struct {" in constants:
+    if model.parameters:
         constants = constants.replace("static const struct {", f"{LOCAL} {{", 1)
-        found = "found = {" + ", ".join(repr(q.value) for q in model.parameters) + "};"
     else:  # a struct of nothing is no C
-        constants = constants.replace(
-            "#include <string.h>\n", f"#include <string.h>\n\n{LOCAL} {{ double none; }} p;\n", 1
-        )
-        found = "found = {0};"
-    # `found` stands behind the struct that it is of
-    head, body = Template(own_text("export/fmu.c.in")), own_text(f"export/fmi{version}.c.in")
-    words = {
-        "orders": max(1, len(model.orders)), "order_values": initialiser([q.value for q in model.orders] or [0.0]),
-        "x0": initialiser([q.value for q in model.states]), "u0": initialiser([q.value for q in model.inputs] or [0.0]),
-        "found": f"static const struct parameters {found}",
-    }  # fmt: skip
+        first = "#include <string.h>\n"
+        constants = constants.replace(first, f"{first}\n{LOCAL} {{ double none; }} p;\n", 1)
     parts = {"fracid_model.c": constants, "fracid_model.h": texts["fracid_model.h"]}
-    token = sha256("".join([*parts.values(), head.substitute(words, token=""), body]).encode()).hexdigest()
-    token = f"{{{token[:8]}-{token[8:12]}-{token[12:16]}-{token[16:20]}-{token[20:32]}}}"
-    return parts | {"fmu.c": head.substitute(words, token=f'"{token}"') + body}
+    head, body = own_text("export/fmu.c.in"), own_text(f"export/fmi{version}.c.in")
+    digest = sha256("".join([*parts.values(), program(head, model=model, token=""), body]).encode()).digest()
+    return parts | {"fmu.c": program(head, model=model, token=f'"{{{UUID(bytes=digest[:16])}}}"') + body}
 
 
 def description(model: Identified, version: Version, token: str) -> str:

@@ -6,14 +6,12 @@ runs.  The right-hand side is the model's own, written from its source.
 
 from __future__ import annotations
 
-import json
 import re
-from string import Template
 from typing import Any
 
-from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.export.markup import program as filled
 from fracid.export.recursion import TIGHT, Case
 from fracid.export.whole import not_written, written, written_outputs
 from fracid.models import Model
@@ -21,7 +19,6 @@ from fracid.models.joints import Complement
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
-from fracid.safety.text import one_line
 from fracid.solver.methods import METHODS, Method
 
 FAMILIES = ("pi", "gl")
@@ -124,14 +121,11 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
         "inputs": case.inputs_after.ravel().tolist(), "jumps": None,
     }  # fmt: skip
-    return Template(own_text("export/fracid_model.mjs.in")).substitute(
-        version=__version__, run=one_line(run_name), case=one_line(repr(case.name)), solver=solver(),
-        rhs=written(model, "javascript"), seen=seen,
-        output_names=json.dumps(names), initial=", ".join(f"{v:g}" for v in recording["initial"]),
-        step=f"{case.step:g}", steps=case.steps, inputs=one_line(", ".join(model.inputs) or "none"),
-        states=", ".join(model.states),
-        orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()), program=json.dumps(program(problem)),
-        recording=json.dumps(recording), order_values=json.dumps(orders),
+    return filled(
+        own_text("export/fracid_model.mjs.in"), model=model, case=case, run=run_name, solver=solver(),
+        rhs=written(model, "javascript"), seen=seen, names=names, program=program(problem), recording=recording,
+        initial=", ".join(f"{v:g}" for v in recording["initial"]), order_values=orders,
+        orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()),
     )  # fmt: skip
 
 

@@ -1,15 +1,25 @@
-"""Files of XML from templates: numbers to the last bit, all text escaped, and what comes out is well-formed."""
+"""Files from templates: XML, escaped and well-formed, and programs, with numbers to the last bit."""
 
 from __future__ import annotations
 
+import json
 import re
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+import numpy as np
 from markupsafe import Markup
+from numpy.typing import ArrayLike
 
+from fracid._version import __version__
+from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.safety.text import one_line
+from fracid.solver.schemes import OPEN, SLACK
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def xml(template: str, **words: Any) -> str:
@@ -49,3 +59,85 @@ def _written(value: Any) -> Any:
 def _comment(text: str) -> Markup:
     """What a comment of XML can hold, in which nothing is escaped."""
     return Markup(re.sub("-(?=-)", "- ", one_line(text)))
+
+
+def initialiser(values: ArrayLike) -> str:
+    """Numbers as C takes them, to the last bit, five a line.
+
+    Examples
+    --------
+    >>> initialiser([0.1, 2.0])
+    '{0.1, 2.0}'
+    """
+    array = np.asarray(values)
+    if array.ndim > 1:
+        return "{" + ",\n    ".join(initialiser(part) for part in array) + "}"
+    words = [repr(v) for v in array.tolist()]
+    return "{" + ",\n    ".join(", ".join(words[i : i + 5]) for i in range(0, len(words), 5)) + "}"
+
+
+def literal(values: ArrayLike) -> str:
+    """A matrix as MATLAB reads it, to the last bit, six numbers a line.
+
+    Examples
+    --------
+    >>> literal([0.1, 2.0])
+    '[0.1, 2.0]'
+    """
+    matrix = np.atleast_2d(np.asarray(values))
+    if matrix.size == 0:
+        return "zeros({}, {})".format(*matrix.shape)
+    rows = []
+    for row in matrix.tolist():
+        words = [repr(v) for v in row]
+        rows.append(", ...\n    ".join(", ".join(words[i : i + 6]) for i in range(0, len(words), 6)))
+    return "[" + "; ...\n    ".join(rows) + "]"
+
+
+def duration(seconds: float) -> str:
+    """In the unit that people would use.
+
+    Examples
+    --------
+    >>> duration(20.0), duration(1e4)
+    ('20 s', '2.8 h')
+    """
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+def c_comment(text: str) -> str:
+    """On one line, and nothing in it that ends a comment.
+
+    Examples
+    --------
+    >>> c_comment("a */ b")
+    'a * / b'
+    """
+    return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+
+
+@cache
+def _programs() -> Environment:
+    """``${…}`` is a value, in C and MATLAB as it says: ``${x | c}``; lines of ``{% … %}`` choose and repeat."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    jinja = Environment(variable_start_string="${", variable_end_string="}", undefined=StrictUndefined,
+                        trim_blocks=True, keep_trailing_newline=True, loader=FunctionLoader(own_text))  # fmt: skip
+    jinja.filters |= {"c": initialiser, "m": literal, "json": json.dumps, "comment": c_comment, "one_line": one_line,
+                      "duration": duration}  # fmt: skip
+    jinja.globals |= {"version": __version__, "limit": LIMIT, "slack": SLACK, "open": OPEN}
+    return jinja
+
+
+def program(template: str, **words: Any) -> str:
+    """Fill in a template of a program, given as its text.
+
+    Examples
+    --------
+    >>> program("double a[] = ${a | c};", a=[0.1, 2.0])
+    'double a[] = {0.1, 2.0};'
+    """
+    return _programs().from_string(template).render(words)

@@ -9,22 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fracid._version import __version__
 from fracid.arrays import FloatArray
+from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import not_written, words_of, written
 from fracid.models.written.languages import Matlab
-from fracid.problem.simulator import LIMIT
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text, write_whole
-from fracid.safety.text import one_line, printable
-from fracid.solver.schemes import OPEN, SLACK
+from fracid.safety.text import printable
 
 
 def no_program(run: SavedRun, language: str) -> str:
@@ -75,65 +73,13 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> text.splitlines()[0]
     'function [t, x] = model(x0, u, n, h, p)'
     """
-    scheme, exported, model = tables.scheme, tables.exported, tables.model
-    third = scheme.family == "pi3"
-    template = "model_gl.m.in" if scheme.family == "gl" else "model_pi.m.in"
-    return Template(own_text(f"export/{template}")).substitute(
-        what=one_line(f"the recording {case.name!r}: {case.steps} steps of {case.step:g} s"),
-        states=len(model.states), inputs=len(model.inputs), version=__version__, run=one_line(run_name),
-        state_names=", ".join(model.states), input_names=one_line(", ".join(model.inputs)),
-        order_values=tables.order_values,
-        method=tables.method, scheme=exported.words, memory=tables.memory, longest=tables.steps,
-        x0=_literal(case.past[-1:]), steps=case.steps, step=repr(case.step), limit=repr(LIMIT),
-        predictor="in a parabola" if third else "in a straight line",
-        extrapolated="3 * f - 3 * before + earlier" if third else "2 * f - before",
-        sweeps="0" if exported.newton else "1", always="true" if third else "false", slack=repr(SLACK),
-        open=repr(OPEN),
-        origin="zeros(states, 1)" if scheme.raw else "past(:, 1)", update=tables.update("m"),
-        rhs=written(model, "matlab", words_of(template)),
-        time_scale="p.time_scale" if "time_scale" in model.parameter_names else "1",
-        parameters=_parameters(tables), tables=_tables(tables),
+    family = tables.scheme.family
+    template = f"model_{'gl' if family == 'gl' else 'pi'}.m.in"
+    return program(
+        own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
+        rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
+        starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
     )  # fmt: skip
-
-
-def _parameters(tables: Recursion) -> str:
-    name = Matlab(tables.model.program).name
-    lines = [
-        "function p = parameters()",
-        "% The constants that were identified, or that the rig has.",
-        "  p = struct();",
-    ]
-    for parameter, value in zip(tables.model.parameters, tables.parameters.tolist(), strict=True):
-        lines.append(f"  p.{name(parameter.name)} = {value!r};  % [{parameter.unit}] {one_line(parameter.description)}")
-    return "\n".join([*lines, "end", ""])
-
-
-def _tables(tables: Recursion) -> str:
-    """The function that gives k, a row for each distinct order, spread over the states."""
-    kernels = tables.kernels
-    values: dict[str, ArrayLike] = tables.rows | {
-        "orders": tables.orders[:, None], "row": np.array(tables.row) + 1, "start": [k.start[1:] for k in kernels],
-        "newest": tables.newest[:, None], "relaxing": np.array([tables.model.relaxing_states]) + 1,
-        "ramp": [[k.ramp] for k in kernels], "start_shift": [[k.start_shift] for k in kernels],
-        "errors": tables.errors.ravel(order="F"),
-    }  # fmt: skip
-    family = "gl" if tables.scheme.family == "gl" else "pi"
-    return Template(own_text(f"export/tables_{family}.m.in")).substitute(
-        {n: _literal(v) for n, v in values.items()}, starting=", ".join(map(_literal, tables.starting)),
-        shape=", ".join(map(str, tables.errors.shape)),
-    )  # fmt: skip
-
-
-def _literal(values: ArrayLike) -> str:
-    """A matrix as MATLAB reads it, to the last bit, six numbers a line."""
-    matrix = np.atleast_2d(np.asarray(values))
-    if matrix.size == 0:
-        return "zeros({}, {})".format(*matrix.shape)
-    rows = []
-    for row in matrix.tolist():
-        words = [repr(v) for v in row]
-        rows.append(", ...\n    ".join(", ".join(words[i : i + 6]) for i in range(0, len(words), 6)))
-    return "[" + "; ...\n    ".join(rows) + "]"
 
 
 # --- results.mat -------------------------------------------------------------------------------------

@@ -31,7 +31,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
-from fracid.safety.door import own_text
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
@@ -125,11 +124,6 @@ class Recursion:
             exportable = ", ".join(name for name, method in METHODS.items() if method.exported)
             raise InputError(f"The method {self.method} is written in no other language; fit with one of {exportable}.")
         return self.scheme.exported
-
-    def update(self, language: str) -> str:
-        """How a step finds the states, in ``c`` or ``m``: all at once, or the last state first."""
-        which = "last_first" if self.exported.last_first else "together"
-        return own_text(f"export/update_{which}.{language}.in").rstrip("\n")
 
     @property
     def order_values(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fracid._version import __version__
 from fracid.arrays import FloatArray
-from fracid.export.c import _comment, initialiser
+from fracid.export.markup import c_comment, initialiser
 from fracid.feedback.swing import law_of
 from fracid.safety.door import own_text
 from fracid.schemas.feedback import Conditions, Controller, ControlRecord
@@ -38,8 +38,8 @@ def c_controller(control: ControlRecord) -> str:
     test = {"test_outputs": initialiser(y), "test_input": initialiser(inputs_of(controller, c, y - reference))}
     numbers = {"rest": c.at_rest, "least": c.least, "most": c.most, "rate": 1 / c.period, "period": c.period}
     return Template(own_text("feedback/controller.c.in")).substitute(
-        words, version=__version__, says=_comment(control.sentence), model=_comment(control.model),
-        posture=_comment(c.posture), outputs=_comment(", ".join(c.outputs)), input=_comment(c.input),
-        unit=_comment(c.unit), states=len(controller.A), count=len(c.outputs), reference=initialiser(reference),
+        words, version=__version__, says=c_comment(control.sentence), model=c_comment(control.model),
+        posture=c_comment(c.posture), outputs=c_comment(", ".join(c.outputs)), input=c_comment(c.input),
+        unit=c_comment(c.unit), states=len(controller.A), count=len(c.outputs), reference=initialiser(reference),
         samples=SAMPLES, swings=int(controller.swing is not None), **test, **{n: repr(v) for n, v in numbers.items()},
     )  # fmt: skip
