@@ -190,13 +190,10 @@ def require_evidence(problem: Problem) -> None:
     """
     if problem.names:
         require_likelihood(problem)
-    prior = joint_prior(problem)
-    unbounded = [n for i, n in enumerate(problem.names)
-                 if i not in prior.normal and not math.isfinite(prior.upper[i] - prior.lower[i])]  # fmt: skip
-    if unbounded:
+    for i in joint_prior(problem).unbounded:
         raise InputError(
-            f"There is no evidence where a free parameter has no bounds, such as {unbounded[0]}: give it a lower and "
-            "an upper one, or a prior = { mean = ..., sd = ... }."
+            f"There is no evidence where a free parameter has no bounds, such as {problem.names[i]}: give it a lower "
+            "and an upper one, or a prior = { mean = ..., sd = ... }."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -111,44 +112,23 @@ def posterior(
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
     notes += () if x is None else _not_minimum(problem, likelihood, vector("x", x))
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
-    execution = Execution(executor, jobs, journal, progress)
-    draw = _laplace if method == "laplace" else _nested
-    return draw(problem, likelihood, method, draws, seed, execution, notes)
-
-
-def _laplace(
-    problem: Problem, likelihood: RecordedLikelihood, method: str, draws: int, seed: int, execution: Execution,
-    notes: tuple[str, ...],
-) -> Posterior:  # fmt: skip
-    prior = joint_prior(problem)
-    bounded = at_bound(as_fitted(problem, likelihood.centre), likelihood.centre, jobs=execution.jobs)
-    if bounded.any():
-        names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
-        notes += (f"At a bound, and drawn from there inwards: {names}.",)
-    sample = importance_sample(
-        likelihood, prior, approximation(likelihood, prior, bounded), draws=draws, seed=seed, execution=execution
-    )
-    return Posterior(
-        problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights,
-        sample.log_evidence if prior.proper else math.nan, sample.evidence_error, likelihood.samples,
-        likelihood.degrees, sample.simulations, seed, sample.khat, sample.draws, prior, notes,
-    )  # fmt: skip
-
-
-def _nested(
-    problem: Problem, likelihood: RecordedLikelihood, method: str, draws: int, seed: int, execution: Execution,
-    notes: tuple[str, ...],
-) -> Posterior:  # fmt: skip
-    prior = joint_prior(problem)
-    if not prior.proper:
-        unbounded = [n for i, n in enumerate(problem.names)
-                     if i not in prior.normal and not math.isfinite(prior.upper[i] - prior.lower[i])]  # fmt: skip
+    prior, how = joint_prior(problem), {"draws": draws, "seed": seed}
+    execution, unbounded = Execution(executor, jobs, journal, progress), [problem.names[i] for i in prior.unbounded]
+    if method == "laplace":
+        bounded = at_bound(as_fitted(problem, likelihood.centre), likelihood.centre, jobs=jobs)
+        if bounded.any():
+            names = " and ".join(problem.names[i] for i in np.flatnonzero(bounded))
+            notes += (f"At a bound, and drawn from there inwards: {names}.",)
+        shape = approximation(likelihood, prior, bounded)
+        sample = importance_sample(likelihood, prior, shape, **how, execution=execution)
+        sample = replace(sample, log_evidence=math.nan) if unbounded else sample
+    elif unbounded:
         raise InputError(SAYS("no-bounds", unbounded=" and ".join(unbounded)))
-    sample = nested_sample(likelihood, prior, draws=draws, seed=seed, execution=execution)
+    else:
+        sample = nested_sample(likelihood, prior, **how, execution=execution)
     return Posterior(
-        problem, method, likelihood.centre, likelihood.cost, sample.points, sample.log_weights, sample.log_evidence,
-        sample.evidence_error, likelihood.samples, likelihood.degrees, sample.simulations, seed, prior=prior,
-        notes=notes,
+        **vars(sample), problem=problem, method=method, x=likelihood.centre, cost=likelihood.cost, seed=seed,
+        effective_samples=likelihood.samples, degrees_of_freedom=likelihood.degrees, notes=notes,
     )  # fmt: skip
 
 

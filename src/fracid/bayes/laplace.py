@@ -105,42 +105,41 @@ class WeightedDraws:
     """Of a posterior."""
 
     points: FloatArray
-    """Shape (n_draws, n); without those whose runs fail."""
+    """Draws, without those whose runs fail, shape (n_draws, n_unknowns)."""
     log_weights: FloatArray
-    """Weights of the draws, sum 1, shape (n_draws,)."""
+    """Logarithms of their weights, whose sum is 1, shape (n_draws,)."""
     log_evidence: float
-    """Of the likelihood relative to its value at the minimum."""
+    """log ∫ L(x)/L(x̂) π(x) dx, never above 0: what the model loses by being free [nats].  NaN where the prior is no
+    density."""
     evidence_error: float
     """Its standard error [nats]."""
     simulations: int
-    """With those that only improved the proposal."""
+    """Points at which the likelihood was asked for, with those that only improved the proposal."""
+    khat: float = math.nan
+    """The shape of the tail of the importance weights; NaN for nested sampling."""
+    draws: int = 0
+    """Of an importance sample: those within the bounds, whose runs fail too."""
 
-
-@dataclass(frozen=True)
-class ImportanceSample(WeightedDraws):
-    """Weighted draws of a posterior, from a proposal."""
-
-    log_likelihood: FloatArray
-    """Shape (n_draws,)."""
-    khat: float
-    draws: int
-    """Within the bounds, those whose runs fail too."""
+    @property
+    def limit(self) -> float:
+        """k̂ must be below it; NaN for nested sampling."""
+        return khat_limit(self.draws) if self.draws else math.nan
 
     @property
     def trusted(self) -> bool:
-        """Whether k̂ is below its limit."""
-        return self.khat < khat_limit(self.draws)
+        """Whether k̂, where there is one, is below its limit."""
+        return not self.draws or self.khat < self.limit
 
     @property
     def effective_draws(self) -> float:
-        """1/Σw²."""
+        """As many independent draws tell the mean as well: 1/Σw²."""
         return float(1 / np.sum(np.exp(2 * self.log_weights)))
 
 
 def importance_sample(
     likelihood: Likelihood, prior: BoxPrior, shape: GaussianApproximation, *, draws: int, seed: int,
     execution: Execution | None = None,
-) -> ImportanceSample:  # fmt: skip
+) -> WeightedDraws:  # fmt: skip
     """Draw from Laplace's approximation, and weight.
 
     Parameters
@@ -256,7 +255,7 @@ class _Round:
         deviation = points - mean
         return replace(shape, mean=mean, covariance=deviation.T @ (weights[:, None] * deviation))
 
-    def sample(self, simulations: int) -> ImportanceSample:
+    def sample(self, simulations: int) -> WeightedDraws:
         """All draws that count, with their smoothed weights."""
         from scipy.special import logsumexp
 
@@ -272,8 +271,8 @@ class _Round:
         total = float(logsumexp(weights))
         log_weights = weights - total
         error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
-        return ImportanceSample(self.points[some], log_weights, total - math.log(self.drawn), error, simulations,
-                                self.values[some], khat, len(ratios))  # fmt: skip
+        return WeightedDraws(self.points[some], log_weights, total - math.log(self.drawn), error, simulations, khat,
+                             len(ratios))  # fmt: skip
 
 
 def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | None]:

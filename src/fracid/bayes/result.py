@@ -11,8 +11,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
-from fracid.bayes.pareto import khat_limit
-from fracid.bayes.target import BoxPrior
+from fracid.bayes.laplace import WeightedDraws
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least
 from fracid.figures import Style, draw
@@ -36,8 +35,8 @@ FEW = 100.0
 """Fewer effective draws give no reliable interval."""
 
 
-@dataclass(frozen=True, repr=False)
-class Posterior(CardDisplay):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Posterior(CardDisplay, WeightedDraws):
     """The result of :func:`fracid.posterior`."""
 
     problem: Problem
@@ -47,27 +46,11 @@ class Posterior(CardDisplay):
     """The minimum of the cost, where the likelihood is greatest, shape (n_unknowns,)."""
     cost: float
     """There."""
-    points: FloatArray
-    """Draws, shape (n_draws, n_unknowns)."""
-    log_weights: FloatArray
-    """Logarithms of their weights, whose sum is 1, shape (n_draws,)."""
-    log_evidence: float
-    """log ∫ L(x)/L(x̂) π(x) dx, never above 0: what the model loses by being free [nats].  NaN where the prior is no
-    density."""
-    evidence_error: float
-    """Its standard error [nats]."""
     effective_samples: float
     """How many independent samples the residuals of all recordings are worth."""
     degrees_of_freedom: float
     """Degrees of freedom of the likelihood's Student's t; large where the samples are many."""
-    simulations: int
-    """Points at which the likelihood was asked for."""
     seed: int
-    khat: float = math.nan
-    """The shape of the tail of the importance weights; NaN for nested sampling."""
-    draws: int = 0
-    """Number of draws of the importance sample, those whose runs fail too."""
-    prior: BoxPrior | None = None
     notes: tuple[str, ...] = ()
     """What should be known of it, in sentences."""
 
@@ -117,28 +100,18 @@ class Posterior(CardDisplay):
         return self.quantile(name, 0.025), self.quantile(name, 0.975)
 
     @property
-    def effective_draws(self) -> float:
-        """As many independent draws tell the mean as well: 1/Σw²."""
-        return float(1 / np.sum(np.exp(2 * self.log_weights)))
-
-    @property
-    def limit(self) -> float:
-        """k̂ must be below it; NaN for nested sampling."""
-        return khat_limit(self.draws) if self.method == "laplace" else math.nan
-
-    @property
     def trusted(self) -> bool:
         """Whether the draws can be believed, by k̂ and by how many of them count."""
-        return (self.method != "laplace" or self.khat < self.limit) and self.effective_draws >= FEW
+        return super().trusted and self.effective_draws >= FEW
 
     @property
     def sentence(self) -> str:
         """Whether to trust it, why, and what to do if not."""
-        if self.method == "laplace" and not self.khat < self.limit:
+        if not super().trusted:
             return SAYS("khat", drawn=self)
         if self.effective_draws < FEW:
             return SAYS("few", drawn=self, least=FEW, more=4 * max(self.draws, 1000))
-        return SAYS("trusted-by-khat" if self.method == "laplace" else "trusted", drawn=self)
+        return SAYS("trusted-by-khat" if self.draws else "trusted", drawn=self)
 
     def resampled(self, count: int = 1000, *, seed: int = 1) -> FloatArray:
         """Draws of equal weight, shape (count, n_unknowns), by systematic resampling.

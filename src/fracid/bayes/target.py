@@ -96,17 +96,17 @@ class BoxPrior:
     """Free parameter → its normal density, of those that have one."""
 
     @property
-    def proper(self) -> bool:
-        """Whether it is a density: every parameter has two bounds, or a normal prior."""
-        return all(i in self.normal or math.isfinite(b - a)
-                   for i, (a, b) in enumerate(zip(self.lower, self.upper, strict=True)))  # fmt: skip
+    def unbounded(self) -> tuple[int, ...]:
+        """Parameters with neither two bounds nor a normal prior: with one of them it is no density."""
+        wide = np.flatnonzero(~np.isfinite(self.upper - self.lower)).tolist()
+        return tuple(i for i in wide if i not in self.normal)
 
     def inside(self, x: FloatArray) -> Any:
         """Whether points lie within the bounds, shape (…,) of x of shape (…, n)."""
         return np.all((x >= self.lower) & (x <= self.upper), axis=-1)
 
     def log_density(self, x: FloatArray) -> FloatArray:
-        """Of points within the bounds, shape (…,); up to a constant where it is not :attr:`proper`."""
+        """Of points within the bounds, shape (…,); up to a constant where some are :attr:`unbounded`."""
         value = np.full(np.shape(x)[:-1], -self._log_volume)
         for i, prior in self.normal.items():
             value = value - 0.5 * ((x[..., i] - prior.mean) / prior.sd) ** 2
@@ -210,8 +210,8 @@ def joint_prior(problem: Problem) -> BoxPrior:
     >>> problem = fracid.Problem(fracid.rotary_pendulum(), (still,), {"lambda": Free(0.9, 0.5, 1.0), "mu": mu},
     ...                          initial_state="held")
     >>> prior = joint_prior(problem)
-    >>> prior.proper, np.exp(prior.log_density(np.array([0.6, 0.9]))).round(2).item()  # 2 × 39.9
-    (True, 79.79)
+    >>> prior.unbounded, np.exp(prior.log_density(np.array([0.6, 0.9]))).round(2).item()  # 2 × 39.9
+    ((), 79.79)
     """
     return BoxPrior(problem.space.lower, problem.space.upper, dict(problem.parametrisation.priors))
 
@@ -266,7 +266,8 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
         raise InputError(f"There is no posterior: the intervals of this fit cannot be computed: {estimator}.")
     if len(estimator.directions):
         unseen = np.flatnonzero(np.any(np.abs(estimator.directions) > 0, axis=0))
-        _refuse_improper(problem, unseen)
+        if improper := [i for i in joint_prior(problem).unbounded if i in unseen]:
+            raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
         names = " and ".join(problem.names[i] for i in unseen)
         notes += (f"The data do not identify {names}: there the posterior is the prior.",)
     return _tempered(bare, best, estimator, jobs), notes
@@ -365,15 +366,6 @@ def require_likelihood(problem: Problem) -> None:
         raise InputError(SAYS("nothing-free"))
     if problem.cost_function.loss is None:
         raise InputError(SAYS("own-cost", problem=problem))
-
-
-def _refuse_improper(problem: Problem, unseen: NDArray[np.intp]) -> None:
-    """What neither the data nor a prior limits has no posterior."""
-    width, priors = problem.space.upper - problem.space.lower, problem.parametrisation.priors
-    for i in unseen:
-        if not math.isfinite(width[i]) and i not in priors:
-            name = problem.names[i]
-            raise InputError(SAYS("unbounded", name=name))
 
 
 def _minimum(problem: Problem, x: FloatArray) -> Evaluation:
