@@ -251,7 +251,7 @@ def test_the_embedded_samples_are_the_recordings(page, fitted):
 def test_a_recording_is_shown_whole_with_the_part_that_was_used(page):
     whole = samples(page)["charts"]["whole-0-0"]
     assert decoded(whole["x"])[[0, -1]] == pytest.approx([0.0, 6.0])
-    assert [whole["bands"][0][end] for end in ("from", "to")] == pytest.approx([0.5, 6.0])
+    assert [whole["bands"][0][end] for end in ("low", "high")] == pytest.approx([0.5, 6.0])
 
 
 def test_a_fit_in_hand_and_its_folder_read_back_give_the_same_page(fitted, material):
@@ -313,7 +313,7 @@ def said(**changes):
     } | changes
     used = lambda use: {n: r for n, r in result["recordings"].items() if r["use"] == use}  # noqa: E731
     shown = lambda n, v: f"{math.degrees(v):.2g}°"  # noqa: E731
-    return SimpleNamespace(result=result, used=used, shown=shown, analyses={}, beside=lambda _: None)
+    return SimpleNamespace(result=result, used=used, shown=shown, analyses={}, beside=lambda _: {})
 
 
 RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}
@@ -420,7 +420,7 @@ def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_th
     orders = {"lambda": estimate(1.2), "mu": estimate(1.18, 0.12)}
     changes = {"claim": "integer", "claim_reasons": [], "orders": orders, "alternative": RIVAL | {"warning": "It is."}}
     run = said(**changes, findings=[{"code": "misfit", "where": "a: alpha", "sentence": ""}])
-    run.beside = lambda _: None
+    run.beside = lambda _: {}
     assert verdict(run)[0].sentence.replace("\N{NO-BREAK SPACE}", " ") == (
         "There is no evidence of fractional dynamics: a model of integer order fits as well as λ = 1.2 (no interval) "
         "and μ = 1.18 ± 0.12, but the model lacks something (see Fit)."
@@ -485,7 +485,7 @@ AGAINST = {
 def test_the_claim_is_in_order_only_where_nothing_on_the_page_contradicts_it(case):
     changes, compared, against = AGAINST[case]
     run = said(**CLAIMED | changes)
-    run.beside = lambda _: compared
+    run.beside = lambda _: compared or {}
     claim = verdict(run)[0]
     assert claim.about == "Claim"
     assert claim.good == (not against)
@@ -956,7 +956,7 @@ def test_paper_gets_every_chart_as_a_drawing_and_every_note_in_light_colours(bro
 
 def test_the_map_on_paper_has_the_lines_of_the_one_on_the_screen(browser, file):
     browser.open(file, **CALM)
-    levels = browser.run("Plane.all[0].spec.levels.map(level => level.label)")
+    levels = browser.run("Plane.all[0].spec.levels.map(([_, label]) => label)")
     words = browser.run("[...document.querySelectorAll('#plane + svg text')].map(text => text.textContent)")
     drawn = {word for word in words if word[0] in "+×"}
     assert drawn

@@ -1,7 +1,7 @@
 "use strict";
 // Curves: uPlot with the page's colours.  A chart is described by a plain record (charts.py writes it too)
-//   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind, unit, step }], bands: [{ axis, from, to, kind }],
-//     marks: [{ axis, at, text, kind, before }], right: [{ at, text }], rightlabel, height, yrange, logx, logy, bare, room, keyed }
+//   { title, x, xlabel, ylabel, xname, series: [{ label, y, kind, unit, step }], bands: [{ axis, low, high, kind }],
+//     marks: [{ axis, at, text, kind, before }], right: [[at, text]], rightlabel, height, yrange, logx, logy, bare, room, keyed }
 // and built when it comes into view, in the place of the SVG that stands there for paper and where no script runs; on a
 // change of theme or width it is built again.
 
@@ -144,10 +144,10 @@ class Chart {
 
   // Ticks where they are asked for: those of a residual are whole encoder steps.
   right(axis) {
-    const { right, rightlabel } = this.spec, text = new Map(right.map(r => [r.at, r.text]));
+    const { right, rightlabel } = this.spec, text = new Map(right);
     return axis(rightlabel, {
       side: 1, size: 52, grid: { stroke: css("edge"), width: 0.5, dash: [2, 3] },
-      splits: (u, k, low, high) => right.map(r => r.at).filter(at => at >= low && at <= high),
+      splits: (u, k, low, high) => right.map(([at]) => at).filter(at => at >= low && at <= high),
       values: (u, ticks) => ticks.map(at => text.get(at) || ""),
     });
   }
@@ -163,7 +163,7 @@ class Chart {
     const { left, top, width, height } = u.bbox;
     const clamp = (v, low, high) => Math.min(Math.max(v, low), high);
     for (const band of (this.spec.bands || []).filter(kinds)) {
-      const [a, b] = [band.from, band.to].map(v => u.valToPos(v, band.axis, true));
+      const [a, b] = [band.low, band.high].map(v => u.valToPos(v, band.axis, true));
       u.ctx.fillStyle = css(band.kind);
       if (band.axis === "x") {
         const [l, r] = [Math.min(a, b), Math.max(a, b)].map(v => clamp(v, left, left + width));

@@ -25,6 +25,9 @@ KEYS = 16.0
 ENCODER_STEPS = (1, 3, 10, 30, 100, 300, 1000)
 """Where the right axis of a residual has its ticks, to both sides."""
 
+RESIDUAL_HEIGHT = 80.0
+"""Of a residual's plot, about [px]."""
+
 
 @dataclass(frozen=True)
 class Series:
@@ -70,7 +73,7 @@ class Chart:
     xlabel: str
     ylabel: str
     series: tuple[Series, ...]
-    xname: str = ""
+    xname: str
     """Short, for the legend."""
     bands: tuple[Band, ...] = ()
     marks: tuple[Mark, ...] = ()
@@ -82,21 +85,11 @@ class Chart:
     right: tuple[tuple[float, str], ...] = ()
     """Ticks of an axis to the right: where, and what stands there."""
     rightlabel: str = ""
-    room: float = 12.0
-    """To the right of the plot at least [px], so that those below each other end at one place."""
 
-    def to_json(self) -> dict[str, Any]:
+    def packed(self) -> dict[str, Any]:
         """As ``charts.js`` takes it."""
-        return {
-            "title": self.title, "x": base64_floats(self.x), "xlabel": self.xlabel, "ylabel": self.ylabel,
-            "xname": self.xname or self.xlabel, "height": self.height, "logx": self.logx, "logy": self.logy,
-            "series": [{"label": s.label, "y": base64_floats(s.y), "kind": s.kind} for s in self.series],
-            "bands": [{"axis": b.axis, "from": b.low, "to": b.high, "kind": b.kind} for b in self.bands],
-            "marks": [{"axis": m.axis, "at": m.at, "text": m.text, "kind": m.kind, "before": m.before}
-                      for m in self.marks],
-            "yrange": self.yrange, "right": [{"at": at, "text": text} for at, text in self.right],
-            "rightlabel": self.rightlabel,
-        }  # fmt: skip
+        lines = [vars(s) | {"y": base64_floats(s.y)} for s in self.series]
+        return vars(self) | {"x": base64_floats(self.x), "series": lines}
 
 
 # --- axes ----------------------------------------------------------------------------------------
@@ -174,7 +167,7 @@ def fitting(label: str, room: float) -> str:
     return label if 6.5 * len(label) <= room else label[label.rfind("[") :] if "[" in label else ""
 
 
-def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tuple[float, str], ...]:
+def encoder_ticks(limit: float, step: float) -> tuple[tuple[float, str], ...]:
     """Ticks of a residual's right axis, in encoder steps: ±1 and ±3 always, words where there is room for them.
 
     Parameters
@@ -183,8 +176,6 @@ def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tupl
         The axis goes from −limit to limit.
     step : float
         Of the encoder, in the axis's unit.
-    height : float
-        Of the plot [px].
 
     Returns
     -------
@@ -198,7 +189,7 @@ def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tupl
     >>> [text for _, text in encoder_ticks(2.0, 0.1)]
     ['−10', '−3', '', '', '+3', '+10']
     """
-    per_step = height / (2 * limit / step)
+    per_step = RESIDUAL_HEIGHT / (2 * limit / step)
     counts = [n for n in ENCODER_STEPS if n * step <= limit]
     last, words = -12.0 + 6.0, {}
     for n in counts:
@@ -212,7 +203,7 @@ def encoder_ticks(limit: float, step: float, height: float = 80.0) -> tuple[tupl
 # --- the drawing ---------------------------------------------------------------------------------
 
 
-def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
+def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0) -> Markup:
     """A chart as SVG.
 
     Parameters
@@ -222,6 +213,8 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
         [px]; it scales.
     points : int
         At most so many of a line.
+    room : float
+        To the right of the plot [px], where it has no axis there: those below each other end at one place.
 
     Returns
     -------
@@ -231,11 +224,11 @@ def still(chart: Chart, width: int = 720, points: int = 900) -> Markup:
     Examples
     --------
     >>> t = np.linspace(0, 1, 5)
-    >>> text = still(Chart("<swing>", t, "time [s]", "α [°]", (Series("measured", np.sin(t), "measured"),)))
+    >>> text = still(Chart("<swing>", t, "time [s]", "α [°]", (Series("measured", np.sin(t), "measured"),), "time"))
     >>> text.startswith('<svg class="still"'), "<swing>" in text, "&lt;swing&gt;" in text
     (True, False, True)
     """
-    right = RIGHT if chart.right else chart.room
+    right = RIGHT if chart.right else room
     bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)

@@ -1,4 +1,4 @@
-"""Drawings by templates: SVG whose words are escaped."""
+"""What templates are filled with: pages, and drawings as SVG; texts are escaped."""
 
 from __future__ import annotations
 
@@ -8,7 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from fracid.report.sentences import letter, number, raised, said
+from fracid.estimation.records import in_words
+from fracid.report.sentences import (
+    counted,
+    digits,
+    end_of,
+    interval,
+    joined,
+    letter,
+    linked,
+    number,
+    raised,
+    said,
+    search_sentence,
+    unbroken,
+    unit,
+    with_error,
+)
+from fracid.safety.text import printable
+from fracid.units import in_letters
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -16,18 +34,31 @@ if TYPE_CHECKING:
 
 def drawn(template: str, **what: Any) -> Markup:
     """An element ``<svg>`` by a template beside this file."""
-    return Markup(_templates().get_template(template).render(**what))  # it escapes all that is not marked
+    return Markup(filled(template, **what))  # it escapes all that is not marked
+
+
+def filled(template: str, **what: Any) -> str:
+    """A template beside this file, filled."""
+    return _templates().get_template(template).render(**what)
 
 
 @cache
 def _templates() -> Environment:
+    """Jinja, which escapes all that is not marked."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     jinja = Environment(loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined,
-                        trim_blocks=True, lstrip_blocks=True)  # fmt: skip
-    jinja.filters |= {"letter": letter, "number": number, "said": said, "short": "{:g}".format,
-                      "tenth": "{:.1f}".format, "tick": tick, "whole": "{:.0f}".format}  # fmt: skip
+                        trim_blocks=True, lstrip_blocks=True, finalize=_seen)  # fmt: skip
+    words = (counted, digits, end_of, in_letters, in_words, interval, joined, letter, linked, number, said,
+             search_sentence, tick, unbroken, unit, with_error)  # fmt: skip
+    jinja.filters |= {word.__name__: word for word in words}
+    jinja.filters |= {"short": "{:g}".format, "tenth": "{:.1f}".format, "whole": "{:.0f}".format}
     return jinja
+
+
+def _seen(value: Any) -> Any:
+    """A text of a run's without what cannot be seen: it could turn the direction of what stands beside it."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def tick(value: float, log: bool = False) -> str:

@@ -40,7 +40,7 @@ WIDE = 0.15
 
 def not_explored(material: Material) -> str:
     """Why the model cannot be simulated on the page; empty if it can."""
-    problem = material.project.problem
+    problem = material.problem
     if material.result.get("window") is not None:
         return "The recordings were fitted in windows, each with a start of its own; the page simulates from one."
     if reason := no_javascript(problem):
@@ -81,7 +81,7 @@ def _beyond(e: Experiment) -> str:
 
 def _explorable(material: Material) -> Iterator[tuple[Problem, FloatArray, Experiment]]:
     """The recordings that the page can simulate, fitted ones first, each with the problem and the unknowns it has."""
-    problem = material.project.problem
+    problem = material.problem
     for e in problem.experiments:
         if not _beyond(e):
             yield problem, material.x, e
@@ -97,7 +97,7 @@ def explore_scripts(material: Material) -> list[str]:
     """The solver, the model and the section's script; nothing where there is nothing to explore."""
     if not_explored(material):
         return []
-    problem, own = material.project.problem, [own_text(f"report/{name}") for name in ("fitting.js", "explore.js")]
+    problem, own = material.problem, [own_text(f"report/{name}") for name in ("fitting.js", "explore.js")]
     return [solver(), written(problem.model, "javascript"), *_functions(problem), *own]
 
 
@@ -105,7 +105,7 @@ def explore(material: Material) -> dict[str, Any] | None:
     """The data of the section, for JSON; None where there is nothing to explore."""
     if not_explored(material):
         return None
-    problem, result = material.project.problem, material.result
+    problem, result = material.problem, material.result
     orders = {n: e["value"] for n, e in result["orders"].items()}
     recordings = [_recording(material, *one) for one in islice(_explorable(material), MOST)]
     return {
@@ -129,7 +129,7 @@ def _shown_cost(problem: Problem) -> str:
 
 def _orders(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each order that is not tied to another."""
-    problem = material.project.problem
+    problem = material.problem
     for name, e in material.result["orders"].items():
         if name in problem.ties or e["value"] is None:
             continue
@@ -142,7 +142,7 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
 
 def _frictions(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each friction that is there, and for the Coulomb friction that might be."""
-    problem, values = material.project.problem, material.result["parameters"]
+    problem, values = material.problem, material.result["parameters"]
     own = {*problem.parametrisation.own_parameters, *problem.ties}
     for name, kind in problem.model.friction.items():
         e = values.get(name)
@@ -161,7 +161,7 @@ def _frictions(material: Material) -> Iterator[dict[str, Any]]:
 
 def _constants(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each other value that was free, some of its intervals or half of itself about it."""
-    problem, values = material.project.problem, material.result["parameters"]
+    problem, values = material.problem, material.result["parameters"]
     for name, start in problem.parameters.items():
         e = values.get(name)
         if not isinstance(start, Free) or name in problem.model.friction or e is None or e["value"] is None:
@@ -181,7 +181,7 @@ def _bounds(start: object, e: Mapping[str, Any]) -> dict[str, float]:
 
 def _might_be(material: Material, joint: str) -> float:
     """The viscous torque at the joint's highest speed: what dry friction could stand in for [N m]."""
-    model, values = material.project.problem.model, material.result["parameters"]
+    model, values = material.model, material.result["parameters"]
     viscous = sum(
         abs(values[n]["value"] or 0.0)
         for n, kind in model.friction.items() if kind.power == 1 and kind.joint == joint and n in values
@@ -205,7 +205,7 @@ def _slider(problem: Problem, name: str, e: Mapping[str, Any], reach: tuple[floa
 
 def _output(material: Material, name: str) -> dict[str, Any]:
     shown, factor = material.unit(name)
-    model = material.project.problem.model
+    model = material.model
     return {"name": name, "letter": letter(name), "unit": shown, "factor": factor,
             "state": model.output_states.get(name), "place": [*model.shown].index(name)}  # fmt: skip
 
@@ -241,7 +241,7 @@ def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[st
     """The measured and the fitted samples; nothing where the page draws all of them."""
     if samples == len(e.measured) and e.scored is None:
         return {}
-    r, outputs = material.recordings[e.name], material.project.problem.outputs
+    r, outputs = material.recordings[e.name], material.problem.outputs
     scored = np.ones(len(e.measured), bool) if e.scored is None else e.scored
     shown = {n: material.unit(n)[1] for n in outputs}
     return {

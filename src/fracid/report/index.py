@@ -28,7 +28,7 @@ from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
 from fracid.report.sentences import in_unit, joined, letter, number
-from fracid.report.study import Found, read_study, studies_of, write_study
+from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.safety.door import opened, text_of, write_text
 from fracid.safety.json_files import json_of
@@ -131,29 +131,19 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
     return sorted(runs, key=lambda run: (run.started, run.who.name))
 
 
-@dataclass(frozen=True)
-class StudyOfIndex:
-    """A study in the index."""
-
-    folder: Path
-    page: Path
-    kind: str
-    """Of which command."""
-    heading: str
-    found: Found
-    started: str
-
-
-def studies_in(folder: Path) -> Iterator[StudyOfIndex]:
-    """The studies in a folder's folders, and in those of its runs; damaged ones are left out."""
+def studies_in(folder: Path) -> Iterator[dict[str, Any]]:
+    """The cards of the studies in a folder's folders, and in those of its runs; damaged ones are left out."""
     for place in sorted(p for pattern in ("*/", "*/*/") for p in folder.glob(pattern)):
         if place.is_symlink() or place.parent.is_symlink():
             continue
         for file in studies_of(place):
             with suppress(OSError, InputError):
                 study, found, started = read_study(place, file)
-                page = (place / file).with_suffix(".html")
-                yield StudyOfIndex(place, page, study.command, study.heading, found, started)
+                yield {
+                    **vars(found), "kind": study.command, "heading": study.heading, "started": started,
+                    "name": place.relative_to(folder).as_posix(), "date": _date(started), "error": None,
+                    "href": _address((place / file).with_suffix(".html"), folder), "partial": "", "swings": "",
+                }  # fmt: skip
 
 
 def refresh_index(folder: Path) -> None:
@@ -239,45 +229,36 @@ def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> No
 
 
 def _neighbour(arrow: str, which: str, run: RunOfIndex | None) -> str:
-    if run is None or not (run.folder / PAGE).exists():
+    if run is None or not (href := _address(run.folder / PAGE, run.folder.parent)):
         return ""
     name = escape(printable(run.who.name))
-    return f'<li><a href="../{_address(run)}" title="{which}: {name}">{arrow}{name}</a></li>'
+    return f'<li><a href="../{href}" title="{which}: {name}">{arrow}{name}</a></li>'
 
 
-def _address(run: RunOfIndex) -> str:
-    """Of its page, from the index; a folder's name may be bytes that are no text."""
-    return f"{quote(os.fsencode(run.folder.name))}/{PAGE}"
-
-
-def _address_of(page: Path, folder: Path) -> str:
+def _address(page: Path, folder: Path) -> str:
+    """Of a page from the index, where it is there; a folder's name may be bytes that are no text."""
     return quote(os.fsencode(page.relative_to(folder).as_posix())) if page.exists() else ""
 
 
 # --- the page ------------------------------------------------------------------------------------
 
 
-def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[StudyOfIndex]) -> str:
+def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[dict[str, Any]]) -> str:
     axis = order_axis([e for run in runs for e in run.result["orders"].values()])
     cards = [
         {
             "name": run.who.name, "kind": "fit", "started": run.started, "date": _date(run.started),
             "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
-            "href": _address(run) if (run.folder / PAGE).exists() else "",
-            "orders": orders_drawn(run.result["orders"], axis), "warnings": run.result["warnings"],
+            "href": _address(run.folder / PAGE, folder), "orders": orders_drawn(run.result["orders"], axis),
             "against": list(against.values()),
             "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,
             **_errors(run.result["recordings"]), "model": run.result["model"]["name"], "outcome": run.result["outcome"],
-            "swings": _swings(run.folder / PAGE), "rows": list(_rows(run.result)), "cost": run.result["cost"],
+            "swings": _swings(run.folder / PAGE), "rows": list(_rows(run.result)),
         }
         for run in runs
         for against in [doubts(run.result)]
     ]  # fmt: skip
-    cards += [
-        {**vars(s), **vars(s.found), "name": s.folder.relative_to(folder).as_posix(), "date": _date(s.started),
-         "href": _address_of(s.page, folder), "error": None, "partial": "", "swings": ""} for s in studies
-    ]  # fmt: skip
-    cards.sort(key=lambda card: (card["started"], card["name"]))
+    cards = sorted(cards + studies, key=lambda card: (card["started"], card["name"]))
     kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))
     counts = [f"{len(own)} {words[len(own) > 1]}" for own, words in kinds if own]
     title = f"{' and '.join(counts)} in {folder.resolve().name}"
@@ -321,7 +302,8 @@ def _swings(page: Path) -> Markup:
         symbol, unit = (printable(output[name]) for name in ("letter", "unit"))
         lines = Series("measured", measured[:end], "measured"), Series("simulated", simulated[:end], "fitted")
         name = f"{printable(recording['name'])}, first swings"
-        return still(Chart(name, t[:end], "time [s]", f"{symbol} [{unit}]" if unit else symbol, lines), SWINGS_WIDTH)
+        label = f"{symbol} [{unit}]" if unit else symbol
+        return still(Chart(name, t[:end], "time [s]", label, lines, "time"), SWINGS_WIDTH)
     except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
         return Markup("")
 

@@ -16,6 +16,7 @@ from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
 from fracid.fit import Fit, ResultBlock
+from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.recording import Recording, inspect_recording
@@ -74,6 +75,16 @@ class Material:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
         return cls(folder, result, _as_solved(project, fit.problem), fit.x, fit.recordings, plane, tested=tested)
 
+    @property
+    def problem(self) -> Problem:
+        """What was solved."""
+        return self.project.problem
+
+    @property
+    def model(self) -> Model:
+        """Of the rig."""
+        return self.problem.model
+
     def used(self, use: str) -> dict[str, Any]:
         """The block of result.json of each recording with that use."""
         return {n: r for n, r in self.result["recordings"].items() if r["use"] == use}
@@ -100,12 +111,8 @@ class Material:
     @cached_property
     def as_recorded(self) -> dict[str, Recording]:
         """Each recording from its file's first sample to its last; as it was used, where the file has gone."""
-        tables = tomllib.loads(self.project.text)["recording"]
-        return {r.name: _whole(r, s, self._signals) for r, s in zip(self.project.recordings, tables, strict=True)}
-
-    @property
-    def _signals(self) -> tuple[str, ...]:
-        return (*self.project.problem.model.outputs, *self.project.problem.model.inputs)
+        tables, signals = tomllib.loads(self.project.text)["recording"], (*self.model.outputs, *self.model.inputs)
+        return {r.name: _whole(r, s, signals) for r, s in zip(self.project.recordings, tables, strict=True)}
 
     @cached_property
     def tried(self) -> FloatArray:
@@ -114,9 +121,9 @@ class Material:
             return np.empty((0, 2))
         return tried(self.folder, self.plane.names)
 
-    def beside(self, name: str) -> dict[str, Any] | None:
-        """A JSON file of the run folder; None where there is none that can be read."""
-        return self._beside[0].get(name)
+    def beside(self, name: str) -> dict[str, Any]:
+        """A JSON file of the run folder; empty where there is none that can be read."""
+        return dict(self._beside[0].get(name, {}))
 
     @property
     def left_out(self) -> list[str]:

@@ -182,7 +182,7 @@ class Page {
       title: "as recorded", x: Array.from(some(t)), xlabel: "time [s]", xname: "time", height: 180, keyed: false,
       ylabel: alike ? `[${shown[0].shown || "1"}]` : "",
       series: shown.map((o, k) => ({ label: o.letter, kind: ["first", "second", "third"][k % 3], unit: o.shown, y: some(Preview.signal(table, signals[o.name], kept).map(v => o.factor * v)) })),
-      bands: setup.from === null || setup.to === null ? [] : [{ axis: "x", from: setup.from, to: setup.to, kind: "window" }],
+      bands: setup.from === null || setup.to === null ? [] : [{ axis: "x", low: setup.from, high: setup.to, kind: "window" }],
     });
   }
 

@@ -34,7 +34,7 @@ from fracid.safety.door import write_text
 from fracid.units import shown_unit
 
 SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "scene.js", "fitting.js", "reading.js",
-           "drafting.js", "explore.js", "open.js")  # fmt: skip
+           "drafting.js", "explore.js")  # fmt: skip
 
 TOLERANCE = 1e-6
 """Of the memory of a preview."""
@@ -86,7 +86,7 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     True
     """
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
-    scripts = [Markup(f"\n{solver().strip()}\n"), *SCRIPTS[:-1], Markup(f"\n{_written(found)}\n"), SCRIPTS[-1]]
+    scripts = [Markup(solver()), *SCRIPTS, Markup(_written(found)), "open.js"]
     data = {
         "models": {name: _spec(name, m) for name, m in found.items()},
         "units": {"signal": TABLES["signal"], "time": TABLES["time"]},

@@ -46,7 +46,7 @@ function curves(trace) {
         series: [{ label: "measured", y: line(o.measured), kind: "measured", ...o.read }, { label: "simulated", y: line(o.fitted), kind: "fitted", ...o.read }] },
       { title: `${o.letter}, residual${shaded}`, ylabel: `residual${unit}`, xlabel: last ? timeAxis(trace.said.start) : "",
         height: alone ? 250 : last ? 148 : 110, yrange: [-o.limit, o.limit], right: o.right, rightlabel: o.step ? "steps" : "", ...shared,
-        bands: o.step ? [{ axis: "y", from: -o.step / 2, to: o.step / 2, kind: "band" }] : [],
+        bands: o.step ? [{ axis: "y", low: -o.step / 2, high: o.step / 2, kind: "band" }] : [],
         series: [{ label: "residual", y: line(residual), kind: "residual", ...o.read, digits: 3, more: 1 }] },
     ];
   });
@@ -221,7 +221,7 @@ if (DATA.profiles && DATA.profiles.joint) {
   const j = DATA.profiles.joint;
   new Plane(element("joint"), element("joint-said"), {
     ...j, height: j.rise.map(row => row.map(v => (v === null ? null : v + 0.3))), low: 0.3, high: 60, intervals: [],
-    levels: [{ at: j.threshold + 0.3, label: "95 %" }], read: h => `rise ${round(h - 0.3, 3)}; the 95 % region ends at ${round(j.threshold, 3)}`,
+    levels: [[j.threshold + 0.3, "95 %"]], read: h => `rise ${round(h - 0.3, 3)}; the 95 % region ends at ${round(j.threshold, 3)}`,
   });
 }
 

@@ -17,7 +17,7 @@ from fracid.errors import writing
 from fracid.estimation.cost_plane import CostPlane
 from fracid.fit import Fit
 from fracid.problem.project import Project
-from fracid.report.charts import Chart, Mark, Series, still
+from fracid.report.charts import RIGHT, Chart, Mark, Series, still
 from fracid.report.equations import equations, named
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import rendered
@@ -40,6 +40,7 @@ from fracid.report.surface import RISE, Surface, cost_scale, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
+from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.validation.residual_analyses import Residuals
@@ -49,6 +50,9 @@ REPORT = "report.html"
 
 OPEN = 6
 """Recordings, and residuals, that are shown without being asked for."""
+
+TRIED = 1500
+"""Points of the search that are drawn, about."""
 
 WARNINGS = 20
 """That are shown without being asked for: all that a fit of a few recordings has."""
@@ -122,26 +126,18 @@ def write_report(
     if studies and not (folder / "result.json").exists():
         return [write_study_page(folder, file) for file in studies][-1]
     path = folder / REPORT if out is None else Path(out)
-    text = report_page(_material(folder, fit, project, plane, jobs, trust, residuals))
+    if fit is None or project is None:
+        fit = run = load_run(folder, trust=trust)
+        material = Material.of_run(run)
+    else:
+        material = Material.of_fit(folder, fit, project, tested=residuals)
+    text = report_page(replace(material, plane=plane or plane_of(fit, jobs)))
     with writing(f"The report {path}", "Give another: --out FILE."):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     if out is None:
         refresh_index(folder.parent)
     return path
-
-
-def _material(
-    folder: Path, fit: Fit | None, project: Project | None, plane: CostPlane | None, jobs: int, trust: bool,
-    residuals: Residuals | None,
-) -> Material:  # fmt: skip
-    from fracid.runs.saved import load_run
-
-    if fit is not None and project is not None:
-        plane = plane or plane_of(fit, jobs)
-        return Material.of_fit(folder, fit, project, plane, residuals)
-    run = load_run(folder, trust=trust)
-    return Material.of_run(run, plane or plane_of(run, jobs))
 
 
 def plane_of(fit: Fit, jobs: int) -> CostPlane | None:
@@ -165,75 +161,39 @@ def report_page(material: Material) -> str:
     str
         HTML.
     """
-    charts = _charts(material)
-    scripts = [*scene_script(material.project.problem.model), *SCRIPTS]
-    scripts += [Markup(f"\n{text.strip()}\n") for text in explore_scripts(material)]  # fracid's own
-    return rendered("page.html.j2", scripts, **_context(material, charts), data=_data(material, charts))
+    charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
+    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, explore_scripts(material))]
+    data = {
+        "recordings": traces(material), "charts": {name: chart.packed() for name, chart in charts.items()}, "rig": rig,
+        "plane": surface and vars(surface) | {
+            "height": base64_floats(surface.height), "tried": np.round(surface.tried, 5), "search": surface.search,
+        },
+        "profiles": _profiles(material), "explore": explore(material),
+    }  # fmt: skip
+    context = _context(material) | _stills(material, charts, surface)
+    return rendered("page.html.j2", scripts, **context, rig=rig, plane=surface, data=in_script(data))
 
 
-# --- data for the scripts --------------------------------------------------------------------------
+# --- surfaces --------------------------------------------------------------------------------------
 
 
-def _data(material: Material, charts: Mapping[str, Chart]) -> Markup:
-    content = {
-        "recordings": traces(material),
-        "charts": {name: chart.to_json() for name, chart in charts.items()},
-        "rig": scene_data(material),
-        "plane": _plane_data(material),
-        "profiles": _profiles(material),
-        "explore": explore(material),
-    }
-    return in_script(content)
-
-
-def _plane_data(material: Material) -> dict[str, Any] | None:
-    """The cost over the orders for ``planes.js``."""
-    found = _cost_surface(material)
-    if found is None or material.plane is None:
-        return None
-    surface, least = found
-    tried = np.empty((0, 2)) if surface.tried is None else surface.tried
-    return {
-        "names": [letter(n) for n in material.plane.names],
-        "keys": list(material.plane.names),
-        "first": surface.first,
-        "second": surface.second,
-        "least": least,
-        "height": base64_floats(surface.height),
-        "scale": surface.scale.to_json(),
-        "best": surface.best,
-        "intervals": surface.intervals,
-        "integers": surface.integers,
-        "tried": np.round(tried, 5),
-        "search": [[float(np.min(v)), float(np.max(v))] for v in tried.T] if surface.left else None,
-        "name": material.result["cost"]["name"],
-    }
-
-
-def _cost_surface(material: Material) -> tuple[Surface, float] | None:
-    """The rise of the cost over the orders above its least, and that; the cost itself where the least is 0."""
-    plane = material.plane
+def _cost_surface(material: Material) -> Surface | None:
+    """The rise of the cost over the orders above its least; the cost itself where the least is 0."""
+    plane, orders = material.plane, material.result["orders"]
     if plane is None or not np.isfinite(plane.cost).any():
         return None
-    fine, tried, orders = plane.refined(61), _thinned(material.tried), material.result["orders"]
+    fine, tried = plane.refined(61), material.tried[:: max(1, -(-len(material.tried) // TRIED))]
     least = max(0.0, float(np.min(fine.cost[np.isfinite(fine.cost)])))
     height = fine.cost / least - 1 if least else fine.cost
-    first, second = (orders[n] for n in plane.names)
-    surface = Surface(
-        (f"order {letter(plane.names[0])}", f"order {letter(plane.names[1])}"), fine.first, fine.second, height,
-        cost_scale(height, least > 0), (first["value"], second["value"]), (first["interval95"], second["interval95"]),
-        (first.get("integer"), second.get("integer")), tried if len(tried) else None,
-    )  # fmt: skip
-    return surface, least
-
-
-def _thinned(points: Any, most: int = 1500) -> Any:
-    return points[:: max(1, -(-len(points) // most))]
+    best, ends, integers = ([orders[n].get(key) for n in plane.names] for key in ("value", "interval95", "integer"))
+    names = [f"order {letter(n)}" for n in plane.names]
+    return Surface(names, fine.first, fine.second, height, cost_scale(height, least > 0), best, ends, integers, tried,
+                   plane.names, least)  # fmt: skip
 
 
 def _profiles(material: Material) -> dict[str, Any] | None:
     """The joint profile of ``fracid profile``, where it wrote one."""
-    joint = (material.beside("profiles.json") or {}).get("joint")
+    joint = material.beside("profiles.json").get("joint")
     return joint and {"joint": joint | {"names": [letter(n) for n in joint["names"]]}}
 
 
@@ -247,15 +207,11 @@ def _charts(material: Material) -> dict[str, Chart]:
         charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
         for n, residual in material.residuals[name].items():
             charts |= _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
-    return charts | _numbered("profile", _profile_charts(material.beside("profiles.json") or {}))
+    return charts | _numbered("profile", _profile_charts(material.beside("profiles.json")))
 
 
 def _numbered(name: str, charts: Iterator[Chart]) -> dict[str, Chart]:
     return {f"{name}-{k}": chart for k, chart in enumerate(charts)}
-
-
-def _of(charts: Mapping[str, Chart], name: str) -> list[str]:
-    return [n for n in charts if n.rpartition("-")[0] == name]
 
 
 def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
@@ -271,106 +227,78 @@ def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
             series.append(Series("parabola", ((x - p["value"]) / half) ** 2, "dashed"))
         label = f"{letter(name)} [{unit(p['unit'])}]" if p["unit"] else letter(name)
         marks = Mark("y", threshold, "95 %"), Mark("x", p["value"], "", "third")
-        yield Chart(letter(name), x, label, "rise of the cost", tuple(series), xname=letter(name), marks=marks,
-                    height=200, yrange=(-0.04 * top, top))  # fmt: skip
+        yield Chart(letter(name), x, label, "rise of the cost", tuple(series), letter(name), marks=marks, height=200,
+                    yrange=(-0.04 * top, top))  # fmt: skip
 
 
-def _stills(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
-    """Charts, fits and the rig as SVG."""
+def _stills(material: Material, charts: Mapping[str, Chart], surface: Surface | None) -> dict[str, Any]:
+    """Charts, fits, surfaces and the rig as SVG."""
     points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.recordings)))
     narrow = ("residual-", "profile-")
     stills = {n: still(c, 290 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
-    fits = {
-        name: [
-            Markup('<div class="title">{}</div>{}').format(c.title, still(c, 820, points))
-            for c in fit_charts(material, r)
-        ]
-        for name, r in material.recordings.items()
-    }
-    return {"charts": charts, "stills": stills, "fit_stills": fits, "rig_still": scene_still(material),
-            **_surfaces(material)}  # fmt: skip
-
-
-def _surfaces(material: Material) -> dict[str, Markup]:
-    """The cost over the orders, and the joint profile."""
-    cost, joint = _cost_surface(material), (_profiles(material) or {}).get("joint")
+    fits, joint = {name: [*fit_charts(material, r)] for name, r in material.recordings.items()}, _profiles(material)
     return {
-        "plane_still": surface_still(cost[0]) if cost else Markup(""),
-        "joint_still": surface_still(_joint_surface(joint)) if joint else Markup(""),
-    }
+        "charts": charts, "stills": stills, "rig_still": scene_still(material),
+        "fit_stills": {name: [(c.title, still(c, 820, points, RIGHT if any(c.right for c in own) else 12.0))
+                              for c in own] for name, own in fits.items()},
+        "plane_still": surface_still(surface) if surface else "",
+        "joint_still": surface_still(_joint_surface(joint["joint"])) if joint else "",
+    }  # fmt: skip
 
 
 def _joint_surface(joint: Mapping[str, Any]) -> Surface:
     """The joint profile as ``page.js`` has it."""
-    rise = np.array(joint["rise"], dtype=float) + RISE.low
+    rise, (first, second) = np.array(joint["rise"], dtype=float), (np.array(joint[key]) for key in ("first", "second"))
     scale = replace(RISE, levels=((joint["threshold"] + RISE.low, "95 %"),))
-    (first, second), best = joint["names"], joint["best"]
-    return Surface((first, second), np.array(joint["first"]), np.array(joint["second"]), rise, scale,
-                   (best[0], best[1]), what="Rise", bar=False)  # fmt: skip
+    return Surface(joint["names"], first, second, rise + RISE.low, scale, joint["best"], what="Rise", bar=False)
 
 
 # --- what the template says --------------------------------------------------------------------------
 
 
-def _context(material: Material, charts: Mapping[str, Chart]) -> dict[str, Any]:
-    result, project = material.result, material.project
-    off = _off(material)
+def _context(material: Material) -> dict[str, Any]:
+    result, model, environment = material.result, material.model, material.beside("environment.json")
+    rows, own, off = [*_parameters(material)], [*_per_recording(material)], _off(material)
     headline, lines = _headline(verdict(material))
-    who = identity(material.folder, result, material.beside("environment.json") or {})
+    who = identity(material.folder, result, environment)
     return {
-        "run": who.name,
+        "material": material, "project": material.project, "result": result, "environment": environment,
+        "run": who.name, "partial": who.partial, "runs_begin": RUNS_BEGIN, "runs_end": RUNS_END,
         "title": f"{'PARTIAL ' if who.partial else ''}{who.name}: {', '.join(who.facts)}",
-        "meta": [project.problem.model.name, _names(list(result["recordings"])), *who.facts],
-        "partial": who.partial,
-        "runs_begin": RUNS_BEGIN,
-        "runs_end": RUNS_END,
+        "meta": [model.name, _names(list(result["recordings"])), *who.facts],
         "orders": orders_drawn(result["orders"]),
-        **_stills(material, charts),
-        "profile_charts": _of(charts, "profile"),
-        "open_at_most": OPEN,
-        "warnings_shown": WARNINGS,
-        "headline": headline,
-        "lines": lines,
-        "warnings": [*material.notes, *material.left_out, *_said_nowhere_else(material), *project.notes],
-        "result": result,
-        "outputs": project.problem.outputs,
-        "recordings": [_recording(material, name) | {"charts": _of(charts, f"whole-{k}")}
+        "open_at_most": OPEN, "warnings_shown": WARNINGS,
+        "headline": headline, "lines": lines,
+        "warnings": [*material.notes, *material.left_out, *_said_nowhere_else(result, [*rows, *own]),
+                     *material.project.notes],
+        "recordings": [_recording(material, name) | {"charts": f"whole-{k}"}
                        for k, name in enumerate(result["recordings"])],
-        "equations": equations(project.problem.model, result, _driven(material)),
-        "latex": equations(project.problem.model, result, _driven(material), "LaTeX"),
+        "equations": equations(model, result, _driven(material)),
+        "latex": equations(model, result, _driven(material), "LaTeX"),
         "no_rival": _no_rival(result),
-        "paper": project.problem.model.paper,
         "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
-        "free": [row for row in _parameters(material) if row["free"]],
-        "fixed": [row for row in _parameters(material) if not row["free"] and row["name"] not in off],
-        "off": [row for row in _parameters(material) if row["name"] in off],
-        "per_recording": list(_per_recording(material)),
-        "unidentified": any(row["identifiable"] == "practically not"
-                            for row in (*_parameters(material), *_per_recording(material))),
-        "residuals": [_residual(material, a) | {"charts": _of(charts, f"residual-{k}-{n}")}
+        "free": [row for row in rows if row["free"]],
+        "fixed": [row for row in rows if not row["free"] and row["name"] not in off],
+        "off": [row for row in rows if row["name"] in off],
+        "per_recording": own,
+        "unidentified": any(row["identifiable"] == "practically not" for row in (*rows, *own)),
+        "residuals": [_residual(material, a) | {"charts": f"residual-{k}-{n}"}
                       for k, outputs in enumerate(material.analyses.values()) for n, a in outputs.items()],
-        "shown": material.shown,
-        "rig": scene_data(material),
-        "plane": _plane_data(material),
         "explore_reason": not_explored(material),
         "profiles": material.beside("profiles.json"),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),
-        "environment": material.beside("environment.json") or {},
-        "project_text": project.text,
-        "project_file": project.path.name,
-        "command": _command(material.beside("environment.json") or {}),
-        "folder": _typed(material.folder, material.beside("environment.json") or {}),
+        "command": _command(environment),
+        "folder": _typed(material.folder, environment),
     }  # fmt: skip
 
 
-def _said_nowhere_else(material: Material) -> list[str]:
+def _said_nowhere_else(result: Mapping[str, Any], rows: list[dict[str, Any]]) -> list[str]:
     """The warnings that no row of a table says, and no check."""
-    result = material.result
-    rows = [row["reason"] for row in (*_parameters(material), *_per_recording(material)) if row.get("reason")]
     check, cut, alone = (result.get(block) or {} for block in ("discretisation", "cut", "spread"))
-    elsewhere = [*rows, *filter(None, [check.get("warning")]), *cut.get("warnings", ()), *alone.get("sentences", ())]
-    return [w for w in unsaid(result) if not any(said in w for said in elsewhere)]
+    elsewhere = [check.get("warning"), *(row.get("reason") for row in rows), *cut.get("warnings", ()),
+                 *alone.get("sentences", ())]  # fmt: skip
+    return [w for w in unsaid(result) if not any(said and said in w for said in elsewhere)]
 
 
 def _headline(lines: tuple[Line, ...]) -> tuple[Line, tuple[Line, ...]]:
@@ -400,24 +328,21 @@ def _no_rival(result: Mapping[str, Any]) -> str:
 
 
 def _driven(material: Material) -> bool:
-    return any(e.inputs.any() for e in (*material.project.problem.experiments, *material.project.validation))
+    return any(e.inputs.any() for e in (*material.problem.experiments, *material.project.validation))
 
 
 def _recording(material: Material, name: str) -> dict[str, Any]:
     """What the page says of one recording."""
     recording = next(r for r in material.project.recordings if r.name == name)
-    whole, result = material.as_recorded[name], material.result["recordings"][name]
+    report, result = material.as_recorded[name].report, material.result["recordings"][name]
     return {
-        "name": name,
-        "file": recording.path.name,
-        "sha256": recording.sha256,
-        "verdict": re.sub(r"\d{4,}(?= samples)", lambda found: counted(int(found[0])), whole.report.verdict),
-        "notes": whole.report.notes,
+        "name": name, "file": recording.path.name, "sha256": recording.sha256, "notes": report.notes,
+        "verdict": re.sub(r"\d{4,}(?= samples)", lambda found: counted(int(found[0])), report.verdict),
         "begins": _begins(material, name),
         "scores": [
             {"output": n, "letter": letter(n), "rmse": result["rmse"][n], "fit": result["fit_percent"][n],
              "shown": "–" if result["rmse"][n] is None else material.shown(n, result["rmse"][n], ".3g")}
-            for n in material.project.problem.outputs
+            for n in material.problem.outputs
         ],
         **{k: result[k] for k in ("use", "from", "to", "samples", "cost")},
     }  # fmt: skip
@@ -438,7 +363,7 @@ def _begins(material: Material, name: str) -> str:
 
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:
     """A row for each order and each constant that the recordings share."""
-    model, result = material.project.problem.model, material.result
+    model, result = material.model, material.result
     says = {p.name: p.description for p in model.parameters}
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
     orders = {n: {"integer": 1.0} | e for n, e in result["orders"].items()}
@@ -461,7 +386,7 @@ def _wide(e: Mapping[str, Any]) -> str:
 
 def _off(material: Material) -> list[str]:
     """Constants that were given and stand in no equation, of elements that are off."""
-    model, constants = material.project.problem.model, material.result["parameters"]
+    model, constants = material.model, material.result["parameters"]
     there = named(model, material.result, _driven(material))
     acts = {"time_scale"} if constants.get("time_scale", {}).get("value", 1.0) != 1.0 else set()
     return [n for n, e in constants.items() if n in model.parameter_names and not e["free"] and n not in there | acts]
@@ -495,8 +420,8 @@ def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
         "far to near": number(a.variance.far_to_near.ratio, ".2g"),
         "fast to slow": number(a.variance.fast_to_slow.ratio, ".2g"),
     }
-    return {"recording": a.recording, "output": a.output, "letter": letter(a.output), "use": a.use,
-            "sentences": a.sentences, "figures": figures, "tested": bool(a.whiteness.thinning),
+    return {"recording": a.recording, "letter": letter(a.output), "use": a.use,
+            "sentences": a.sentences, "figures": figures,
             "stretch": a.tested[:1].upper() + a.tested[1:] + "." if a.missing else ""}  # fmt: skip
 
 
@@ -506,9 +431,9 @@ def _memory(text: str) -> str:
     return f"{kind} to {number(float(tolerance))}" if kind == "compressed" and tolerance else text
 
 
-def _ladder(compared: dict[str, Any] | None, fitted: Mapping[str, str]) -> dict[str, Any] | None:
+def _ladder(compared: dict[str, Any], fitted: Mapping[str, str]) -> dict[str, Any] | None:
     """The table of ``fracid compare``, and which of its recordings are not those of the fit."""
-    if compared is None or "structures" not in compared:
+    if "structures" not in compared:
         return None
     hashes = compared.get("data_sha256", {})
     return ladder_of(compared) | {"others": [n for n, sha256 in hashes.items() if fitted.get(n, sha256) != sha256]}

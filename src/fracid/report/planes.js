@@ -12,7 +12,7 @@ function cividis(share) {
 }
 
 class Plane {
-  // spec: { first, second, height: [[…]], names, levels: [{ at, label }], low, high, best, intervals, tried, read, bar, pick }
+  // spec: { first, second, height: [[…]], names, levels: [[at, label]], low, high, best, intervals, tried, read, bar, pick }
   constructor(canvas, said, spec) {
     Object.assign(this, { canvas, said, spec });
     this.cell = [Math.floor(spec.first.length / 2), Math.floor(spec.second.length / 2)];
@@ -136,7 +136,7 @@ class Plane {
     Object.assign(ctx, { fillStyle: css("soft"), strokeStyle: css("line"), font: "12px system-ui, sans-serif", textAlign: "left", lineWidth: 1 });
     ctx.strokeRect(x, box.top, 12, box.height);
     let last = Infinity;
-    for (const { at, label } of spec.levels) {
+    for (const [at, label] of spec.levels) {
       const y = box.top + box.height * (1 - log(at / spec.low) / log(spec.high / spec.low));
       if (y < box.top || y > box.top + box.height || last - y < 16) continue;
       ctx.fillRect(x + 12, y, 3, 1);
@@ -195,7 +195,7 @@ class Plane {
     ctx.lineWidth = 1;
     ctx.font = "11px system-ui, sans-serif";
     const labels = []; // where there is one already
-    for (const { at, label } of spec.levels) {
+    for (const [at, label] of spec.levels) {
       ctx.strokeStyle = "rgba(255, 255, 255, 0.85)";
       ctx.beginPath();
       const ends = [];
@@ -337,5 +337,5 @@ function ticks(axis, count) {
 function costOverOrders(p) {
   const flat = floats(p.height), n = p.second.length, height = p.first.map((_, i) => line(flat.subarray(i * n, (i + 1) * n)));
   const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1e-6 ? "the lowest" : h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `cost ${round(h, 3)}`);
-  return { ...p, ...p.scale, height, bar: true, names: p.names.map(name => `order ${name}`), read };
+  return { ...p, ...p.scale, height, read };
 }

@@ -20,7 +20,7 @@ FRAMES = 200
 
 def scene_data(material: Material) -> dict[str, Any] | None:
     """Bodies, the outputs that move them and the constants of each recording; None where no such output was fitted."""
-    problem, result = material.project.problem, material.result
+    problem, result = material.problem, material.result
     scene = problem.model.scene
     if scene is None or not {*scene.moved_by} & {*problem.outputs}:
         return None
@@ -47,7 +47,7 @@ def scene_script(model: Model) -> list[Markup]:
 
 def scene_still(material: Material, size: tuple[int, int] = (400, 300)) -> Markup:
     """The scene as simulated at the first sample, as SVG; nothing without one."""
-    model, data, r = material.project.problem.model, scene_data(material), next(iter(material.recordings.values()))
+    model, data, r = material.model, scene_data(material), next(iter(material.recordings.values()))
     if model.scene is None or data is None:
         return Markup("")
     constants = data["constants"][r.name]

@@ -19,8 +19,16 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
+from markupsafe import Markup, escape
+
 from fracid.optimise.base import Outcome
+from fracid.safety.text import printable
 from fracid.units import GREEK, half_of, interval_beside, to_second_digit, typeset_unit
+
+SEE = {"Fit": "fitted", "Orders": "finding-orders", "Prediction": "finding-prediction", "Checks": "checks",
+       "Each recording alone": "alone", "Where the record begins": "begins", "Data": "data",
+       "Ladder": "ladder"}  # fmt: skip
+"""Headings that a claim refers to → where they stand on the page."""
 
 
 def letter(name: str) -> str:
@@ -236,3 +244,31 @@ def joined(words: list[str], last: str = "and") -> str:
     'a, b and c'
     """
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1] if words else "")))
+
+
+def unbroken(sentence: str) -> str:
+    """A sentence that breaks at no space before a unit, its powers of ten raised where they are not to be typed.
+
+    Examples
+    --------
+    >>> unbroken("b fell from 2.4e-03 to 3e-5; type tolerance = 1e-8")
+    'b fell from 2.4×10⁻³ to 3×10⁻⁵; type tolerance = 1e-8'
+    >>> unbroken("a fit of 95.7 %, 55.79 s at 500 Hz, and 3 sentences").split(" ")
+    ['a', 'fit', 'of', '95.7\xa0%,', '55.79\xa0s', 'at', '500\xa0Hz,', 'and', '3', 'sentences']
+    """
+    raised = re.sub(r"(?<![\w.])(?<!= )\d+(?:\.\d+)?e[-+]?\d+(?!\w|\.\d)", lambda found: typeset(found[0]), sentence)
+    return re.sub(r"(?<=\d) (?=(?:%|s|ms|Hz|V|mV|m|A|N|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", raised)
+
+
+def linked(sentence: str) -> Markup:
+    """A sentence whose ``(see Fit)`` leads there.
+
+    Examples
+    --------
+    >>> linked("It swings < 1°, but b is off (see Each recording alone).")
+    Markup('It swings &lt; 1°, but b is off (<a href="#alone">see Each recording alone</a>).')
+    """
+    text = str(escape(unbroken(printable(sentence))))
+    for heading, at in SEE.items():
+        text = text.replace(f"(see {heading})", f'(<a href="#{at}">see {heading}</a>)')
+    return Markup(text)  # escaped above

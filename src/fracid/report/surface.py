@@ -6,8 +6,8 @@ walls are seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import cos, inf, log, pi, sin
 from typing import Any
@@ -43,11 +43,6 @@ class Scale:
     title: str = ""
     """What the words say."""
 
-    def to_json(self) -> dict[str, Any]:
-        """As ``planes.js`` takes it."""
-        levels = [{"at": at, "label": label} for at, label in self.levels]
-        return {"low": self.low, "high": self.high, "levels": levels, "title": self.title}
-
 
 RISE = Scale(0.3, 60.0, ())
 """Of a profile's rise, with 0.3 added."""
@@ -79,7 +74,7 @@ def cost_scale(height: FloatArray, relative: bool) -> Scale:
 class Surface:
     """What is drawn."""
 
-    names: tuple[str, str]
+    names: Sequence[str]
     first: FloatArray
     """Shape (n,), rising."""
     second: FloatArray
@@ -87,22 +82,27 @@ class Surface:
     height: FloatArray
     """Shape (n, m); not finite where no run ended."""
     scale: Scale
-    best: tuple[float, float]
-    intervals: tuple[Any, Any] = (None, None)
+    best: Sequence[float]
+    intervals: Sequence[Any] = (None, None)
     """Two ends each, where there are any."""
-    integers: tuple[float | None, float | None] = (None, None)
+    integers: Sequence[float | None] = (None, None)
     """Of the two orders, where they have any."""
-    tried: FloatArray | None = None
+    tried: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     """Where the search has been, shape (k, 2)."""
+    keys: Sequence[str] = ()
+    """What the orders are called in files."""
+    least: float = 0.0
+    """The cost that the height is above."""
     what: str = "Cost"
     bar: bool = True
     """Whether the colours are explained at the side."""
 
     @property
-    def left(self) -> bool:
-        """Whether the search went beyond it."""
-        corners = np.array([[axis[0], axis[-1]] for axis in (self.first, self.second)]).T
-        return self.tried is not None and bool(((self.tried < corners[0]) | (self.tried > corners[1])).any())
+    def search(self) -> list[tuple[float, float]]:
+        """From where to where the search went in each order, where it went beyond the surface."""
+        ends = list(zip(self.tried.min(axis=0, initial=np.inf), self.tried.max(axis=0, initial=-np.inf), strict=True))
+        beyond = any(a < v[0] or b > v[-1] for (a, b), v in zip(ends, (self.first, self.second), strict=True))
+        return ends if beyond else []
 
 
 def surface_still(surface: Surface) -> Markup:
@@ -121,11 +121,10 @@ def surface_still(surface: Surface) -> Markup:
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
     thick = (y.start - y.end) / BANDS
     shades = [(_colour((k + 0.5) / BANDS), y.start - (k + 1) * thick) for k in range(BANDS)]
-    points = () if surface.tried is None else surface.tried.tolist()
     return drawn(
         "surface.svg.j2", surface=surface, x=x, y=y, width=WIDTH, height=HEIGHT, shades=shades, thick=thick + 0.4,
         colours=Markup("".join(_colours(surface, x, y))), levels=[*_levels(surface.scale, y)],
-        tried=[(a, b) for a, b in points if x.inside(a) and y.inside(b)],
+        tried=[(a, b) for a, b in surface.tried.tolist() if x.inside(a) and y.inside(b)],
         star=Markup(_star(float(x.at(surface.best[0])), float(y.at(surface.best[1])), 9)),
     )  # fmt: skip
 

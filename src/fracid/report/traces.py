@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fracid.arrays import extremes
 from fracid.estimation.records import RecordingFit
 from fracid.recording import Recording
-from fracid.report.charts import RIGHT, Band, Chart, Mark, Series, encoder_ticks
+from fracid.report.charts import Band, Chart, Mark, Series, encoder_ticks
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter, number
@@ -68,7 +68,7 @@ def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]
         "perRad": factor,
         "step": step,
         "limit": limit,
-        "right": [{"at": place, "text": text} for place, text in (encoder_ticks(limit, step) if step else ())],
+        "right": encoder_ticks(limit, step) if step else (),
         "measured": base64_floats(factor * r.measured[name][at]),
         "fitted": base64_floats(factor * r.fitted[name][at]),
     }
@@ -87,7 +87,6 @@ def _residual_range(material: Material, r: RecordingFit, name: str) -> tuple[flo
 def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
     """Of each output measured and simulated, and below it the residual."""
     time = r.time - r.time[0]
-    room = RIGHT if any(_residual_range(material, r, name)[0] for name in r.measured) else 12.0
     for k, name in enumerate(r.measured):
         unit, factor = material.unit(name)
         step, limit = _residual_range(material, r, name)
@@ -96,14 +95,14 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
             f"{α}, measured and simulated", time, "", f"{α}{_in(unit)}",
             (Series("measured", factor * r.measured[name], "measured"),
              Series("simulated", factor * r.fitted[name], "fitted")),
-            xname="time", height=150, room=room,
+            "time", height=150,
         )  # fmt: skip
         yield Chart(
             residual_title(α, unit, step), time, _time_axis(float(r.time[0])) if last else "",
             f"residual{_in(unit)}", (Series("measured − simulated", factor * r.residual(name), "residual"),),
-            xname="time", bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
+            "time", bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
             yrange=(-limit, limit), right=encoder_ticks(limit, step) if step else (),
-            rightlabel="steps" if step else "", room=room,
+            rightlabel="steps" if step else "",
         )  # fmt: skip
 
 
@@ -140,7 +139,7 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
             f"{'angle' if unit == '°' else 'signal'}{_in(unit)}",
             tuple(Series(letter(n), units[n][1] * whole.signals[n][at], ("first", "second", "third")[k % 3])
                   for k, n in enumerate(names)),
-            xname="time", bands=(Band("x", *used, "window"),), marks=tuple(marks), height=200,
+            "time", bands=(Band("x", *used, "window"),), marks=tuple(marks), height=200,
         )  # fmt: skip
 
 
@@ -153,13 +152,13 @@ def residual_charts(residual: Residual, factor: float) -> Iterator[Chart]:
     if curves is None:
         return
     ρ = Series("correlation", curves.correlation, "first")
-    yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", (ρ,), xname="lag",
+    yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", (ρ,), "lag",
                 bands=(Band("y", -curves.white, curves.white),))  # fmt: skip
     if curves.frequency.size:
         S = Series("power per Hz", factor**2 * curves.power, "first")
         marks = (Mark("x", a.spectrum.swing, "swing"),) if a.spectrum.swing else ()
-        yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", (S,), xname="frequency", logx=True,
+        yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", (S,), "frequency", logx=True,
                     logy=True, marks=marks)  # fmt: skip
     lines = Series("residual", curves.ordered, "points"), Series("normal", curves.quantile, "dashed")
     yield Chart("normal probability plot", curves.quantile, "normal quantile", "residual / its spread", lines,
-                xname="normal")  # fmt: skip
+                "normal")  # fmt: skip

@@ -113,10 +113,7 @@ def contradictions(material: Material, lines: tuple[Line, ...]) -> dict[str, str
     against = doubts(result)
     if result["claim"] == "fractional" and not all(line.good for line in lines if line.about == "Checks"):
         against.setdefault("Checks", "a check speaks against it")
-    if (
-        result["claim"] != "undecided"
-        and (other := (compared or {}).get("claim") or result["claim"]) != result["claim"]
-    ):
+    if result["claim"] != "undecided" and (other := compared.get("claim") or result["claim"]) != result["claim"]:
         against["Ladder"] = f"the comparison says {other}"
     return against
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import is_dataclass
 from typing import Any, TypeVar
 
 _Value = TypeVar("_Value")
@@ -39,14 +40,14 @@ LONGEST_NAME = 500
 
 
 def plain(value: Any) -> Any:
-    """The same as JSON has it: no array, no tuple, and null for what is not finite.
+    """The same as JSON has it: no array, no tuple, no dataclass, and null for what is not finite.
 
     Examples
     --------
     >>> plain({"ends": (0.5, float("nan"))})
     {'ends': [0.5, None]}
     """
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = value.tolist() if hasattr(value, "tolist") else vars(value) if is_dataclass(value) else value
     if isinstance(value, Mapping):
         return {name: plain(v) for name, v in value.items()}
     if isinstance(value, list | tuple):
