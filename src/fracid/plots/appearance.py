@@ -40,6 +40,9 @@ BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 
 INK = "0.25"
 
+SERIES = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "D"), (ORANGE, "^"), (INK, "v"))
+"""Of what is told apart: colour and shape."""
+
 MEASURED: dict[str, Any] = {"color": "0.68", "lw": 2.6, "solid_capstyle": "round"}
 
 FITTED: dict[str, Any] = {"color": BLUE, "lw": 0.9}

@@ -9,7 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    BLUE,
+    SERIES,
+    SMALL,
+    VERMILLION,
+    axis_unit,
+    finish,
+    new,
+    plain,
+    plain_log,
+    symbol,
+    title,
+)
 from fracid.units import shown_unit
 
 if TYPE_CHECKING:
@@ -18,14 +30,14 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
     from fracid.selection.amplitude import AmplitudeTest, Drift
-    from fracid.selection.comparison_records import Comparison, Row, Score
+    from fracid.selection.comparison_records import Comparison, Score
 
 MOST = 3
 """Held-out recordings with a column each; of more the mean is drawn, with each recording pale."""
 
 KINDS: dict[bool, dict[str, Any]] = {
-    False: {"color": appearance.BLUE, "marker": "o", "label": "orders 1"},
-    True: {"color": appearance.VERMILLION, "marker": "s", "ls": (0, (5, 2)), "label": "orders free"},
+    False: {"color": BLUE, "marker": "o", "label": "orders 1"},
+    True: {"color": VERMILLION, "marker": "s", "ls": (0, (5, 2)), "label": "orders free"},
 }
 """Of rows, by whether their orders are free."""
 
@@ -59,15 +71,15 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     ['fitted: release']
     """
     columns = _columns(comparison)
-    figure = appearance.new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(comparison.outputs), style)
+    figure = new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(comparison.outputs), style)
     grid = figure.subplots(len(comparison.outputs), len(columns), squeeze=False, sharex=True)
     for output, panels in zip(comparison.outputs, grid, strict=True):
-        for axes, (title, recordings, use) in zip(panels, columns.values(), strict=True):
+        for axes, (heading, recordings, use) in zip(panels, columns.values(), strict=True):
             _rungs(axes, comparison, output, recordings, use)
-            appearance.title(axes, title if output == comparison.outputs[0] else "")
-        unit, _ = appearance.axis_unit(comparison.units.get(output, "rad"))
-        panels[0].set_ylabel(f"RMSE of {appearance.symbol(output)} [{unit}]")
-    appearance.finish(figure, "RMSE by friction model")
+            title(axes, heading if output == comparison.outputs[0] else "")
+        unit, _ = axis_unit(comparison.units.get(output, "rad"))
+        panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")
+    finish(figure, "RMSE by friction model")
     return figure
 
 
@@ -77,11 +89,11 @@ def _columns(comparison: Comparison) -> Mapping[str, tuple[str, Sequence[str], s
     columns = {"fit": (f"fitted: {_names(fitted)}", fitted, "in_sample")}
     if len(out) > MOST:
         return columns | {"out": (f"held out: mean of {len(out)}", out, "held_out")}
-    return columns | {name: (f"held out: {appearance.plain(name, 28)}", [name], "held_out") for name in out}
+    return columns | {name: (f"held out: {plain(name, 28)}", [name], "held_out") for name in out}
 
 
 def _names(recordings: Sequence[str]) -> str:
-    return appearance.plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
+    return plain(recordings[0], 28) if len(recordings) == 1 else f"mean of {len(recordings)}"
 
 
 def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence[str], use: str) -> None:
@@ -89,26 +101,22 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
     for fractional, style in KINDS.items():
         rows = [row for row in comparison.rows if row.fractional == fractional]
         at = np.array([frictions.index(row.friction) for row in rows])
-        errors = np.array([[_shown(_scores(row, use).get(n), output, comparison) for row in rows] for n in recordings])
+        errors = np.array([[_shown(getattr(row, use).get(n), output, comparison) for row in rows] for n in recordings])
         if len(recordings) > 1:
             axes.plot(at, errors.T, color=style["color"], lw=0.6, alpha=0.4)
         mean = errors.mean(axis=0)
         axes.plot(at, mean, **style, ms=6, lw=1.6, zorder=3)
         for x in at[~np.isfinite(mean)]:
             axes.annotate("fails", (x, 0.94 if fractional else 0.86), xycoords=("data", "axes fraction"), ha="center",
-                          color=style["color"], fontsize=appearance.SMALL)  # fmt: skip
+                          color=style["color"], fontsize=SMALL)  # fmt: skip
         for row, x, y in zip(rows, at, mean, strict=True):
             if row.paper:
                 axes.plot(x, y, **PAPER, label="the paper's structure")
     _log(axes)
     short = [f"+ {f.rpartition(' + ')[2]}" if " + " in f else f for f in frictions]
-    axes.set_xticks(range(len(frictions)), [appearance.plain(name, 28) for name in short])
+    axes.set_xticks(range(len(frictions)), [plain(name, 28) for name in short])
     axes.tick_params(axis="x", rotation=90)  # side by side, six names are wider than a column
     axes.set_xlim(-0.4, len(frictions) - 0.6)
-
-
-def _scores(row: Row, use: str) -> Mapping[str, Score]:
-    return row.in_sample if use == "in_sample" else row.held_out
 
 
 def _shown(score: Score | None, output: str, comparison: Comparison) -> float:
@@ -124,7 +132,7 @@ def _log(axes: Axes) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(low / 1.15, 1.35 * high)  # room for a run that fails
     subs = (1, 1.5, 2, 3, 5, 7) if high < 8 * low else (1, 2, 5) if high < 100 * low else (1,)
-    appearance.plain_log(axes.yaxis, subs)
+    plain_log(axes.yaxis, subs)
 
 
 def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
@@ -157,27 +165,26 @@ def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
     if not test.drifts:
         raise InputError(f"There is nothing to draw: no order was found in two windows. {' '.join(test.notes)}".strip())
     orders = list(dict.fromkeys(d.order for d in test.drifts))
-    figure = appearance.new(max(5.0, 4.2 * len(orders)), 3.9, style)
+    figure = new(max(5.0, 4.2 * len(orders)), 3.9, style)
     for axes, order in zip(figure.subplots(1, len(orders), squeeze=False)[0], orders, strict=True):
         _order(axes, order, [d for d in test.drifts if d.order == order])
-    appearance.finish(figure, "the order in windows of falling amplitude")
+    finish(figure, "the order in windows of falling amplitude")
     return figure
 
 
 def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
-    colours = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE, appearance.INK)
-    unit, factor = appearance.axis_unit(drifts[0].unit)
+    unit, factor = axis_unit(drifts[0].unit)
     for k, d in enumerate(drifts):
         whole = d.over == "releases"
         style: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white"} if whole else {"marker": "o", "lw": 1.2}
         axes.errorbar(factor * np.array(d.amplitudes), d.values, 1.96 * np.array(d.standard_errors), capsize=2.5, ms=5,
-                      color="black" if whole else colours[k % len(colours)], zorder=3,
-                      label="whole recordings" if whole else appearance.plain(d.over, 28), **style)  # fmt: skip
+                      color="black" if whole else SERIES[k % len(SERIES)][0], zorder=3,
+                      label="whole recordings" if whole else plain(d.over, 28), **style)  # fmt: skip
     axes.set_xscale("log")
-    appearance.plain_log(axes.xaxis, (1, 2, 5))
+    plain_log(axes.xaxis, (1, 2, 5))
     axes.ticklabel_format(axis="y", useOffset=False)
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
-    appearance.title(axes, verdict)
+    title(axes, verdict)
     axes.set_xlabel(f"mean amplitude of the swing [{unit}]")
-    axes.set_ylabel(f"order {appearance.symbol(order)} [–]")
+    axes.set_ylabel(f"order {symbol(order)} [–]")

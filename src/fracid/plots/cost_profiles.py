@@ -8,7 +8,19 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    BLUE,
+    MARKS,
+    VERMILLION,
+    axis_unit,
+    cost_label,
+    finish,
+    label,
+    new,
+    number,
+    plain,
+    symbol,
+)
 from fracid.quantiles import CHI2_95, NORMAL_95
 
 if TYPE_CHECKING:
@@ -62,7 +74,7 @@ def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
         raise InputError("There is no profile to draw.")
     columns = min(count, 3)
     rows = -(-count // columns)
-    figure = appearance.new(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows, style)
+    figure = new(max(6.4, 3.9 * columns), 0.9 + 3.2 * rows, style)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.remove()
@@ -71,32 +83,32 @@ def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
         _profile(axes, panel, calibrated, model)
     if profiles.joint is not None:
         _joint_profile(grid[count - 1], profiles.joint, model)
-    appearance.finish(figure, f"Profiles of the cost, {appearance.cost_label(profiles.problem.cost_function.name)[0]}")
+    finish(figure, f"Profiles of the cost, {cost_label(profiles.problem.cost_function.name)[0]}")
     return figure
 
 
 def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None:
-    label, factor = _unknown_label(panel.name, panel.unit, model)
+    name, factor = _unknown_label(panel.name, panel.unit, model)
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
     top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * CHI2_95[1], CEILING))
-    axes.plot(values, rise, color=appearance.BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
+    axes.plot(values, rise, color=BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
     limits = axes.get_xlim()
     if calibrated:
-        axes.axhline(CHI2_95[1], color=appearance.VERMILLION, lw=1.1, label="95 % threshold, 3.84")
+        axes.axhline(CHI2_95[1], color=VERMILLION, lw=1.1, label="95 % threshold, 3.84")
         ends = [factor * end if end is not None else edge for end, edge in
                 zip(panel.interval95, panel.values[[0, -1]] * factor, strict=True)]  # fmt: skip
-        axes.axvspan(*ends, color=appearance.BLUE, alpha=0.10, lw=0, label="95 % interval")
+        axes.axvspan(*ends, color=BLUE, alpha=0.10, lw=0, label="95 % interval")
     if panel.wald95 is not None:
         se = factor * (panel.wald95[1] - panel.wald95[0]) / (2 * NORMAL_95)
         v = np.linspace(*limits, 200)
         parabola = ((v - factor * panel.best) / se) ** 2
         axes.plot(v, parabola, color="black", lw=1.1, ls=(0, (4, 3)), label="parabola of the sandwich", zorder=2)
-    axes.plot(factor * panel.best, 0.0, ls="", label="best", **(appearance.MARKS["best"] | {"ms": 11}))
+    axes.plot(factor * panel.best, 0.0, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
     axes.set_xlim(*limits)
     axes.set_ylim(-0.04 * top, top)
     axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
     rises = "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
-    appearance.label(axes, panel.verdict, label, rises, 4)
+    label(axes, panel.verdict, name, rises, 4)
 
 
 def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
@@ -106,12 +118,12 @@ def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
     first, second = factors[0] * joint.first, factors[1] * joint.second
     first, second, rise = _smoothed(first, second, joint.rise)
     axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, CHI2_95[2]], cmap="Blues_r", alpha=0.6)
-    axes.contour(first, second, rise.T, levels=[CHI2_95[2]], colors=[appearance.VERMILLION], linewidths=1.4)
-    axes.plot([], [], color=appearance.VERMILLION, lw=1.4, label="95 % region, 5.99")
+    axes.contour(first, second, rise.T, levels=[CHI2_95[2]], colors=[VERMILLION], linewidths=1.4)
+    axes.plot([], [], color=VERMILLION, lw=1.4, label="95 % region, 5.99")
     best = [factor * value for factor, value in zip(factors, joint.best, strict=True)]
-    axes.plot(*best, ls="", label="best", **(appearance.MARKS["best"] | {"ms": 11}))
+    axes.plot(*best, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
     axes.ticklabel_format(useOffset=False)
-    appearance.label(axes, f"together; correlation {appearance.number(joint.correlation, 2)}", labels[0], labels[1], 4)
+    label(axes, f"together; correlation {number(joint.correlation, 2)}", labels[0], labels[1], 4)
 
 
 def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -126,8 +138,8 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
 
 def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
     """What stands at the axis of an unknown, and the factor to its unit there."""
-    display_unit, factor = appearance.axis_unit(unit)
+    display_unit, factor = axis_unit(unit)
     order = "order " if name in model.order_names and not name.startswith("order") else ""
     of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
-    where = f", 0 = {appearance.plain(model.zero)}" if of_zero and model.zero else ""
-    return f"{order}{appearance.symbol(name)}{where} [{display_unit}]", factor
+    where = f", 0 = {plain(model.zero)}" if of_zero and model.zero else ""
+    return f"{order}{symbol(name)}{where} [{display_unit}]", factor

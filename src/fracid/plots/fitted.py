@@ -9,7 +9,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    FITTED,
+    MEASURED,
+    RESIDUAL,
+    angle_label,
+    axis_unit,
+    encoder_band,
+    encoder_step,
+    extent,
+    finish,
+    goodness,
+    line,
+    new,
+    note,
+    plain,
+    style_of,
+    symbol,
+    title,
+)
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -60,47 +78,38 @@ def fitted_over_time(
     """
     recording = recording if zero is None else replace(recording, zero=zero)
     outputs, time = tuple(recording.measured), recording.time
-    steps = {n: appearance.encoder_step(resolution, n) for n in outputs}
+    steps = {n: encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
-    figure = appearance.new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
-    brief = appearance.style_of(figure).brief
-    shape = {
-        "height_ratios": [2, 1] * len(outputs) if brief else [3, 1] * len(outputs),
-        "width_ratios": (2, 1.3)[: len(spans)],
-    }
-    grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col", gridspec_kw=shape)
+    figure = new(11 if len(spans) > 1 else 8, 1.1 + 2.9 * len(outputs), style)
+    brief = style_of(figure).brief
+    grid = figure.subplots(2 * len(outputs), len(spans), squeeze=False, sharex="col",
+                           height_ratios=[2 if brief else 3, 1] * len(outputs),
+                           width_ratios=(2, 1.3)[: len(spans)])  # fmt: skip
     headings: list[str] = []
     for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
             _measured_and_fitted(panel, recording, name, span)
             _residual_strip(strip, recording, name, span, steps[name])
-        heading = f"{appearance.symbol(name)}: {appearance.goodness(recording, name, steps[name])}"
+        heading = f"{symbol(name)}: {goodness(recording, name, steps[name])}"
         headings.append(heading)
-        rmse = recording.rmse[name]
-        appearance.title(
-            panels[0],
-            f"RMSE {with_unit(rmse, recording.unit(name))}" if brief and np.isfinite(rmse) else heading,
-            "left",
-        )
-        display_unit, _ = appearance.axis_unit(recording.unit(name))
-        where = appearance.angle_label(name, display_unit, recording.zero_of(name))
+        short = brief and np.isfinite(recording.rmse[name])
+        title(panels[0], f"RMSE {with_unit(recording.rmse[name], recording.unit(name))}" if short else heading, "left")
+        display_unit, _ = axis_unit(recording.unit(name))
+        where = angle_label(name, display_unit, recording.zero_of(name))
         panels[0].set_ylabel(where.replace(", ", ",\n") if brief else where)
         strips[0].set_ylabel(f"residual\n[{display_unit}]")
         strips[0].locator_params(axis="y", nbins=3)
         if len(spans) > 1:
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
-            appearance.title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
+            title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    appearance.finish(figure, f"{appearance.plain(recording.name)}: {_role(recording)}", caption="; ".join(headings))
-    return figure
-
-
-def _role(recording: RecordingFit) -> str:
+    role = "measured and fitted"
     if recording.use == "validate":
-        return "held out, predicted; at most its initial state and its own parameters were refitted"
-    return "measured and fitted"
+        role = "held out, predicted; at most its initial state and its own parameters were refitted"
+    finish(figure, f"{plain(recording.name)}: {role}", caption="; ".join(headings))
+    return figure
 
 
 def _simulated(recording: RecordingFit) -> str:
@@ -108,38 +117,33 @@ def _simulated(recording: RecordingFit) -> str:
 
 
 def _measured_and_fitted(axes: Axes, recording: RecordingFit, name: str, span: slice) -> None:
-    time, (_, factor) = recording.time[span], appearance.axis_unit(recording.unit(name))
+    time, (_, factor) = recording.time[span], axis_unit(recording.unit(name))
     measured, fitted = factor * recording.measured[name][span], factor * recording.fitted[name][span]
-    appearance.line(axes, time, measured, label="measured", **appearance.MEASURED)
-    appearance.line(axes, time, fitted, label=_simulated(recording), **appearance.FITTED)
+    line(axes, time, measured, label="measured", **MEASURED)
+    line(axes, time, fitted, label=_simulated(recording), **FITTED)
     if not np.isfinite(fitted).any():
-        appearance.note(axes, "the simulation failed: no values", 0.85)
+        note(axes, "the simulation failed: no values", 0.85)
         return
     # A simulation that runs away would press the measurement into a straight line.
-    low, high = appearance.extent(measured)
+    low, high = extent(measured)
     reach = 1.5 * (high - low)
-    least, greatest = appearance.extent(fitted)
+    least, greatest = extent(fitted)
     if reach > 0 and (least < low - 2 * reach or greatest > high + 2 * reach):
         axes.set_ylim(low - reach, high + reach)
         ends = " to ".join(with_unit(x / factor, recording.unit(name)) for x in (least, greatest))
-        appearance.note(axes, f"{_simulated(recording)} leaves the picture: {ends}".replace("-", "−"), 0.93)
+        note(axes, f"{_simulated(recording)} leaves the picture: {ends}".replace("-", "−"), 0.93)
 
 
 def _residual_strip(axes: Axes, recording: RecordingFit, name: str, span: slice, step: float | None) -> None:
-    residual = appearance.axis_unit(recording.unit(name))[1] * recording.residual(name)[span]
+    residual = axis_unit(recording.unit(name))[1] * recording.residual(name)[span]
     if not np.isfinite(residual).any():
-        appearance.note(axes, "no residual")
+        note(axes, "no residual")
         axes.set_yticks([])
         return
     axes.axhline(0, color="0.6", lw=0.8)
-    appearance.encoder_band(axes, step, recording.unit(name))
-    appearance.line(
-        axes,
-        recording.time[span],
-        residual,
-        label=f"residual (measured − {_simulated(recording)})",
-        **appearance.RESIDUAL,
-    )
+    encoder_band(axes, step, recording.unit(name))
+    name = f"residual (measured − {_simulated(recording)})"
+    line(axes, recording.time[span], residual, label=name, **RESIDUAL)
 
 
 def _fast_part(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[slice, ...]:

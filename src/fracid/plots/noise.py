@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import GREEN, INK, SERIES, SMALL, axis_unit, cost_label, finish, new, plain, symbol, title
 from fracid.units import shown_unit
 
 if TYPE_CHECKING:
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
 MOST = 8
 """Unknowns that are drawn."""
-
-STYLES = ((appearance.BLUE, "o"), (appearance.VERMILLION, "s"), (appearance.GREEN, "D"), (appearance.ORANGE, "^"))
-"""Of the resolutions: colour and shape."""
 
 ROOM = 0.5
 """Of the way from level to level, which the resolutions share."""
@@ -67,45 +64,45 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     rows = names[:MOST]
-    figure = appearance.new(8.2, 1.1 + 2.1 * len(rows), style)
+    figure = new(8.2, 1.1 + 2.1 * len(rows), style)
     panels = figure.subplots(len(rows), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for name, (left, right) in zip(rows, panels, strict=True):
         _unknown(left, right, study, name)
     for axes in panels[-1]:
-        axes.set_xlabel(f"noise, standard deviation [{appearance.axis_unit(study.cells[0].unit)[0]}]")
+        axes.set_xlabel(f"noise, standard deviation [{axis_unit(study.cells[0].unit)[0]}]")
     more = f" (the first {len(rows)} of {len(names)} free parameters)" if len(names) > len(rows) else ""
-    cost = appearance.cost_label(study.cost_name)[0]
-    appearance.finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
+    cost = cost_label(study.cost_name)[0]
+    finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
     return figure
 
 
 def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
-    display_unit, factor = appearance.axis_unit(study.cells[0].unknowns[name].unit)
+    display_unit, factor = axis_unit(study.cells[0].unknowns[name].unit)
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
         place = (which + 0.5) / len(resolutions) - 0.5
         _draw(left, right, cell, cell.unknowns[name], levels.index(cell.level) + ROOM * place, which, factor)
-    left.axhline(0.0, color=appearance.INK, lw=0.8, zorder=1)
-    right.axhspan(*BELIEVED, color=appearance.GREEN, alpha=0.15, lw=0, label="90 to 99 %")
-    right.axhline(95.0, color=appearance.INK, lw=0.8, zorder=1)
+    left.axhline(0.0, color=INK, lw=0.8, zorder=1)
+    right.axhspan(*BELIEVED, color=GREEN, alpha=0.15, lw=0, label="90 to 99 %")
+    right.axhline(95.0, color=INK, lw=0.8, zorder=1)
     right.set_ylim(min(78.0, right.get_ylim()[0]), 101.0)
     scale = shown_unit(study.cells[0].unit)[1]
     for axes in (left, right):
         axes.set_xlim(-0.5, len(levels) - 0.5)
         axes.set_xticks(range(len(levels)), [f"{scale * level:.4g}" for level in levels])
     left.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    left.yaxis.get_offset_text().set_fontsize(appearance.SMALL)
-    title, _, recording = name.partition(" [")
+    left.yaxis.get_offset_text().set_fontsize(SMALL)
+    unknown, _, recording = name.partition(" [")
     if recording:
-        appearance.title(left, appearance.plain(f"[{recording}", 40), "left")
-    left.set_ylabel(f"bias of {appearance.symbol(title)} [{display_unit}]")
+        title(left, plain(f"[{recording}", 40), "left")
+    left.set_ylabel(f"bias of {symbol(unknown)} [{display_unit}]")
     right.set_ylabel("coverage [%]")
 
 
 def _draw(left: Axes, right: Axes, cell: Cell, s: Statistics, x: float, which: int, factor: float) -> None:
-    colour, marker = STYLES[which % len(STYLES)]
+    colour, marker = SERIES[which % len(SERIES)]
     label = f"{cell.counts:.6g} counts" if cell.counts else "no rounding"
     style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4.5, "capsize": 3, "lw": 1.4, "zorder": 3}
     if s.bias is not None:

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    FITTED,
+    GREEN,
+    VERMILLION,
+    angle_label,
+    axis_unit,
+    finish,
+    line,
+    new,
+    plain,
+    symbol,
+    title,
+)
 from fracid.recording.measures import PENDULUM
 
 if TYPE_CHECKING:
@@ -43,25 +55,25 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     4
     """
     count = len(recording.signals)
-    figure = appearance.new(11, 1.2 + 2.0 * count, style)
+    figure = new(11, 1.2 + 2.0 * count, style)
     grid = figure.subplots(count, 2, squeeze=False, sharex="col", width_ratios=(2, 1))
     near = _about_release(recording)
     inside = (recording.time >= near[0]) & (recording.time <= near[1])
     for (whole, close), name in zip(grid, recording.signals, strict=True):
-        unit = appearance.axis_unit(recording.units[name])[0]
+        unit = axis_unit(recording.units[name])[0]
         _signal(whole, recording, name, np.full(inside.shape, True))
         _signal(close, recording, name, inside)
-        label = appearance.angle_label(name, unit, zero if name == PENDULUM else "")
+        label = angle_label(name, unit, zero if name == PENDULUM else "")
         if not zero and recording.units[name] == "rad":
-            label = f"{appearance.symbol(name)} as recorded [{unit}]"
+            label = f"{symbol(name)} as recorded [{unit}]"
         whole.set_ylabel(label)
     release = recording.report.release
-    appearance.title(grid[0][0], "whole recording")
-    appearance.title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
+    title(grid[0][0], "whole recording")
+    title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     grid[0][1].set_xlim(*near)
-    appearance.finish(figure, f"{appearance.plain(recording.name)}: {appearance.plain(recording.report.verdict, 200)}")
+    finish(figure, f"{plain(recording.name)}: {plain(recording.report.verdict, 200)}")
     return figure
 
 
@@ -76,14 +88,14 @@ def _about_release(recording: Recording) -> tuple[float, float]:
 
 
 def _signal(axes: Axes, recording: Recording, name: str, part: NDArray[np.bool_]) -> None:
-    _, factor = appearance.axis_unit(recording.units[name])
+    _, factor = axis_unit(recording.units[name])
     report = next(s for s in recording.report.signals if s.name == name)
-    appearance.line(axes, recording.time[part], factor * recording.signals[name][part], **appearance.FITTED)
+    line(axes, recording.time[part], factor * recording.signals[name][part], **FITTED)
     for start, length in recording.report.clock.gaps:
-        axes.axvspan(start, start + length, color=appearance.VERMILLION, alpha=0.3, lw=0.5, label="gap")
+        axes.axvspan(start, start + length, color=VERMILLION, alpha=0.3, lw=0.5, label="gap")
     for moment in report.missing[:200]:  # a thousand lines are a block of colour, and slow
-        axes.axvline(moment, color=appearance.VERMILLION, alpha=0.3, lw=0.5, label="missing")
+        axes.axvline(moment, color=VERMILLION, alpha=0.3, lw=0.5, label="missing")
     if recording.report.release is not None:
-        axes.axvline(recording.report.release, color=appearance.GREEN, lw=1.2, label="release")
+        axes.axvline(recording.report.release, color=GREEN, lw=1.2, label="release")
     if report.at_rest:
         axes.axhline(factor * report.rest, color="0.6", lw=0.8, ls="--", label="rest")

@@ -11,7 +11,22 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    CLOUD,
+    INK,
+    MARKS,
+    MEDIUM,
+    SMALL,
+    VERMILLION,
+    cost_label,
+    extent,
+    finish,
+    label,
+    new,
+    note,
+    style_of,
+    symbol,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +106,7 @@ def cost_plane(
     ['order $\\\\mu$ [–]', 'ITAE relative to its least [–]']
     """
     first, second, values = _checked_plane(lambda_values, mu_values, cost)
-    figure = appearance.new(7, 5.8, style)
+    figure = new(7, 5.8, style)
     axes = figure.subplots()
     if not np.isfinite(values).all():
         grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}
@@ -99,27 +114,26 @@ def cost_plane(
     if np.isfinite(values).any():
         _filled(figure, axes, (first, second, values), cost_name)
     else:
-        appearance.note(axes, "every simulation diverges", 0.93)
+        note(axes, "every simulation diverges", 0.93)
     _search(figure, axes, evaluations, (first, second, values), names, best)
     _integers(axes, first, second)
     marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
     digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
     places = {
-        what: f"{what}: "
-        + ", ".join(f"{appearance.symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, point, digits, strict=True))
+        what: f"{what}: " + ", ".join(f"{symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, point, digits, strict=True))
         for what, point in marks.items()
     }
-    brief = appearance.style_of(figure).brief
+    brief = style_of(figure).brief
     for what, point in marks.items():
-        axes.plot(*point, ls="", label=what if brief else places[what], **appearance.MARKS[what])
-    axes.set_xlim(appearance.extent(np.append(first, [point[0] for point in marks.values()])))
-    axes.set_ylim(appearance.extent(np.append(second, [point[1] for point in marks.values()])))
+        axes.plot(*point, ls="", label=what if brief else places[what], **MARKS[what])
+    axes.set_xlim(extent(np.append(first, [point[0] for point in marks.values()])))
+    axes.set_ylim(extent(np.append(second, [point[1] for point in marks.values()])))
     axes.ticklabel_format(useOffset=False)
-    appearance.label(axes, "", f"order {appearance.symbol(names[0])} [–]", f"order {appearance.symbol(names[1])} [–]")
+    label(axes, "", f"order {symbol(names[0])} [–]", f"order {symbol(names[1])} [–]")
     if brief:
         axes.locator_params(axis="x", nbins=TICKS)
-    heading = f"{appearance.cost_label(cost_name)[0]} over the orders"
-    appearance.finish(figure, heading, grid=False, caption="; ".join(places.values()))
+    heading = f"{cost_label(cost_name)[0]} over the orders"
+    finish(figure, heading, grid=False, caption="; ".join(places.values()))
     return figure
 
 
@@ -140,7 +154,7 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     import matplotlib as mpl
 
     first, second, values = plane
-    finite, name = values[np.isfinite(values)], appearance.cost_label(cost_name)
+    finite, name = values[np.isfinite(values)], cost_label(cost_name)
     least, shades = float(finite.min()), mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light under black lines
     rising = 0 < least < finite.max() and np.median(finite) < BOTTOMLESS * least
     if rising:
@@ -159,18 +173,18 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
     ticks = {text: v for v, text in sorted(places.items(), reverse=True) if low <= v <= high}
     bar.set_ticks(list(ticks.values()), labels=list(ticks))
-    bar.ax.tick_params(labelsize=appearance.SMALL)
-    bar.set_label(bar_label, fontsize=appearance.MEDIUM)
+    bar.ax.tick_params(labelsize=SMALL)
+    bar.set_label(bar_label, fontsize=MEDIUM)
     _lines(axes, (first, second, depth), {v: text for v, text in places.items() if low < v < high}, legend)
 
 
 def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
     """Draw where an order is an integer."""
-    label = "integer orders"
+    name = "integer orders"
     for values, line in ((first, axes.axvline), (second, axes.axhline)):
         for order in range(math.floor(values[0]) + 1, math.ceil(values[-1])):
-            line(order, color=appearance.INK, lw=1.0, ls="--", label=label)
-            label = ""
+            line(order, color=INK, lw=1.0, ls="--", label=name)
+            name = ""
 
 
 def _between(rise: FloatArray) -> tuple[float, float]:
@@ -196,12 +210,12 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
     inside = [v for v in sorted(texts) if plane[2].min() < v < plane[2].max()]
     if inside:
         some = {v: texts[v] for v in inside[:: -(-len(inside) // 7)]}
-        lines = axes.contour(*plane, levels=list(some), colors=appearance.INK, linewidths=0.7, linestyles="solid")
+        lines = axes.contour(*plane, levels=list(some), colors=INK, linewidths=0.7, linestyles="solid")
         across = np.array([np.ptp(plane[0]), np.ptp(plane[1])])
         roomy = [level for level, path in zip(lines.levels, lines.get_paths(), strict=True)
                  if np.size(path.vertices) and (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
         axes.clabel(lines, roomy, fmt=some, fontsize=7, zorder=3.5)
-        axes.plot([], [], color=appearance.INK, lw=0.7, label=legend)
+        axes.plot([], [], color=INK, lw=0.7, label=legend)
 
 
 def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
@@ -229,14 +243,11 @@ def _search(
     count = f" ({len(points)})"
     if not inside.all():
         low, high = points.min(axis=0), points.max(axis=0)
-        spans = (f"{appearance.symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(names, low, high, strict=True))
+        spans = (f"{symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(names, low, high, strict=True))
         count = f" ({np.count_nonzero(inside)} of {len(points)} in this window; the corner: {', '.join(spans)})"
         _whole_search(axes, points, corners, plane[2], best)
-    label = "evaluations" if appearance.style_of(figure).brief else f"evaluations{count}"
-    axes.plot(
-        *points[inside].T, ls="", rasterized=bool(len(points) > appearance.CLOUD), label=label,
-        **appearance.MARKS["tried"],
-    )  # fmt: skip
+    name = "evaluations" if style_of(figure).brief else f"evaluations{count}"
+    axes.plot(*points[inside].T, ls="", rasterized=bool(len(points) > CLOUD), label=name, **MARKS["tried"])
 
 
 def _whole_search(
@@ -257,10 +268,10 @@ def _whole_search(
     for text in axes.texts:  # a line's number that would be cut
         at = axes.transAxes.inverted().transform(axes.transData.transform(text.get_position()))
         text.set_visible(not below.contains(*at))
-    inset.plot(*points.T, color="0.6", lw=0.5, rasterized=bool(len(points) > appearance.CLOUD))
-    inset.plot(*points.T, ls="", rasterized=bool(len(points) > appearance.CLOUD), **appearance.MARKS["tried"])
+    inset.plot(*points.T, color="0.6", lw=0.5, rasterized=bool(len(points) > CLOUD))
+    inset.plot(*points.T, ls="", rasterized=bool(len(points) > CLOUD), **MARKS["tried"])
     (left, bottom), (right, top) = corners
-    inset.plot([left, right, right, left, left], [bottom, bottom, top, top, bottom], color=appearance.VERMILLION, lw=1)
+    inset.plot([left, right, right, left, left], [bottom, bottom, top, top, bottom], color=VERMILLION, lw=1)
     if best is not None:
-        inset.plot(*best, ls="", **{**appearance.MARKS["best"], "ms": 7})
+        inset.plot(*best, ls="", **{**MARKS["best"], "ms": 7})
     inset.margins(0.08)

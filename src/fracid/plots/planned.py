@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import BLUE, INK, ORANGE, SERIES, angle_label, axis_unit, finish, new, plain, symbol, title
+from fracid.quantiles import NORMAL_95
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,12 +19,6 @@ if TYPE_CHECKING:
 
 MOST = 4
 """Panels of values, at most."""
-
-COLOURS = (appearance.BLUE, appearance.VERMILLION, appearance.GREEN, appearance.ORANGE)
-
-MARKERS = ("o", "s", "D", "^")
-
-HALF = 1.96
 
 
 def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
@@ -51,13 +46,13 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     ['release [°]']
     """
     names = [*(plan.of or plan.expected)][:MOST]
-    figure = appearance.new(max(6.4, 3.6 * len(names)), 3.6, style)
+    figure = new(max(6.4, 3.6 * len(names)), 3.6, style)
     panels = figure.subplots(1, len(names), squeeze=False)[0]
     candidates = [c for c, _ in plan.landscape]
     by_release = len({c.release for c in candidates}) > 1
     for axes, name in zip(panels, names, strict=True):
-        unit, factor = appearance.axis_unit(plan.expected[name].unit)
-        half = factor * HALF * np.array([errors[name] for _, errors in plan.landscape])
+        unit, factor = axis_unit(plan.expected[name].unit)
+        half = factor * NORMAL_95 * np.array([errors[name] for _, errors in plan.landscape])
         lines = sorted({c.seconds for c in candidates}) if by_release else [None]
         for k, seconds in enumerate(lines):
             best: dict[float, float] = {}
@@ -66,16 +61,16 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                     at = c.release if by_release else c.seconds
                     best[at] = min(best.get(at, np.inf), h)
             x = sorted(best)
-            label = f"{seconds:g} s" if seconds is not None else "one experiment"
-            axes.plot(x, [best[v] for v in x], color=COLOURS[k % 4], marker=MARKERS[k % 4], ms=4, label=label)
+            (colour, marker), which = SERIES[k % len(SERIES)], "one experiment" if seconds is None else f"{seconds:g} s"
+            axes.plot(x, [best[v] for v in x], color=colour, marker=marker, ms=4, label=which)
         for c, h in zip(candidates, half.tolist(), strict=True):
             if c in plan.experiments:
-                axes.plot([c.release if by_release else c.seconds], [h], "*", color=appearance.INK, ms=12,
+                axes.plot([c.release if by_release else c.seconds], [h], "*", color=INK, ms=12,
                           label="chosen", zorder=4)  # fmt: skip
         axes.set_yscale("log")
         axes.set_xlabel("release [°]" if by_release else "duration [s]")
-        axes.set_ylabel(f"CI half-width of {appearance.symbol(name)} [{unit}]")
-    appearance.finish(figure, "Expected interval after one more experiment")
+        axes.set_ylabel(f"CI half-width of {symbol(name)} [{unit}]")
+    finish(figure, "Expected interval after one more experiment")
     return figure
 
 
@@ -99,19 +94,19 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
     if not curves:
         raise InputError("There is nothing to draw: no experiment of the plan could be simulated.")
     names = [*curves[0].outputs]
-    figure = appearance.new(8.2, 1.0 + 1.9 * len(curves), style)
+    figure = new(8.2, 1.0 + 1.9 * len(curves), style)
     grid = figure.subplots(len(curves), len(names), squeeze=False)
     for row, curve in zip(grid, curves, strict=True):
         for axes, name in zip(row, names, strict=True):
-            unit, factor = appearance.axis_unit(model.output_unit(name))
+            unit, factor = axis_unit(model.output_unit(name))
             y, half = factor * curve.outputs[name], factor * curve.half[name]
             shown = np.unique(np.linspace(0, len(y) - 1, 4000).astype(int))
-            axes.fill_between(curve.time[shown], (y - half)[shown], (y + half)[shown], color=appearance.ORANGE,
+            axes.fill_between(curve.time[shown], (y - half)[shown], (y + half)[shown], color=ORANGE,
                               alpha=0.4, lw=0, label="95 % band")  # fmt: skip
-            axes.plot(curve.time[shown], y[shown], color=appearance.BLUE, lw=1.0, label="expected")
-            axes.set_ylabel(appearance.angle_label(name, unit, model.zero if name == model.pendulum else ""))
-        appearance.title(row[0], appearance.plain(str(curve.candidate), 90), "left")
+            axes.plot(curve.time[shown], y[shown], color=BLUE, lw=1.0, label="expected")
+            axes.set_ylabel(angle_label(name, unit, model.zero if name == model.pendulum else ""))
+        title(row[0], plain(str(curve.candidate), 90), "left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    appearance.finish(figure, "Expected curves")
+    finish(figure, "Expected curves")
     return figure

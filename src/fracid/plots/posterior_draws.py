@@ -8,7 +8,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,25 +62,23 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
     if len(chosen) > MOST:
         raise InputError(f"{len(chosen)} parameters are too many for one figure; name {MOST} at most.")
     n = len(chosen)
-    figure = appearance.new(max(5.0, 2.3 * n), max(3.6, 0.9 + 2.0 * n), style)
+    figure = new(max(5.0, 2.3 * n), max(3.6, 0.9 + 2.0 * n), style)
     grid = figure.subplots(n, n, squeeze=False)
     labels, factors = zip(*(_label(posterior, name) for name in chosen), strict=True)
     columns = [factor * posterior.points[:, posterior.names.index(name)]
                for name, factor in zip(chosen, factors, strict=True)]  # fmt: skip
-    for i, name in enumerate(chosen):
-        for j in range(n):
-            if j > i:
-                grid[i, j].remove()
-            elif j < i:
-                _pair(grid[i, j], columns[j], columns[i], posterior.weights)
-            else:
-                _alone(grid[i, i], posterior, name, columns[i], factors[i])
-            if j <= i:
-                _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
-                beside = labels[i] if j < i else "density [–]"
-                appearance.label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")
+    for axes in grid[np.triu_indices(n, 1)]:
+        axes.remove()
+    for i, j in zip(*np.tril_indices(n), strict=True):
+        if j < i:
+            _pair(grid[i, j], columns[j], columns[i], posterior.weights)
+        else:
+            _alone(grid[i, i], posterior, chosen[i], columns[i], factors[i])
+        _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
+        beside = labels[i] if j < i else "density [–]"
+        label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")
     trust = "" if posterior.trusted else "; the draws cannot be trusted"
-    appearance.finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
+    finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
     return figure
 
 
@@ -115,26 +113,25 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     runs = [problem.fitted(x, e) for x in posterior.resampled(SIMULATIONS)]
     curves = np.array([run - fitted for run in runs if not isinstance(run, Failure)])
     outputs = problem.outputs
-    figure = appearance.new(8.0, 0.9 + 2.3 * len(outputs), style)
-    for o, (axes, output) in enumerate(
-        zip(figure.subplots(len(outputs), 1, squeeze=False)[:, 0], outputs, strict=True)
-    ):
-        unit, factor = appearance.axis_unit(e.units.get(output, "rad"))
+    figure = new(8.0, 0.9 + 2.3 * len(outputs), style)
+    panels = figure.subplots(len(outputs), 1, squeeze=False)[:, 0]
+    for o, (axes, output) in enumerate(zip(panels, outputs, strict=True)):
+        unit, factor = axis_unit(e.units.get(output, "rad"))
         time = e.start + e.time
         residual = e.measured[:, o] - fitted[:, o]
         if e.scored is not None:
             residual = np.where(e.scored, residual, np.nan)
-        appearance.line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
+        line(axes, time, factor * residual, color="0.7", lw=0.8, label="residual (measured − fitted)")
         if len(curves):
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))
-            axes.fill_between(time, low, high, color=appearance.BLUE, alpha=0.7, lw=0, zorder=3,
+            axes.fill_between(time, low, high, color=BLUE, alpha=0.7, lw=0, zorder=3,
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
-        appearance.label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
-                         f"residual of {appearance.symbol(output)} [{unit}]")  # fmt: skip
-    shown = appearance.plain(e.name) if problem is posterior.problem else (
-        f"the first {e.time[-1]:.3g} s of {appearance.plain(e.name)}"
+        label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
+                         f"residual of {symbol(output)} [{unit}]")  # fmt: skip
+    shown = plain(e.name) if problem is posterior.problem else (
+        f"the first {e.time[-1]:.3g} s of {plain(e.name)}"
     )  # fmt: skip
-    appearance.finish(figure, f"What the posterior leaves undetermined: {shown}")
+    finish(figure, f"What the posterior leaves undetermined: {shown}")
     return figure
 
 
@@ -161,11 +158,9 @@ def _most_important(posterior: Posterior) -> tuple[str, ...]:
 def _alone(axes: Axes, posterior: Posterior, name: str, values: FloatArray, factor: float) -> None:
     low, high = (factor * end for end in posterior.interval(name))
     reach = _reach(values, posterior.weights)
-    axes.hist(
-        values, bins=BINS, range=reach, weights=posterior.weights, density=True, color=appearance.BLUE, alpha=0.55
-    )
-    axes.axvspan(low, high, color=appearance.BLUE, alpha=0.12, lw=0, label="95 % interval")
-    axes.axvline(factor * posterior.x[posterior.names.index(name)], color=appearance.VERMILLION, lw=1.2, label="fitted")
+    axes.hist(values, bins=BINS, range=reach, weights=posterior.weights, density=True, color=BLUE, alpha=0.55)
+    axes.axvspan(low, high, color=BLUE, alpha=0.12, lw=0, label="95 % interval")
+    axes.axvline(factor * posterior.x[posterior.names.index(name)], color=VERMILLION, lw=1.2, label="fitted")
     axes.set_xlim(*reach)
     axes.set_yticks([])
 
@@ -182,8 +177,8 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, weights: FloatArray) -> None
     if len(levels) == 2 and levels[0] > 0:
         middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (across, up)]
         axes.contourf(*middle, density.T, levels=[*levels, max(float(density.max()), levels[1] * 1.01)],
-                      colors=[appearance.BLUE], alpha=0.4)  # fmt: skip
-        axes.contour(*middle, density.T, levels=levels, colors=[appearance.BLUE], linewidths=1.0)
+                      colors=[BLUE], alpha=0.4)  # fmt: skip
+        axes.contour(*middle, density.T, levels=levels, colors=[BLUE], linewidths=1.0)
     axes.set_xlim(*reach[0])
     axes.set_ylim(*reach[1])
 
@@ -199,5 +194,5 @@ def _reach(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
 def _label(posterior: Posterior, name: str) -> tuple[str, float]:
     """What stands at an axis, and the factor to its unit there."""
     unit = posterior.problem.unknowns[posterior.names.index(name)].unit
-    shown, factor = appearance.axis_unit(unit)
-    return f"{appearance.symbol(name)} [{shown}]", factor
+    shown, factor = axis_unit(unit)
+    return f"{symbol(name)} [{shown}]", factor

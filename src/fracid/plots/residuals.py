@@ -17,7 +17,32 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    BLUE,
+    CLOUD,
+    FITTED,
+    GREEN,
+    INK,
+    ORANGE,
+    RESIDUAL,
+    VERMILLION,
+    angle_label,
+    axis_unit,
+    corner,
+    encoder_band,
+    encoder_step,
+    extent,
+    finish,
+    goodness,
+    label,
+    line,
+    new,
+    note,
+    outline,
+    plain,
+    symbol,
+    title,
+)
 from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 from fracid.units import shown_unit, with_unit
 from fracid.validation.residual_curves import log_bins
@@ -79,11 +104,11 @@ def residual_plots(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    step = appearance.encoder_step(resolution, output)
-    figure = appearance.new(9.5, 7, style)
+    step = encoder_step(resolution, output)
+    figure = new(9.5, 7, style)
     _panels(figure.subplots(2, 2).flat, recording, output, step)
     _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes, FAILED)
-    appearance.finish(figure, _headline(recording, output, step))
+    finish(figure, _headline(recording, output, step))
     return figure
 
 
@@ -133,24 +158,24 @@ def residual_diagnostics(
     ['autocorrelation: all of 20,000 samples count', 'spectrum: no frequency stands out']
     """
     diagnosis = residual_analysis(recording, output, resolution) if analysis is None else analysis
-    step = appearance.encoder_step(resolution, output)
+    step = encoder_step(resolution, output)
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (display_unit, factor) = recording.unit(output), appearance.axis_unit(recording.unit(output))
-    figure = appearance.new(9.5, 13, style)
+    unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
+    figure = new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
     _panels([panels[name] for name in ("time", "fitted", "normal", "probability")], recording, output, step)
     if mask.any():
         _over_fitted(panels["speed"], factor * _speed(recording, output)[mask], factor * whole[mask], step, unit)
         _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, diagnosis)
-    symbol = appearance.symbol(output)
-    speed, label = f"fitted speed of {symbol} [{_per(display_unit, 's')}]", f"residual of {symbol} [{display_unit}]"
-    appearance.label(panels["speed"], "against the fitted speed", speed, label)
-    appearance.label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
+    name = symbol(output)
+    speed, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
+    label(panels["speed"], "against the fitted speed", speed, value)
+    label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
     density = f"density of the power [{_squared(display_unit)}/Hz]"
-    appearance.label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
+    label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
     _blank(() if mask.any() else figure.axes, FAILED)
-    appearance.finish(figure, _headline(recording, output, step))
+    finish(figure, _headline(recording, output, step))
     return figure
 
 
@@ -158,20 +183,20 @@ def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: 
     """The four of Figure 3: over time, against the fitted value, the distribution, the probability plot."""
     over_time, over_fitted, distribution, probability = panels
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (display_unit, factor) = recording.unit(output), appearance.axis_unit(recording.unit(output))
+    unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
     residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     if residual.size:
         _over_time(over_time, recording.time, factor * whole, step, unit)
         _over_fitted(over_fitted, fitted, residual, step, unit)
         _distribution(distribution, residual, step, unit)
         _normal_probability(probability, residual)
-    label = f"residual of {appearance.symbol(output)} [{display_unit}]"
-    value = f"fitted {appearance.angle_label(output, display_unit, recording.zero_of(output))}"
+    left = f"residual of {symbol(output)} [{display_unit}]"
+    value = f"fitted {angle_label(output, display_unit, recording.zero_of(output))}"
     heading = probability.get_title() or "normal probability"
-    appearance.label(over_time, "over time", "time [s]", label)
-    appearance.label(over_fitted, "against the fitted value", value, label)
-    appearance.label(distribution, "distribution", label, f"density [{_per('1', display_unit)}]")
-    appearance.label(probability, heading, "standard normal quantile [–]", label)
+    label(over_time, "over time", "time [s]", left)
+    label(over_fitted, "against the fitted value", value, left)
+    label(distribution, "distribution", left, f"density [{_per('1', display_unit)}]")
+    label(probability, heading, "standard normal quantile [–]", left)
 
 
 def _per(over: str, under: str) -> str:
@@ -186,13 +211,13 @@ def _squared(unit: str) -> str:
 def _blank(panels: Sequence[Axes], why: str) -> None:
     for axes in panels:
         axes.set(xticks=[], yticks=[])
-        appearance.note(axes, why)
+        note(axes, why)
 
 
 def _headline(recording: RecordingFit, output: str, step: float | None) -> str:
     use = ", validation" if recording.use == "validate" else ""
-    what = f"{appearance.plain(recording.name)}{use}: residual of {appearance.symbol(output)}"
-    return f"{what}; {appearance.goodness(recording, output, step)}"
+    what = f"{plain(recording.name)}{use}: residual of {symbol(output)}"
+    return f"{what}; {goodness(recording, output, step)}"
 
 
 def _speed(recording: RecordingFit, output: str) -> FloatArray:
@@ -222,11 +247,11 @@ def _autocorrelation(axes: Axes, residual: FloatArray, analysis: ResidualAnalysi
     reach = max(50 * step, 3 * w.correlation_time, 4 / analysis.spectrum.swing if analysis.spectrum.swing else 0.0)
     n = min(ρ.size, round(reach / step) + 1)
     band = 1.96 / np.sqrt(residual.size)
-    axes.axhspan(-band, band, color=appearance.BLUE, alpha=0.25, lw=0, label="95 % of white noise")
+    axes.axhspan(-band, band, color=BLUE, alpha=0.25, lw=0, label="95 % of white noise")
     axes.axhline(0, color="0.6", lw=0.8)
-    appearance.line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=appearance.INK, lw=1.0)
+    line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=INK, lw=1.0)
     if not w.white and w.correlation_time <= (n - 1) * step:
-        axes.axvline(w.correlation_time, color=appearance.VERMILLION, lw=1.2, ls=":", label="correlation time")
+        axes.axvline(w.correlation_time, color=VERMILLION, lw=1.2, ls=":", label="correlation time")
 
 
 def _spectrum(axes: Axes, residual: FloatArray, factor: float, analysis: ResidualAnalysis) -> None:
@@ -234,15 +259,15 @@ def _spectrum(axes: Axes, residual: FloatArray, factor: float, analysis: Residua
     f, S = power_spectrum(residual, analysis.step)
     f, S = f[1:], S[1:]
     centre, mean = log_bins(f, S)
-    indices = appearance.outline(np.log(np.maximum(S, 1e-300)))
+    indices = outline(np.log(np.maximum(S, 1e-300)))
     axes.plot(f[indices], S[indices], color="0.8", lw=0.5, rasterized=True)
-    axes.plot(centre, mean, color=appearance.INK, lw=1.2)
+    axes.plot(centre, mean, color=INK, lw=1.2)
     if analysis.level.encoder_step:
         floor = (factor * analysis.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
-        axes.axhline(floor, color=appearance.ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
+        axes.axhline(floor, color=ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
     for m in range(1, 4) if analysis.spectrum.swing else ():
-        label = "the swing and its multiples" if m == 1 else None
-        axes.axvline(m * (analysis.spectrum.swing or 0.0), color=appearance.GREEN, lw=1.0, ls=":", label=label)
+        axes.axvline(m * (analysis.spectrum.swing or 0.0), color=GREEN, lw=1.0, ls=":",
+                     label="the swing and its multiples" if m == 1 else None)  # fmt: skip
     axes.set(xscale="log", yscale="log", ylim=(np.quantile(mean, 0.1) / 30, S.max() * 3))
 
 
@@ -255,9 +280,9 @@ def _of_lags(analysis: ResidualAnalysis) -> str:
 
 
 def _of_spectrum(analysis: ResidualAnalysis) -> str:
-    line, slow = analysis.spectrum.line, analysis.spectrum.slow_share
+    peak, slow = analysis.spectrum.line, analysis.spectrum.slow_share
     parts = [f"{100 * slow:.0f} % below {analysis.spectrum.slow_below:.2g} Hz"] if slow >= DRIFT else []
-    parts += [f"{100 * line.share:.0f} % at {line.frequency:.3g} Hz"] if line else []
+    parts += [f"{100 * peak.share:.0f} % at {peak.frequency:.3g} Hz"] if peak else []
     if not np.isfinite(slow):
         return "spectrum"
     return f"spectrum: {', '.join(parts) or 'no frequency stands out'}"
@@ -265,78 +290,59 @@ def _of_spectrum(analysis: ResidualAnalysis) -> str:
 
 def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     axes.plot(time[[0, -1]], [0, 0], color="0.6", lw=0.8)  # as long as the recording, the residual may end before
-    appearance.encoder_band(axes, step, unit)
-    appearance.line(axes, time, residual, **appearance.RESIDUAL)
+    encoder_band(axes, step, unit)
+    line(axes, time, residual, **RESIDUAL)
 
 
 def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     """Every sample, and the mean in each of twenty bins of the fitted value."""
     axes.axhline(0, color="0.6", lw=0.8)
-    appearance.encoder_band(axes, step, unit)
-    many = fitted.size > appearance.CLOUD
+    encoder_band(axes, step, unit)
+    many = fitted.size > CLOUD
     style: dict[str, Any] = {"ms": 1.5, "alpha": 0.25, "rasterized": True} if many else {"ms": 4}
-    axes.plot(fitted, residual, ls="", marker="o", mew=0, color=appearance.INK, **style)
-    low, high = appearance.extent(fitted)
+    axes.plot(fitted, residual, ls="", marker="o", mew=0, color=INK, **style)
+    low, high = extent(fitted)
     if not many or high <= low:
         return
     at = np.minimum((20 * (fitted - low) / (high - low)).astype(int), 19)
     count = np.bincount(at, minlength=20)
     full = count >= 20
     means = [np.bincount(at, weights=x, minlength=20)[full] / count[full] for x in (fitted, residual)]
-    axes.plot(*means, color=appearance.VERMILLION, lw=1.5, marker="o", ms=3, label="mean of each bin")
+    axes.plot(*means, color=VERMILLION, lw=1.5, marker="o", ms=3, label="mean of each bin")
 
 
 def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: str) -> None:
     factor = shown_unit(unit)[1]
     if _all_equal(residual):
-        axes.axvline(residual[0], **appearance.FITTED)
-        appearance.note(axes, f"all {residual.size} residuals are {with_unit(residual[0] / factor, unit)}")
+        axes.axvline(residual[0], **FITTED)
+        note(axes, f"all {residual.size} residuals are {with_unit(residual[0] / factor, unit)}")
         return
-    appearance.encoder_band(axes, step, unit, upright=True)
+    encoder_band(axes, step, unit, upright=True)
     mean, deviation = residual.mean(), residual.std()
     density, edges = np.histogram(residual, bins=_bins(residual, factor * (step or 0.0)), density=True)
     axes.stairs(density, edges, fill=True, color="0.72")
     x = np.linspace(min(edges[0], mean - 3.5 * deviation), max(edges[-1], mean + 3.5 * deviation), 300)
     normal = np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
-    axes.plot(x, normal, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution")
+    axes.plot(x, normal, color=VERMILLION, lw=1.5, ls="--", label="normal distribution")
     shown = 0.0 if abs(mean) < 1e-3 * deviation else mean / factor  # what is left of it is rounding
     text = f"mean {with_unit(shown, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
-    appearance.corner(axes, text.replace("-", "−"))
+    corner(axes, text.replace("-", "−"))
 
 
 def _normal_probability(axes: Axes, residual: FloatArray) -> None:
-    """Ordered residuals against the medians of normal order statistics, with their regression line."""
+    """Ordered residuals against the medians of normal order statistics [Filliben1975]_, with their regression line."""
     if residual.size < 3 or _all_equal(residual):
-        appearance.note(axes, "too few different values")
+        note(axes, "too few different values")
         return
-    quantiles, ordered = _normal_quantiles(residual.size), np.sort(residual)
+    from scipy.stats import probplot
+
+    (quantiles, ordered), (slope, mean, ppcc) = probplot(residual)
     # Some hundred points, evenly over the quantiles: the thousands in the middle lie on each other.
     indices = np.unique(np.searchsorted(quantiles, np.linspace(quantiles[0], quantiles[-1], 400)))
-    slope = float(quantiles @ ordered / (quantiles @ quantiles))  # the quantiles have mean zero
-    axes.plot(
-        quantiles[indices],
-        ordered[indices],
-        ls="",
-        marker="o",
-        ms=2.5 if residual.size > 100 else 4,
-        color=appearance.INK,
-        mew=0,
-    )
-    ends = quantiles[[0, -1]]
-    axes.plot(
-        ends, residual.mean() + slope * ends, color=appearance.VERMILLION, lw=1.5, ls="--", label="normal distribution"
-    )
-    appearance.title(axes, f"normal probability, PPCC = {np.corrcoef(quantiles, ordered)[0, 1]:.3f}")
-
-
-def _normal_quantiles(n: int) -> FloatArray:
-    """Medians of the order statistics of n normal samples [Filliben1975]_."""
-    from scipy.special import ndtri
-
-    median = (np.arange(1, n + 1) - 0.3175) / (n + 0.365)
-    median[-1] = 0.5 ** (1 / n)
-    median[0] = 1 - median[-1]
-    return np.asarray(ndtri(median))
+    size, ends = 2.5 if residual.size > 100 else 4, quantiles[[0, -1]]
+    axes.plot(quantiles[indices], ordered[indices], ls="", marker="o", ms=size, color=INK, mew=0)
+    axes.plot(ends, mean + slope * ends, color=VERMILLION, lw=1.5, ls="--", label="normal distribution")
+    title(axes, f"normal probability, PPCC = {ppcc:.3f}")
 
 
 def _bins(x: FloatArray, step: float) -> int | FloatArray:

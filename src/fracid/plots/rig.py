@@ -12,7 +12,21 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models.scene import OPEN, Scene, on_paper
-from fracid.plots import appearance
+from fracid.plots.appearance import (
+    BLUE,
+    INK,
+    LARGE,
+    SMALL,
+    VERMILLION,
+    finish,
+    new,
+    plain,
+    spoken,
+    style_of,
+    symbol,
+    text_size,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +78,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     if not np.isfinite(scene.at({}, constants)).all():
         raise InputError(f"The model {model.name!r} is not drawn: with its constants a body of its scene is infinite.")
     shown = _shown(model, scene, constants)
-    figure = appearance.new(WIDTH, HEIGHT + 0.4, style)
+    figure = new(WIDTH, HEIGHT + 0.4, style)
     axes = figure.subplots()
     for body, line in scene.drawn({}, constants):
         if body.moves:
@@ -74,14 +88,14 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
             axes.plot(*line.T, color="0.2", lw=1.2, zorder=2)
         else:
             axes.fill(*line.T, fc=MOVED if body.moves else FIXED, ec="0.2", lw=1.0, zorder=2, joinstyle="round")
-    for name, colour in zip(scene.moved_by, cycle((appearance.BLUE, appearance.VERMILLION, appearance.INK))):
+    for name, colour in zip(scene.moved_by, cycle((BLUE, VERMILLION, INK))):
         _arrow(axes, name, _way(scene, name, shown, constants), colour)
     axes.set(aspect="equal")
     axes.margins(0.08)
     axes.set_axis_off()
     _note(figure, model)
     heading = model.source.split(". ")[0] if model.paper else model.about or model.name  # a rig is known by its maker
-    appearance.finish(figure, appearance.plain(heading, 90), grid=False)
+    finish(figure, plain(heading, 90), grid=False)
     return figure
 
 
@@ -110,19 +124,19 @@ def _arrow(axes: Axes, name: str, way: FloatArray, colour: str) -> None:
                                    zorder=4, gid=f"positive-{name}"))  # fmt: skip
     along = way[-1] - way[0]
     aside = 11 * np.array([along[1], -along[0]]) / max(float(np.hypot(*along)), 1e-12)  # [pt]
-    axes.annotate(appearance.symbol(name), tuple(way[len(way) // 2]), tuple(aside), textcoords="offset points",
+    axes.annotate(symbol(name), tuple(way[len(way) // 2]), tuple(aside), textcoords="offset points",
                   ha="center" if abs(aside[0]) < 4 else "left" if aside[0] > 0 else "right", va="center",
-                  color=colour, fontsize=appearance.LARGE + 1, zorder=5,
+                  color=colour, fontsize=LARGE + 1, zorder=5,
                   bbox={"fc": "white", "alpha": 0.7, "lw": 0, "pad": 0.5})  # fmt: skip
 
 
 def _note(figure: Figure, model: Model) -> None:
     """Below: what zero is, and which way the input drives."""
-    zero = f" ({appearance.spoken(appearance.symbol(model.pendulum))} = 0: {model.zero})" if model.zero else ""
+    zero = f" ({spoken(symbol(model.pendulum))} = 0: {model.zero})" if model.zero else ""
     push = model.parameter(model.drive).value if model.drive else 0.0
     way = "positive" if push > 0 else "negative"
-    drives = [f" A positive {appearance.plain(n)} drives θ {way}." for n in model.inputs[:1] if push]
+    drives = [f" A positive {plain(n)} drives θ {way}." for n in model.inputs[:1] if push]
     note = f"Dashed: every output 0{zero}. Arrows: positive sense.{''.join(drives)}"
-    length = appearance.text_width(note, appearance.text_size(appearance.style_of(figure), appearance.SMALL))
+    length = text_width(note, text_size(style_of(figure), SMALL))
     columns = int(len(note) * 0.92 * 72 * figure.get_figwidth() / length)
-    figure.supxlabel(textwrap.fill(note, columns), x=0.02, ha="left", fontsize=appearance.SMALL)
+    figure.supxlabel(textwrap.fill(note, columns), x=0.02, ha="left", fontsize=SMALL)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import SERIES, cost_label, finish, label, new, plain_log
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
     from fracid.estimation.starts import Start
     from fracid.figures import Style
+
+
+KINDS = ("given", "regression", "Sobol", "the simpler structure", "windows")
+"""Of starts, each with a colour and a shape."""
 
 
 def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | Style = "screen") -> Figure:
@@ -57,37 +61,28 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
 
     costs = [(final_cost(s, starts), s) for s in starts]
     ranking = sorted(((cost, s) for cost, s in costs if cost is not None), key=lambda pair: float(f"{pair[0]:.4g}"))
-    figure = appearance.new(7, 4.6, style)
+    figure = new(7, 4.6, style)
     axes = figure.subplots()
-    kinds = {
-        "given": ("o", appearance.BLUE),
-        "regression": ("s", appearance.VERMILLION),
-        "Sobol": ("D", appearance.GREEN),
-        "the simpler structure": ("^", appearance.ORANGE),
-        "windows": ("v", appearance.INK),
-    }
-    for kind, (marker, colour) in kinds.items():
-        for duplicate in (False, True):
+    for kind, (colour, marker) in zip(KINDS, SERIES, strict=True):
+        for joined, fill, more in ((False, colour, ""), (True, "white", ", left in another's minimum")):
             mine = [(i + 1, cost) for i, (cost, s) in enumerate(ranking)
-                    if s.origin.rstrip(" 0123456789") == kind and (s.joined is not None) == duplicate]  # fmt: skip
-            label = f"{kind}, left in another's minimum" if duplicate else kind
+                    if s.origin.rstrip(" 0123456789") == kind and (s.joined is not None) == joined]  # fmt: skip
             if mine:
-                axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4,
-                          mfc="white" if duplicate else colour, label=label, zorder=3)  # fmt: skip
-    costs_in_order = [cost for cost, _ in ranking]
-    axes.step(range(1, len(ranking) + 1), costs_in_order, where="mid", color="0.7", lw=1, zorder=1)
+                axes.plot(*np.transpose(mine), ls="", marker=marker, ms=7, mec=colour, mew=1.4, mfc=fill,
+                          label=kind + more, zorder=3)  # fmt: skip
+    axes.step(range(1, len(ranking) + 1), [cost for cost, _ in ranking], where="mid", color="0.7", lw=1, zorder=1)
     if ranking and ranking[0][0] > 0:
         axes.set_yscale("log")
         _few_decades(axes)
     best = sum(cost <= SAME_COST * ranking[0][0] for cost, _ in ranking) if ranking else 0
-    note = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
-    name, unit = appearance.cost_label(cost_name)
-    appearance.label(axes, f"{best} of {len(starts)} starts at the lowest cost{note}",
+    left = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
+    name, unit = cost_label(cost_name)
+    label(axes, f"{best} of {len(starts)} starts at the lowest cost{left}",
                      "start, sorted by its final cost",
                      f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
-    appearance.finish(figure, "where the starts ended")
+    finish(figure, "where the starts ended")
     return figure
 
 
@@ -97,4 +92,4 @@ def _few_decades(axes: Axes) -> None:
     if high < 100 * low:
         low, high = min(low, high / 1.3), max(high, 1.3 * low)
         axes.set_ylim(low, high)
-        appearance.plain_log(axes.yaxis, (1, 1.5, 2, 3, 5, 7))
+        plain_log(axes.yaxis, (1, 1.5, 2, 3, 5, 7))

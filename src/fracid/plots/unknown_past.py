@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.plots import appearance
+from fracid.plots.appearance import BLUE, VERMILLION, finish, label, new, symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,26 +47,24 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
     if not check.treatments:
         raise InputError(f"There is no treatment to draw: {check.verdict}")
     names, rows = list(check.orders), [*reversed(check.treatments)]
-    figure = appearance.new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1), style)
+    figure = new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1), style)
     panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
     for axes, name in zip(panels, names, strict=True):
         _order(axes, check, name)
         axes.set_yticks(range(len(rows) + 1), [*(t.name for t in rows), "as fitted"])
         axes.set_ylim(-0.6, len(rows) + 0.6)
-        appearance.label(axes, "", f"order {appearance.symbol(name)} [–]", "")
-    appearance.finish(figure, "orders, by what is taken for the motion before the start")
+        label(axes, "", f"order {symbol(name)} [–]", "")
+    finish(figure, "orders, by what is taken for the motion before the start")
     return figure
 
 
 def _order(axes: Axes, check: CutCheck, name: str) -> None:
     value, half, top = check.orders[name], check.half_width[name], len(check.treatments)
     if half is not None:
-        axes.axvspan(
-            value - half, value + half, color=appearance.BLUE, alpha=0.15, lw=0, label="95 % interval of the fit"
-        )
-    axes.plot([value], [top], ls="", marker="o", ms=8, color=appearance.BLUE, clip_on=False)
+        axes.axvspan(value - half, value + half, color=BLUE, alpha=0.15, lw=0, label="95 % interval of the fit")
+    axes.plot([value], [top], ls="", marker="o", ms=8, color=BLUE, clip_on=False)
     for row, t in enumerate(reversed(check.treatments)):
         rival = t in check.rivals
-        axes.plot([t.orders[name]], [row], ls="", marker="D", ms=7, mec=appearance.VERMILLION, mew=1.4,
-                  mfc=appearance.VERMILLION if rival else "white", clip_on=False,
+        axes.plot([t.orders[name]], [row], ls="", marker="D", ms=7, mec=VERMILLION, mew=1.4,
+                  mfc=VERMILLION if rival else "white", clip_on=False,
                   label="fits as well" if rival else "fits worse")  # fmt: skip

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.errors import InputError, writing
-from fracid.plots import appearance
+from fracid.plots.appearance import spoken, style_of
 from fracid.safety.door import write_whole
 
 if TYPE_CHECKING:
@@ -33,6 +32,7 @@ NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDa
 """Formats with metadata, and what keeps the date out of them."""
 
 _settling = threading.Lock()
+"""They are all threads'."""
 
 
 def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] = ("svg", "png")) -> tuple[Path, ...]:
@@ -70,15 +70,16 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
     >>> [path.name for path in save(flat, tempfile.mkdtemp(), "plane")]
     ['plane.svg', 'plane.png']
     """
+    from matplotlib import rc_context
+
     filetypes = figure.canvas.get_supported_filetypes()
     for ending in formats:
         if ending not in filetypes:
-            raise InputError(
-                f"Figures cannot be written as {ending!r}; expected some of {', '.join(sorted(filetypes))}."
-            )
+            known = ", ".join(sorted(filetypes))
+            raise InputError(f"Figures cannot be written as {ending!r}; expected some of {known}.")
     if not stem or Path(stem).name != stem:
         raise InputError(f"{stem!r} is no name for a file; expected one without a folder and an ending: 'figure2'.")
-    with _fixed_settings():
+    with _settling, rc_context(SETTINGS):  # matplotlib takes these from its global settings alone
         _lay_out(figure)
         contents = {}
         for ending in sorted(formats, key=lambda ending: ending != "png"):
@@ -103,7 +104,7 @@ def _lay_out(figure: Figure) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
-    figure.set_dpi(appearance.style_of(figure).dpi)
+    figure.set_dpi(style_of(figure).dpi)
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -122,23 +123,9 @@ def _hold_labels(figure: Figure) -> None:
 
 
 def _rendered(figure: Figure, ending: str) -> bytes:
-    title = {"Title": appearance.spoken(str(figure.get_label()))} if figure.get_label() else {}
+    title = {"Title": spoken(str(figure.get_label()))} if figure.get_label() else {}
     metadata = title | NO_DATE[ending] if ending in NO_DATE else None
     with io.BytesIO() as content:
-        figure.savefig(content, format=ending, dpi=appearance.style_of(figure).dpi, metadata=metadata,
+        figure.savefig(content, format=ending, dpi=style_of(figure).dpi, metadata=metadata,
                        **OPTIONS.get(ending, {}))  # fmt: skip
         return content.getvalue()
-
-
-@contextmanager
-def _fixed_settings() -> Iterator[None]:
-    """Matplotlib takes these from its global settings alone; one thread at a time."""
-    import matplotlib as mpl
-
-    with _settling:
-        before = {name: mpl.rcParams[name] for name in SETTINGS}
-        mpl.rcParams.update(SETTINGS)
-        try:
-            yield
-        finally:
-            mpl.rcParams.update(before)
