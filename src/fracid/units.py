@@ -190,3 +190,45 @@ def half_width(half: float, value: float = 0.0) -> str:
     if BESIDE <= place < LAST_PLACE and value and "e" not in to_second_digit(value, half):
         return f"{half:.{-place}f}"
     return to_second_digit(half, half)
+
+
+def number(value: float | None, form: str = ".4g") -> str:
+    """A number with a true minus, without a power of ten from 0.0001 up to 100 000; a dash for none.
+
+    Examples
+    --------
+    >>> number(-0.00123, ".2g"), number(None), number(1.2e-05), number(131.0, ".2g"), number(1e-7)
+    ('−0.0012', '–', '1.2×10⁻⁵', '130', '10⁻⁷')
+    """
+    if value is None or not math.isfinite(value):
+        return "–"
+    text = f"{value:{form}}"
+    if "e" in text and 1 <= abs(float(text)) < 1e5:
+        text = f"{float(text):.0f}"
+    return typeset(text)
+
+
+def typeset(text: str) -> str:
+    """A number as Python writes it, with a true minus and a raised exponent.
+
+    Examples
+    --------
+    >>> typeset("-1.2e-05")
+    '−1.2×10⁻⁵'
+    """
+    mantissa, _, exponent = text.replace("-", "−").partition("e")
+    if not exponent:
+        return mantissa
+    power = f"10{raised(int(exponent.replace('−', '-')))}"
+    return {"1": power, "−1": f"−{power}"}.get(mantissa, f"{mantissa}×{power}")
+
+
+def raised(exponent: int) -> str:
+    """An exponent in small figures.
+
+    Examples
+    --------
+    >>> raised(-12)
+    '⁻¹²'
+    """
+    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

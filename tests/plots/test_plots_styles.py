@@ -8,6 +8,7 @@ from functools import cache
 from inspect import getmembers, isfunction
 from itertools import combinations
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axis import Tick
@@ -220,7 +221,7 @@ def test_no_text_leaves_the_sheet_or_lies_on_another(name, style):
 )
 def test_what_a_png_has_drawn_stays_where_it_is_in_the_next_file(name):
     figure = FIGURES[name](style="screen")
-    with writing._fixed_settings():
+    with mpl.rc_context(writing.SETTINGS):
         writing._lay_out(figure)
         writing._rendered(figure, "png")
         before = places(figure)

@@ -15,6 +15,7 @@ from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import read_table
 from fracid.report.open import _spec, open_page_text, write_open_page
 from fracid.safety.door import own_text
+from fracid.safety.json_files import plain
 from languages import NODE
 
 WAITING = "element('project').hidden && !/No simulation|holds no|is no text/.test(element('fit-said').textContent)"
@@ -222,7 +223,7 @@ def test_whatever_files_and_columns_are_called_the_project_is_toml_of_one_record
     specs = {name: _spec(name, fracid.model(name)) for name in ("rotary-pendulum", "oscillator")}
     units = {"signal": TABLES["signal"], "time": TABLES["time"]}
     script = "".join(own_text(f"report/{name}.js") for name in ("fitting", "reading", "drafting")) + f"""
-        const SPECS = {json.dumps(specs)}, UNITS = {json.dumps(units)};
+        const SPECS = {json.dumps(plain(specs))}, UNITS = {json.dumps(units)};
     """ + r"""
         let seed = 7;
         const next = n => (seed = seed * 48271 % 2147483647) % n;

@@ -1033,18 +1033,18 @@ def with_encoders(material, tmp_path_factory):
 def test_a_residual_has_ticks_at_one_and_three_encoder_steps_and_the_band_over_the_line(browser, with_encoders):
     browser.open(with_encoders, **CALM)
     browser.until("player.charts.every(c => c.plot)")
-    step, ticks, bands = browser.run("(c => [player.trace.outputs[0].step, c.spec.right.map(r => r.at), c.spec.bands])"
+    step, ticks, bands = browser.run("(c => [player.trace.outputs[0].step, c.spec.right.map(r => r[0]), c.spec.bands])"
                                      "(player.charts[1])")  # fmt: skip
     assert step == pytest.approx(360 / 1024)
     assert {-1, 1} <= {round(at / step, 6) for at in ticks} <= {-10, -3, -1, 1, 3, 10}
-    assert [(b["from"], b["to"]) for b in bands] == [(-step / 2, step / 2)]  # as in the figures
+    assert [(b["low"], b["high"]) for b in bands] == [(-step / 2, step / 2)]  # as in the figures
     # On a line as wide as the plot the band still shows: orange, so more red than blue.
     red, _, blue, _ = browser.run("""(async c => {
-      c.spec.series[0].y = c.spec.x.map((_, i) => (i % 2 ? 1 : -1) * c.spec.bands[0].to);
+      c.spec.series[0].y = c.spec.x.map((_, i) => (i % 2 ? 1 : -1) * c.spec.bands[0].high);
       c.build();
       await new Promise(done => setTimeout(done, 50));
       const u = c.plot, at = (v, axis) => Math.round(u.valToPos(v, axis, true));
-      return [...u.ctx.getImageData(at(2, 'x'), at(0.5 * c.spec.bands[0].to, 'y'), 1, 1).data];
+      return [...u.ctx.getImageData(at(2, 'x'), at(0.5 * c.spec.bands[0].high, 'y'), 1, 1).data];
     })(player.charts[1])""")
     assert red > blue + 20
 

@@ -20,6 +20,7 @@ from fracid.errors import InputError
 from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
 from fracid.tasks.job import in_threads
+from fracid.units import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,56 @@ WALLS = 100.0
 
 STEEP = 1e3
 """A cost that rises by this factor over the plane is not refined: a smooth surface through it would ring."""
+
+# --- how far a cost lies above its least -------------------------------------------------------------
+
+DECADES = 1e-4
+"""A rise that is this part of the greatest looks like none."""
+
+BOTTOMLESS = 1e4
+"""A least cost that is this much below the median is an exact twin's: its multiples mean nothing."""
+
+RISES = (
+    *((percent / 100, f"+{number(percent)} %") for percent in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0)),
+    *((times - 1.0, f"×{times}") for times in (2, 5, 10, 20, 50, 100, 1000)),
+)
+"""Of a cost above its least, as a share of it."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From which height to which the colours go, and the heights that have a line and a word."""
+
+    low: float
+    high: float
+    levels: tuple[tuple[float, str], ...]
+    title: str = ""
+    """What the words say."""
+
+
+def risen(cost: FloatArray) -> tuple[FloatArray, Scale, float]:
+    """How far a cost lies above its least, four decades of that, and the least.
+
+    As a share of the least; where that has no meaning, of the cost of an exact twin, it is the cost itself, or that
+    above its least, and the least is called 0.  Runs that nearly diverge take the colours from nobody.
+
+    Examples
+    --------
+    >>> height, scale, least = risen(1 + np.geomspace(1e-3, 30, 50))
+    >>> [label for _, label in scale.levels], least
+    (['+0.1 %', '+1 %', '+10 %', '×2'], 1.001)
+    """
+    finite = cost[np.isfinite(cost)]
+    least = float(finite.min())
+    relative = least > 0 and np.median(finite) < BOTTOMLESS * least
+    height = cost / least - 1 if relative else cost - min(least, 0.0)
+    above = np.sort(height[np.isfinite(height) & (height > 0)])
+    high = float(min(above[-1], 10 * above[above.size // 2])) if above.size else 1.0
+    low = max(high * DECADES, float(above[0]) / 2 if above.size else 0.0)
+    tenths = tuple((high * 10.0**-k, number(high * 10.0**-k, ".2g")) for k in (3, 2, 1))
+    levels = tuple(level for level in (RISES if relative else tenths) if low < level[0] < high)
+    title = "cost relative to the lowest" if relative else "cost" if least >= 0 else "cost above the lowest"
+    return height, Scale(low, high, levels, title), least if relative else 0.0
 
 
 # --- the plane of the orders -------------------------------------------------------------------------

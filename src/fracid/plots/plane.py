@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.estimation.cost_plane import risen
 from fracid.plots.appearance import (
     CLOUD,
     INK,
@@ -36,17 +37,6 @@ if TYPE_CHECKING:
 
 ROOM = 0.06
 """A line that is narrower than this part of the plane has no room for its number."""
-
-DECADES = 4.0
-"""Of the rise above the least cost that are told apart by colour: a hundredth of the way to the edge has its own."""
-
-BOTTOMLESS = 1e4
-"""A least cost that is this much below the median is an exact twin's: its multiples mean nothing."""
-
-RISES = {1e-2 * percent: f"+{percent:g} %" for percent in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1, 10)} | {
-    multiple - 1.0: f"×{multiple}" for multiple in (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)
-}
-"""Of the cost above its least, where lines are drawn, and what they are called."""
 
 TICKS = 4
 """At the horizontal axis of one column: orders next to 1 have long numbers."""
@@ -150,32 +140,23 @@ def _checked_plane(
 
 
 def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, FloatArray], cost_name: str) -> None:
-    """Colours by log10 of the cost's rise above its least; by the cost itself where that has no meaning."""
+    """Colours by log10 of the cost's rise above its least; of the cost itself where that has no meaning."""
     import matplotlib as mpl
 
     first, second, values = plane
-    finite, name = values[np.isfinite(values)], cost_label(cost_name)
-    least, shades = float(finite.min()), mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light under black lines
-    rising = 0 < least < finite.max() and np.median(finite) < BOTTOMLESS * least
-    if rising:
-        rise = np.ma.masked_invalid(values).T / least - 1
-        low, high = _between(rise.compressed())
-        depth, places = np.ma.log10(np.maximum(rise, 10**low)), {float(np.log10(r)): t for r, t in RISES.items()}
-        bar_label, legend = f"{name[0]} relative to its least [–]", "lines of equal rise"
-    else:
-        logarithmic = not (values <= 0).any()
-        depth = np.ma.masked_invalid(np.log10(values) if logarithmic else values).T
-        low, high = _depths(depth.compressed(), logarithmic)
-        places = {v: f"{10**v if logarithmic else v:.3g}" for v in _ticks(low, high, logarithmic)}
-        bar_label, legend = " ".join(name), "lines of equal cost"
-    colours = axes.contourf(first, second, depth, levels=np.linspace(low, high, 25), colors=shades, extend="both")
-    beyond = (0.03 * (low > depth.min()), 0.03 * (high < depth.max()))  # arrows, where the colours end before the costs
+    (height, scale, least), name = risen(values), cost_label(cost_name)
+    shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light under black lines
+    depth = np.ma.log10(np.maximum(np.ma.masked_invalid(height).T, scale.low))
+    levels, places = np.log10(np.geomspace(scale.low, scale.high, 25)), {np.log10(h): t for h, t in scale.levels}
+    colours = axes.contourf(first, second, depth, levels=levels, colors=shades, extend="both")
+    # Arrows, where the colours end before the costs.
+    beyond = (0.03 * (levels[0] > depth.min()), 0.03 * (levels[-1] < depth.max()))
     bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
-    ticks = {text: v for v, text in sorted(places.items(), reverse=True) if low <= v <= high}
-    bar.set_ticks(list(ticks.values()), labels=list(ticks))
+    bar.set_ticks(list(places), labels=list(places.values()))
     bar.ax.tick_params(labelsize=SMALL)
-    bar.set_label(bar_label, fontsize=MEDIUM)
-    _lines(axes, (first, second, depth), {v: text for v, text in places.items() if low < v < high}, legend)
+    plain = f"{name[0]}{scale.title.removeprefix('cost')} {name[1]}"  # above the lowest, of a cost that is negative
+    bar.set_label(f"{name[0]} relative to its least [–]" if least else plain, fontsize=MEDIUM)
+    _lines(axes, (first, second, depth), places, "lines of equal rise" if least else "lines of equal cost")
 
 
 def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
@@ -185,24 +166,6 @@ def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
         for order in range(math.floor(values[0]) + 1, math.ceil(values[-1])):
             line(order, color=INK, lw=1.0, ls="--", label=name)
             name = ""
-
-
-def _between(rise: FloatArray) -> tuple[float, float]:
-    """log10 of the rises where the colours begin and end: runs that nearly diverge take them from nobody."""
-    above = np.log10(rise[rise > 0])
-    high = min(float(above.max()), float(np.median(above)) + 1.0)
-    return max(high - DECADES, float(above.min()) - 0.3), high
-
-
-def _depths(depth: FloatArray, logarithmic: bool) -> tuple[float, float]:
-    """Return where the colours begin and end: neither an exact twin's bottomless minimum nor runs that nearly
-    diverge may take them from the valley."""
-    low, high = float(depth.min()), float(depth.max())
-    if logarithmic:
-        median = float(np.median(depth))
-        low = max(low, median - 3)
-        high = min(high, max(low + 2, median + 0.5))
-    return low, max(high, low + 1e-3 * max(1, abs(low)))  # a flat plane has one colour
 
 
 def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping[float, str], legend: str) -> None:
@@ -216,18 +179,6 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
                  if np.size(path.vertices) and (np.ptp(path.vertices, axis=0) > ROOM * across).all()]  # fmt: skip
         axes.clabel(lines, roomy, fmt=some, fontsize=7, zorder=3.5)
         axes.plot([], [], color=INK, lw=0.7, label=legend)
-
-
-def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:
-    """Logarithms of 1, 2, 5, 10 ... between the two; evenly spaced values where these are few."""
-    from matplotlib.ticker import LogLocator
-
-    even = np.linspace(low, high, 5)
-    if not logarithmic:
-        return list(map(float, even))
-    ticks = np.log10(LogLocator(subs=(1, 2, 5), numticks=8).tick_values(10**low, 10**high))
-    ticks = ticks[(ticks >= low) & (ticks <= high)]
-    return list(map(float, ticks if ticks.size > 2 else even))
 
 
 def _search(

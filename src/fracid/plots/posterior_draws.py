@@ -74,7 +74,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
             _pair(grid[i, j], columns[j], columns[i], posterior.weights)
         else:
             _alone(grid[i, i], posterior, chosen[i], columns[i], factors[i])
-        _few_ticks(grid[i, j], below=i == n - 1, beside=j == 0 and i > 0)
+        _few_ticks(grid[i, j], below=i == n - 1, beside=bool(j == 0 and i > 0))
         beside = labels[i] if j < i else "density [–]"
         label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")
     trust = "" if posterior.trusted else "; the draws cannot be trusted"

@@ -145,8 +145,8 @@ def round_step(least: float) -> float:
 
 def _bounds(values: list[FloatArray], log: bool, pad: float) -> tuple[float, float]:
     """The ends of what is finite, with some air."""
-    finite = [v[np.isfinite(v) & ((v > 0) | (not log))] for v in values]
-    joined = np.concatenate([*finite, np.empty(0)])
+    joined = np.concatenate(values)
+    joined = joined[np.isfinite(joined) & ((joined > 0) | (not log))]
     if not joined.size:
         return (1.0, 10.0) if log else (0.0, 1.0)
     low, high = float(joined.min()), float(joined.max())
@@ -167,15 +167,15 @@ def fitting(label: str, room: float) -> str:
     return label if 6.5 * len(label) <= room else label[label.rfind("[") :] if "[" in label else ""
 
 
-def encoder_ticks(limit: float, step: float) -> tuple[tuple[float, str], ...]:
+def encoder_ticks(limit: float, step: float | None) -> tuple[tuple[float, str], ...]:
     """Ticks of a residual's right axis, in encoder steps: ±1 and ±3 always, words where there is room for them.
 
     Parameters
     ----------
     limit : float
         The axis goes from −limit to limit.
-    step : float
-        Of the encoder, in the axis's unit.
+    step : float, optional
+        Of the encoder, in the axis's unit; without one there is no tick.
 
     Returns
     -------
@@ -189,15 +189,16 @@ def encoder_ticks(limit: float, step: float) -> tuple[tuple[float, str], ...]:
     >>> [text for _, text in encoder_ticks(2.0, 0.1)]
     ['−10', '−3', '', '', '+3', '+10']
     """
+    if step is None:
+        return ()
     per_step = RESIDUAL_HEIGHT / (2 * limit / step)
     counts = [n for n in ENCODER_STEPS if n * step <= limit]
-    last, words = -12.0 + 6.0, {}
+    last, up = -6.0, []
     for n in counts:
         legible = n * per_step - last >= 12.0
         last = n * per_step if legible else last
-        words[n] = str(n) if legible else ""
-    up = [(round(n * step, 12), words[n] and f"+{words[n]}") for n in counts]
-    return tuple([(-at, text.replace("+", "−")) for at, text in reversed(up)] + up)
+        up.append((round(n * step, 12), f"+{n}" if legible else ""))
+    return (*((-at, text.replace("+", "−")) for at, text in reversed(up)), *up)
 
 
 # --- the drawing ---------------------------------------------------------------------------------
@@ -233,11 +234,8 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
-    lines = [
-        *(_band(b, x, y) for b in chart.bands if b.kind != "band"),
-        *(_path(chart.x, s, x, y, points) for s in chart.series),
-        *(_band(b, x, y) for b in chart.bands if b.kind == "band"),
-    ]
+    below, above = ([_band(b, x, y) for b in chart.bands if (b.kind == "band") == over] for over in (False, True))
+    lines = [*below, *(_path(chart.x, s, x, y, points) for s in chart.series), *above]
     return drawn(
         "chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP,
         ylabel=fitting(chart.ylabel, chart.height), lines=Markup("".join(lines)),
@@ -247,14 +245,10 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
 
 
 def _band(band: Band, x: Axis, y: Axis) -> str:
-    axis = x if band.axis == "x" else y
-    low, high = (axis.within(v) for v in (band.low, band.high))
-    along, across = (
-        (min(low, high), abs(high - low)),
-        ((y.end, y.start - y.end) if axis is x else (x.start, x.end - x.start)),
-    )
-    (left, wide), (top, tall) = (along, across) if axis is x else (across, along)
-    return f'<rect class="{band.kind}" x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{tall:.1f}"/>'
+    (left, right), (bottom, top) = ((axis.within(band.low), axis.within(band.high)) if name == band.axis
+                                    else (axis.start, axis.end) for name, axis in (("x", x), ("y", y)))  # fmt: skip
+    return (f'<rect class="{band.kind}" x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" '
+            f'height="{bottom - top:.1f}"/>')  # fmt: skip
 
 
 def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:

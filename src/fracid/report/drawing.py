@@ -17,16 +17,13 @@ from fracid.report.sentences import (
     joined,
     letter,
     linked,
-    number,
-    raised,
     said,
     search_sentence,
     unbroken,
-    unit,
     with_error,
 )
 from fracid.safety.text import printable
-from fracid.units import in_letters
+from fracid.units import in_letters, number, raised, typeset_unit
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -50,9 +47,9 @@ def _templates() -> Environment:
     jinja = Environment(loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined,
                         trim_blocks=True, lstrip_blocks=True, finalize=_seen)  # fmt: skip
     words = (counted, digits, end_of, in_letters, in_words, interval, joined, letter, linked, number, said,
-             search_sentence, tick, unbroken, unit, with_error)  # fmt: skip
+             search_sentence, tick, unbroken, with_error)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words}
-    jinja.filters |= {"short": "{:g}".format, "tenth": "{:.1f}".format, "whole": "{:.0f}".format}
+    jinja.filters |= {"short": "{:g}".format, "unit": typeset_unit, "tenth": "{:.1f}".format, "whole": "{:.0f}".format}
     return jinja
 
 

@@ -13,7 +13,8 @@ from fracid.errors import InputError
 from fracid.models import Model
 from fracid.models.written.mathematics import Equality, LaTeX, Mathematics, MathML, constants_of, equalities
 from fracid.models.written.tree import Call, Entry, Number
-from fracid.report.sentences import digits, number
+from fracid.report.sentences import digits
+from fracid.units import number
 
 LANGUAGES: dict[str, type[Mathematics]] = {"MathML": MathML, "LaTeX": LaTeX}
 

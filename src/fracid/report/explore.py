@@ -23,10 +23,10 @@ from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import letter, unit
+from fracid.report.sentences import letter
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
-from fracid.units import half_of
+from fracid.units import half_of, typeset_unit
 
 MOST = 6
 """Recordings to choose from."""
@@ -194,7 +194,7 @@ def _might_be(material: Material, joint: str) -> float:
 def _slider(problem: Problem, name: str, e: Mapping[str, Any], reach: tuple[float, float]) -> dict[str, Any]:
     says = {p.name: p.description.partition(":")[0] for p in problem.model.parameters}
     return {
-        "name": name, "letter": letter(name), "unit": unit(e["unit"]), "says": says.get(name, "order"),
+        "name": name, "letter": letter(name), "unit": typeset_unit(e["unit"]), "says": says.get(name, "order"),
         "value": e["value"], "interval": e["interval95"], "free": e["free"], "low": reach[0], "high": reach[1],
         "targets": [name, *(n for n, root in problem.ties.items() if root == name)],
     }  # fmt: skip

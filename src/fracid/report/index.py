@@ -27,7 +27,7 @@ from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
 from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
-from fracid.report.sentences import in_unit, joined, letter, number
+from fracid.report.sentences import in_unit, joined, letter
 from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.safety.door import opened, text_of, write_text
@@ -36,7 +36,7 @@ from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
-from fracid.units import shown_unit
+from fracid.units import number, shown_unit
 
 INDEX, PAGE = "index.html", "report.html"
 

@@ -87,11 +87,8 @@ def open_page_text(table: Mapping[str, Any] | None = None) -> str:
     """
     found = {name: model(name) for name in (ROTARY, *(n for n in MODELS if n != ROTARY))}
     scripts = [Markup(solver()), *SCRIPTS, Markup(_written(found)), "open.js"]
-    data = {
-        "models": {name: _spec(name, m) for name, m in found.items()},
-        "units": {"signal": TABLES["signal"], "time": TABLES["time"]},
-        "table": table,
-    }
+    units = {"signal": TABLES["signal"], "time": TABLES["time"]}
+    data = {"models": {name: _spec(name, m) for name, m in found.items()}, "units": units, "table": table}
     return rendered("open.html.j2", scripts, more_styles=("open.css",), title="Open a recording", data=in_script(data),
                     explore_reason="", preview=True)  # fmt: skip
 
@@ -126,7 +123,7 @@ def _written(models: Mapping[str, Model]) -> str:
 def _spec(name: str, m: Model) -> dict[str, Any]:
     """What the page must know of a model."""
     library = {} if name == ROTARY else table_of(name)
-    scene = m.scene
+    scene, outputs = m.scene, {i: n for n, i in m.output_states.items()}
     return {
         "about": m.about or "an arm that a motor turns, and at its end a pendulum",
         "zero": m.zero,
@@ -135,7 +132,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "inputs": [{"name": n, "unit": m.input_unit(n),
                     "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
         "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
-        "initial": [{"state": m.states.index(s), "output": _output_of(m, s)} for s in _sought_states(m)],
+        "initial": [{"state": m.states.index(s), "output": outputs.get(m.states.index(s))} for s in _sought_states(m)],
         "parameters": list(_parameters(name, m)),
         "columns": NAMES if name == ROTARY else library["columns"],
         "needs": ["alpha"] if name == ROTARY else library["needs"],
@@ -143,7 +140,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "without": STILL_ARM if name == ROTARY else None,
         "rigs": [{"name": n, "title": rig.title, "parameters": rig.parameters} for n, rig in RIGS.items()]
         if name == ROTARY else None,
-        "scene": scene and {"dimension": scene.dimension, "bodies": [vars(b) for b in scene.bodies],
+        "scene": scene and {"dimension": scene.dimension, "bodies": scene.bodies,
                             "outputs": list(scene.outputs), "movedBy": list(scene.moved_by)},
     }  # fmt: skip
 
@@ -159,10 +156,6 @@ def _output(m: Model, name: str, place: int) -> dict[str, Any]:
     shown, factor = shown_unit(m.output_unit(name))
     return {"name": name, "letter": letter(name), "unit": m.output_unit(name), "shown": shown, "factor": factor,
             "state": m.output_states.get(name), "place": place}  # fmt: skip
-
-
-def _output_of(m: Model, state: str) -> str | None:
-    return next((n for n, i in m.output_states.items() if m.states[i] == state), None)
 
 
 def _sought_states(m: Model) -> list[str]:
@@ -187,19 +180,13 @@ def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
         else:
             free = "driven" if row.get("gauge") else "always"
         finite = {n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)}
-        sharp = (
-            dict(zip(("lowest", "highest"), BETWEEN[p.name], strict=True))
-            if name == ROTARY and p.name in BETWEEN
-            else {}
-        )
+        between = BETWEEN.get(p.name, ()) if name == ROTARY else ()
         yield {
-            "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite, **sharp,
-            "size": _size(p.name, p.value), "span": SPAN if name == ROTARY else WIDE,
-            "friction": kind is not None and not kind.signed, "signed": p.name == m.drive, "rest": p.name in m.rests,
+            "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite,
+            **dict(zip(("lowest", "highest"), between, strict=False)),
+            # About how large a constant is that the library has as 0.
+            "size": abs(p.value) or (0.05 if p.name.endswith("_rest") else 1e-3),
+            "span": SPAN if name == ROTARY else WIDE, "rest": p.name in m.rests,
+            "friction": kind is not None and not kind.signed, "signed": p.name == m.drive,
             "gauge": p.name == LINEAR_TERMS.gauge if name == ROTARY else row.get("gauge", False),
         }  # fmt: skip
-
-
-def _size(name: str, value: float) -> float:
-    """About how large a constant is that the library has as 0."""
-    return abs(value) or (0.05 if name.endswith("_rest") else 1e-3)

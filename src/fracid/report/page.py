@@ -14,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import writing
-from fracid.estimation.cost_plane import CostPlane
+from fracid.estimation.cost_plane import CostPlane, risen
 from fracid.fit import Fit
 from fracid.problem.project import Project
 from fracid.report.charts import RIGHT, Chart, Mark, Series, still
@@ -34,15 +34,16 @@ from fracid.report.index import (
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
-from fracid.report.sentences import counted, described, half_width, joined, letter, number, state_letter, unit
+from fracid.report.sentences import counted, described, half_width, joined, letter, state_letter
 from fracid.report.study import in_script, ladder_of, studies_of
-from fracid.report.surface import RISE, Surface, cost_scale, surface_still
+from fracid.report.surface import RISE, Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import Line, does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
+from fracid.units import number, typeset_unit
 from fracid.validation.residual_analyses import Residuals
 from fracid.validation.residual_records import ResidualAnalysis
 
@@ -178,16 +179,15 @@ def report_page(material: Material) -> str:
 
 
 def _cost_surface(material: Material) -> Surface | None:
-    """The rise of the cost over the orders above its least; the cost itself where the least is 0."""
+    """The rise of the cost over the orders above its least."""
     plane, orders = material.plane, material.result["orders"]
     if plane is None or not np.isfinite(plane.cost).any():
         return None
     fine, tried = plane.refined(61), material.tried[:: max(1, -(-len(material.tried) // TRIED))]
-    least = max(0.0, float(np.min(fine.cost[np.isfinite(fine.cost)])))
-    height = fine.cost / least - 1 if least else fine.cost
+    height, scale, least = risen(fine.cost)
     best, ends, integers = ([orders[n].get(key) for n in plane.names] for key in ("value", "interval95", "integer"))
     names = [f"order {letter(n)}" for n in plane.names]
-    return Surface(names, fine.first, fine.second, height, cost_scale(height, least > 0), best, ends, integers, tried,
+    return Surface(names, fine.first, fine.second, height, scale, best, ends, integers, tried,
                    plane.names, least)  # fmt: skip
 
 
@@ -225,7 +225,7 @@ def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
         if p["wald95"] and None not in p["wald95"] and p["wald95"][1] > p["wald95"][0]:
             half = (p["wald95"][1] - p["wald95"][0]) / 3.92
             series.append(Series("parabola", ((x - p["value"]) / half) ** 2, "dashed"))
-        label = f"{letter(name)} [{unit(p['unit'])}]" if p["unit"] else letter(name)
+        label = f"{letter(name)} [{typeset_unit(p['unit'])}]" if p["unit"] else letter(name)
         marks = Mark("y", threshold, "95 %"), Mark("x", p["value"], "", "third")
         yield Chart(letter(name), x, label, "rise of the cost", tuple(series), letter(name), marks=marks, height=200,
                     yrange=(-0.04 * top, top))  # fmt: skip

@@ -333,9 +333,9 @@ function ticks(axis, count) {
 
 // --- the cost over two orders
 
-// The rise of the cost above its least, four decades of it; the cost itself where the least is 0.
+// The rise of the cost above its least, four decades of it; the cost itself where the least means nothing.
 function costOverOrders(p) {
   const flat = floats(p.height), n = p.second.length, height = p.first.map((_, i) => line(flat.subarray(i * n, (i + 1) * n)));
-  const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1e-6 ? "the lowest" : h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `cost ${round(h, 3)}`);
+  const read = h => (p.least > 0 ? `cost ${round(p.least * (1 + h), 4)}, ${h < 1e-6 ? "the lowest" : h < 1 ? `${round(100 * h, 2)} % above the lowest` : `${round(1 + h, 3)} times the lowest`}` : `${p.scale.title} ${round(h, 3)}`);
   return { ...p, ...p.scale, height, read };
 }

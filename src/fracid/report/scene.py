@@ -17,6 +17,9 @@ from fracid.report.material import Material
 FRAMES = 200
 """Of a motion."""
 
+SIZE = 400, 300
+"""Of a picture."""
+
 
 def scene_data(material: Material) -> dict[str, Any] | None:
     """Bodies, the outputs that move them and the constants of each recording; None where no such output was fitted."""
@@ -27,7 +30,7 @@ def scene_data(material: Material) -> dict[str, Any] | None:
     known = {p.name: p.value for p in problem.model.parameters} | _values(result["parameters"])
     return {
         "dimension": scene.dimension,
-        "bodies": [vars(body) for body in scene.bodies],
+        "bodies": scene.bodies,
         "outputs": [{"name": n, "factor": material.unit(n)[1]} for n in scene.outputs],
         "constants": {name: known | _values(r["parameters"]) for name, r in result["recordings"].items()},
     }
@@ -45,7 +48,7 @@ def scene_script(model: Model) -> list[Markup]:
     return [Markup(text.replace("const model", "const scenePose", 1))]  # of a tree: numbers, and names as JavaScript's
 
 
-def scene_still(material: Material, size: tuple[int, int] = (400, 300)) -> Markup:
+def scene_still(material: Material) -> Markup:
     """The scene as simulated at the first sample, as SVG; nothing without one."""
     model, data, r = material.model, scene_data(material), next(iter(material.recordings.values()))
     if model.scene is None or data is None:
@@ -56,12 +59,11 @@ def scene_still(material: Material, size: tuple[int, int] = (400, 300)) -> Marku
     places = np.vstack([line for _, line in bodies])
     if not np.isfinite(places).all():
         return Markup("")
-    on_page = _frame(places, size)
-    drawn = []
+    on_page, drawn = _frame(places), []
     for body, line in bodies:
         kind = "way" if body.shape in OPEN else "body moves" if body.moves else "body"
         drawn.append(f'<polyline class="{kind}" points="{on_page(line)}"/>')
-    opened = f'<svg class="still" viewBox="0 0 {size[0]} {size[1]}" role="img" aria-label="As simulated at the start">'
+    opened = f'<svg class="still" viewBox="0 0 {SIZE[0]} {SIZE[1]}" role="img" aria-label="As simulated at the start">'
     return Markup(f"{opened}{''.join(drawn)}</svg>")  # numbers alone
 
 
@@ -84,29 +86,28 @@ def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, Floa
     >>> swing.count("<animate"), 'dur="2s"' in swing
     (2, True)
     """
-    size, last = (400, 300), len(next(iter(motion.values()))) - 1
-    frames = []
+    frames, last = [], len(next(iter(motion.values()))) - 1
     for k in np.linspace(0, last, min(last + 1, FRAMES)).astype(int):
         drawn = scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist())
         frames.append({id(body): line for body, line in drawn})
-    on_page = _frame(np.vstack([line for frame in frames for line in frame.values()]), size)
+    on_page = _frame(np.vstack([line for frame in frames for line in frame.values()]))
     lines = []
     for body in scene.bodies:
         places, width = [on_page(frame[id(body)]) for frame in frames], 6 if body.moves else 2
         lines.append(f'<polyline fill="none" stroke="#345" stroke-width="{width}" points="{places[0]}">'
                      f'<animate attributeName="points" dur="{seconds:g}s" repeatCount="indefinite" '
                      f'values="{";".join(places)}"/></polyline>')  # fmt: skip
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size[0]} {size[1]}">'
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIZE[0]} {SIZE[1]}">'
             f'<rect width="100%" height="100%" fill="white"/>{"".join(lines)}</svg>')  # fmt: skip
 
 
-def _frame(places: FloatArray, size: tuple[int, int]) -> Callable[[FloatArray], str]:
+def _frame(places: FloatArray) -> Callable[[FloatArray], str]:
     """What puts lines into a picture that all these places fill."""
     low, high = places.min(axis=0), places.max(axis=0)
-    scale = 0.9 * np.min(np.array(size) / np.maximum(high - low, 1e-12))
+    scale = 0.9 * np.min(np.array(SIZE) / np.maximum(high - low, 1e-12))
 
     def on_page(line: FloatArray) -> str:
-        at = np.array(size) / 2 + scale * (line - (low + high) / 2) * (1, -1)
+        at = np.array(SIZE) / 2 + scale * (line - (low + high) / 2) * (1, -1)
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
 
     return on_page

@@ -23,7 +23,7 @@ from markupsafe import Markup, escape
 
 from fracid.optimise.base import Outcome
 from fracid.safety.text import printable
-from fracid.units import GREEK, half_of, interval_beside, to_second_digit, typeset_unit
+from fracid.units import GREEK, half_of, interval_beside, number, to_second_digit, typeset
 
 SEE = {"Fit": "fitted", "Orders": "finding-orders", "Prediction": "finding-prediction", "Checks": "checks",
        "Each recording alone": "alone", "Where the record begins": "begins", "Data": "data",
@@ -54,22 +54,6 @@ def state_letter(name: str) -> str:
                     for word in name.split())  # fmt: skip
 
 
-def number(value: float | None, form: str = ".4g") -> str:
-    """A number with a true minus, without a power of ten from 0.0001 up to 100 000; a dash for none.
-
-    Examples
-    --------
-    >>> number(-0.00123, ".2g"), number(None), number(1.2e-05), number(131.0, ".2g"), number(1e-7)
-    ('−0.0012', '–', '1.2×10⁻⁵', '130', '10⁻⁷')
-    """
-    if value is None or not isfinite(value):
-        return "–"
-    text = f"{value:{form}}"
-    if "e" in text and 1 <= abs(float(text)) < 1e5:
-        text = f"{float(text):.0f}"
-    return typeset(text)
-
-
 def in_unit(value: float, shown: tuple[str, float], form: str = ".2g") -> str:
     """A value in the unit that it is shown in, of which the factor is given.
 
@@ -93,32 +77,6 @@ def counted(value: float | None) -> str:
     if value is None or not isfinite(value) or abs(value) < 100:
         return number(value, ".3g")
     return f"{value:,.0f}".replace("-", "−")
-
-
-def typeset(text: str) -> str:
-    """A number as Python writes it, with a true minus and a raised exponent.
-
-    Examples
-    --------
-    >>> typeset("-1.2e-05")
-    '−1.2×10⁻⁵'
-    """
-    mantissa, _, exponent = text.replace("-", "−").partition("e")
-    if not exponent:
-        return mantissa
-    power = f"10{raised(int(exponent.replace('−', '-')))}"
-    return {"1": power, "−1": f"−{power}"}.get(mantissa, f"{mantissa}×{power}")
-
-
-def raised(exponent: int) -> str:
-    """An exponent in small figures.
-
-    Examples
-    --------
-    >>> raised(-12)
-    '⁻¹²'
-    """
-    return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def digits(estimate: Mapping[str, Any]) -> str:
@@ -199,17 +157,6 @@ def end_of(estimate: Mapping[str, Any], side: int) -> str:
     if None in (low, high) or not high > low:
         return number((low, high)[side], ".6g")
     return typeset(to_second_digit((low, high)[side], (high - low) / 2))
-
-
-def unit(text: str) -> str:
-    """A unit with raised exponents.
-
-    Examples
-    --------
-    >>> unit("kg m^2"), unit("N m s^2/rad^2")
-    ('kg m²', 'N m s²/rad²')
-    """
-    return typeset_unit(text)
 
 
 def described(text: str) -> str:

@@ -28,7 +28,7 @@ from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import counted, in_unit, interval, letter, number
+from fracid.report.sentences import counted, in_unit, interval, letter
 from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
@@ -37,7 +37,7 @@ from fracid.schemas.feedback import ControlRecord
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
-from fracid.units import GREEK, half_of, shown_unit, to_second_digit, typeset_unit, with_unit
+from fracid.units import GREEK, half_of, number, shown_unit, to_second_digit, typeset_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH
 from fracid.validation.study_records import StudyBlock, label_of
 
@@ -228,21 +228,17 @@ def write_study(folder: str | Path, file: str) -> Path:
     Traceback (most recent call last):
     fracid.errors.InputError: nowhere holds no compare.json. Write it: fracid compare.
     """
-    folder, study = Path(folder), STUDIES[file]
-    record = _record(folder, file)
-    page = (folder / file).with_suffix(".html")
+    folder = Path(folder)
+    text, page = _page(folder, file, STUDIES[file], _record(folder, file)), (folder / file).with_suffix(".html")
     with writing(f"The page {page}"):
-        write_text(page, _page(folder, file, study, record))
+        write_text(page, text)
     return page
 
 
 def read_study(folder: Path, file: str) -> tuple[Study, Found, str]:
     """What a folder's record says, and when it was begun, or else written."""
-    study, record, environment = (
-        STUDIES[file],
-        _record(folder, file),
-        read_if_whole(folder / ENVIRONMENT, EnvironmentBlock),
-    )
+    study, record = STUDIES[file], _record(folder, file)
+    environment = read_if_whole(folder / ENVIRONMENT, EnvironmentBlock)
     written = _moment((folder / file).stat().st_mtime)
     own = (environment.get("command") or [""])[0] == study.command
     return study, study.found(record), environment["started"] if own and environment.get("started") else written

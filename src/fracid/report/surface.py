@@ -16,9 +16,9 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.arrays import FloatArray
+from fracid.estimation.cost_plane import Scale
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
-from fracid.report.sentences import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
 """Of the drawing, and the room around the surface [px]."""
@@ -26,48 +26,12 @@ WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
 BANDS = 32
 """Of colour."""
 
-DECADES = 1e-4
-"""A rise that is this part of the greatest looks like none."""
-
 CIVIDIS = ("00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74", "c3b369", "e1cc55", "fee838")
 """As in ``planes.js``."""
 
 
-@dataclass(frozen=True)
-class Scale:
-    """From which height to which the colours go, and the heights that have a line and a word."""
-
-    low: float
-    high: float
-    levels: tuple[tuple[float, str], ...]
-    title: str = ""
-    """What the words say."""
-
-
 RISE = Scale(0.3, 60.0, ())
 """Of a profile's rise, with 0.3 added."""
-
-RISES = (
-    *((percent / 100, f"+{number(percent)} %") for percent in (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0)),
-    *((times - 1.0, f"×{times}") for times in (2, 5, 10, 20, 50, 100, 1000)),
-)
-"""Of a cost above its least, as a share of it."""
-
-
-def cost_scale(height: FloatArray, relative: bool) -> Scale:
-    """Of a cost's rise as a share of its least, or of a cost whose least is 0: four decades below its greatest.
-
-    Examples
-    --------
-    >>> [label for _, label in cost_scale(np.geomspace(1e-3, 30, 50), True).levels]
-    ['+0.1 %', '+1 %', '+10 %', '×2']
-    """
-    above = np.sort(height[np.isfinite(height) & (height > 0)])
-    high = float(min(above[-1], 10 * above[above.size // 2])) if above.size else 1.0
-    low = max(high * DECADES, float(above[0]) / 2 if above.size else 0.0)
-    tenths = tuple((high * 10.0**-k, number(high * 10.0**-k, ".2g")) for k in (3, 2, 1))
-    levels = tuple(level for level in (RISES if relative else tenths) if low < level[0] < high)
-    return Scale(low, high, levels, "cost relative to the lowest" if relative else "cost")
 
 
 @dataclass(frozen=True)
@@ -92,7 +56,7 @@ class Surface:
     keys: Sequence[str] = ()
     """What the orders are called in files."""
     least: float = 0.0
-    """The cost that the height is above."""
+    """The cost that the height is a share of; 0 for none."""
     what: str = "Cost"
     bar: bool = True
     """Whether the colours are explained at the side."""
@@ -110,9 +74,10 @@ def surface_still(surface: Surface) -> Markup:
 
     Examples
     --------
+    >>> from fracid.estimation.cost_plane import risen
     >>> axis = np.linspace(0.8, 1.0, 9)
     >>> bowl = (axis[:, None] - 0.9) ** 2 + (axis - 0.9) ** 2
-    >>> text = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, cost_scale(bowl, True), (0.9, 0.9),
+    >>> text = surface_still(Surface(("order λ", "order μ"), axis, axis, bowl, risen(1 + bowl)[1], (0.9, 0.9),
     ...                              ([0.88, 0.92], None), tried=np.array([[0.85, 0.9], [0.9, 0.9]])))
     >>> text.count('class="interval"'), 'class="tried"' in text, "order λ" in text
     (1, True, True)

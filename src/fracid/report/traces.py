@@ -19,7 +19,8 @@ from fracid.recording import Recording
 from fracid.report.charts import Band, Chart, Mark, Series, encoder_ticks
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import joined, letter, number
+from fracid.report.sentences import joined, letter
+from fracid.units import number
 from fracid.validation.residual_analyses import Residual
 
 POINTS = 20_001
@@ -42,36 +43,26 @@ def budget(recordings: int) -> int:
 
 def traces(material: Material) -> list[dict[str, Any]]:
     """What the player draws of each recording."""
-    points = budget(len(material.recordings))
-    return [{"name": name, "use": r.use, **_fitted(material, r, points)} for name, r in material.recordings.items()]
+    return [_trace(material, r, budget(len(material.recordings))) for r in material.recordings.values()]
 
 
-def _fitted(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
+def _trace(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
     lines = [np.asarray(y, dtype=float) for n in r.measured for y in (r.measured[n], r.fitted[n])]
     at = extremes(lines, points)
     return {
-        "samples": r.time.size,
-        "shown": at.size,
-        "start": float(r.time[0]),
-        "t": base64_floats((r.time - r.time[0])[at]),
-        "outputs": [_output(material, r, n, at) for n in r.measured],
-    }
+        "name": r.name, "use": r.use, "samples": r.time.size, "shown": at.size, "start": float(r.time[0]),
+        "t": base64_floats((r.time - r.time[0])[at]), "outputs": [_output(material, r, n, at) for n in r.measured],
+    }  # fmt: skip
 
 
 def _output(material: Material, r: RecordingFit, name: str, at: NDArray[np.intp]) -> dict[str, Any]:
     unit, factor = material.unit(name)
     step, limit = _residual_range(material, r, name)
     return {
-        "name": name,
-        "letter": letter(name),
-        "unit": unit,
-        "perRad": factor,
-        "step": step,
-        "limit": limit,
-        "right": encoder_ticks(limit, step) if step else (),
-        "measured": base64_floats(factor * r.measured[name][at]),
+        "name": name, "letter": letter(name), "unit": unit, "perRad": factor, "step": step, "limit": limit,
+        "right": encoder_ticks(limit, step), "measured": base64_floats(factor * r.measured[name][at]),
         "fitted": base64_floats(factor * r.fitted[name][at]),
-    }
+    }  # fmt: skip
 
 
 def _residual_range(material: Material, r: RecordingFit, name: str) -> tuple[float | None, float]:
@@ -86,7 +77,7 @@ def _residual_range(material: Material, r: RecordingFit, name: str) -> tuple[flo
 
 def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
     """Of each output measured and simulated, and below it the residual."""
-    time = r.time - r.time[0]
+    time, clock = r.time - r.time[0], f"time after {number(r.time[0], '.6g')} s [s]" if r.time[0] else "time [s]"
     for k, name in enumerate(r.measured):
         unit, factor = material.unit(name)
         step, limit = _residual_range(material, r, name)
@@ -98,16 +89,11 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
             "time", height=150,
         )  # fmt: skip
         yield Chart(
-            residual_title(α, unit, step), time, _time_axis(float(r.time[0])) if last else "",
-            f"residual{_in(unit)}", (Series("measured − simulated", factor * r.residual(name), "residual"),),
-            "time", bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
-            yrange=(-limit, limit), right=encoder_ticks(limit, step) if step else (),
-            rightlabel="steps" if step else "",
+            residual_title(α, unit, step), time, clock if last else "", f"residual{_in(unit)}",
+            (Series("measured − simulated", factor * r.residual(name), "residual"),), "time",
+            bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
+            yrange=(-limit, limit), right=encoder_ticks(limit, step), rightlabel="steps" if step else "",
         )  # fmt: skip
-
-
-def _time_axis(start: float) -> str:
-    return f"time after {number(start, '.6g')} s [s]" if start else "time [s]"
 
 
 def residual_title(symbol: str, unit: str, step: float | None) -> str:

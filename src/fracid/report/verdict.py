@@ -9,21 +9,12 @@ from typing import Any
 
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
-from fracid.report.sentences import (
-    counted,
-    digits,
-    half_width,
-    joined,
-    letter,
-    number,
-    said,
-    search_sentence,
-    state_letter,
-)
+from fracid.report.sentences import counted, digits, half_width, joined, letter, said, search_sentence, state_letter
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
 from fracid.signals.left_over import ROUNDING
+from fracid.units import number
 from fracid.validation.residual_records import ResidualAnalysis
 
 
@@ -73,11 +64,8 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
         orders += _but_inside(material.result["orders"])
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
-    yield Line(
-        "Claim",
-        f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}.",
-        claim != "undecided" and not against,
-    )
+    says = f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}."
+    yield Line("Claim", says, claim != "undecided" and not against)
 
 
 def _holds_its_integer(e: Mapping[str, Any]) -> bool:
@@ -122,19 +110,30 @@ def contradictions(material: Material, lines: tuple[Line, ...]) -> dict[str, str
 
 
 def _fit(material: Material) -> Line:
-    recordings = material.used("fit")
+    recordings, failed, percents, poor = _followed(material, "fit")
     what = "the recording" if len(recordings) == 1 else f"{len(recordings)} recordings"
-    if any(v is None for r in recordings.values() for v in r["rmse"].values()):
+    if failed:
         return Line("Fit", "No run of the model reached the end of a recording: no result is usable.", False)
-    percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
-    poor = not percents or min(percents) < POOR
-    misfit = [_of_recording(f["where"]) for f in material.result.get("findings", ()) if f["code"] == "misfit"]
+    misfit = [_of_recording(where) for where in _found(material, "misfit")]
     hardly = "no" if not percents or min(percents) <= 0 else "hardly"
     doubt = f" For one of them that is {hardly} better than a constant." if poor and percents else ""
     doubt += f" The residual of {joined(misfit)} is more than noise." if misfit else ""
     follows = f"does not follow {what}: it is off by" if _no_fit(material.result) else f"follows {what} to"
     sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
     return Line("Fit", sentence, not poor and not misfit)
+
+
+def _followed(material: Material, use: str) -> tuple[dict[str, Any], list[str], list[float], bool]:
+    """The recordings of a use, those whose run failed, each fit [%], and whether one is poor."""
+    recordings = material.used(use)
+    failed = [n for n, r in recordings.items() if None in r["rmse"].values()]
+    percents = [v for r in recordings.values() for v in r["fit_percent"].values() if v is not None]
+    return recordings, failed, percents, not percents or min(percents) < POOR
+
+
+def _found(material: Material, code: str) -> list[str]:
+    """Where a finding was made."""
+    return [f["where"] for f in material.result.get("findings", ()) if f["code"] == code]
 
 
 def _of_recording(where: str) -> str:
@@ -181,28 +180,25 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
 
     That an interval includes the integer is left to the reasons of the claim, where there are any.
     """
-    non_identifiable = [
-        letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]
-    ]
-    intervals = {letter(n): e["interval95"] for n, e in free.items() if letter(n) not in non_identifiable}
+    known = {letter(n): e["identifiable"] == "identifiable" and e["interval95"] for n, e in free.items()}
+    intervals, unknown = {n: ends for n, ends in known.items() if ends}, [n for n, ends in known.items() if not ends]
     integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
     without = [n for n in intervals if integer[n] is None]
     beyond = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
     off = [n for n in beyond if abs(sum(intervals[n]) / 2 - integer[n]) > OFF]  # what is nearer is called integer
     inside = [n for n in intervals if n not in (*beyond, *without)]
-    doubts = [f"{joined(non_identifiable)} {_is(non_identifiable)} not identifiable." if non_identifiable else ""]
+    says = [sentence]
+    if unknown:
+        says.append(f"{joined(unknown)} {_is(unknown)} not identifiable.")
     if off:
-        values = dict.fromkeys(number(integer[n]) for n in off)
-        doubts.append(
-            f"{joined(off)} {_is(off)} off {joined([*values], 'or')}; no integer-order alternative was tried."
-        )
+        values = joined([*dict.fromkeys(number(integer[n]) for n in off)], "or")
+        says.append(f"{joined(off)} {_is(off)} off {values}; no integer-order alternative was tried.")
     elif inside and not said_above:
-        doubts += [f"{_inside(inside, integer)}: there is no evidence of fractional dynamics."]
+        says.append(f"{_inside(inside, integer)}: there is no evidence of fractional dynamics.")
     if without:
-        doubts.append(
-            f"The model gives {joined(without, 'or')} no integer value, so it has no integer-order alternative."
-        )
-    return " ".join((sentence, *filter(None, doubts))), not non_identifiable and not off
+        none = joined(without, "or")
+        says.append(f"The model gives {none} no integer value, so it has no integer-order alternative.")
+    return " ".join(says), not unknown and not off
 
 
 def _inside(names: list[str], integer: Mapping[str, float]) -> str:
@@ -234,20 +230,15 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
 
 
 def _prediction(material: Material) -> Line:
-    validation = material.used("validate")
+    validation, failed, percents, poor = _followed(material, "validate")
     if not validation:
         return Line("Prediction", 'Not tested: no recording was held out. Mark one with use = "validate".', False)
-    failures = [n for n, r in validation.items() if any(v is None for v in r["rmse"].values())]
-    if failures:
-        return Line("Prediction", f"No run reached the end of {joined(failures)}, which was held out.", False)
+    if failed:
+        return Line("Prediction", f"No run reached the end of {joined(failed)}, which was held out.", False)
     what, was = (next(iter(validation)), "was") if len(validation) == 1 else (f"{len(validation)} recordings", "were")
-    percents = [v for r in validation.values() for v in r["fit_percent"].values() if v is not None]
-    poor = not percents or min(percents) < POOR
-    predicts = "does not predict" if poor else "predicts"
-    to = "it is off by" if poor else "to"
+    predicts, to = ("does not predict", ": it is off by") if poor else ("predicts", ", to")
     errors = f"{to} {_errors(material, validation)} rms{_fits(percents)}"
-    sentence = f"It {predicts} {what}, which {was} held out{': ' if poor else ', '}{errors}"
-    missed = [f["where"] for f in material.result.get("findings", ()) if f["code"] == "missed"]
+    sentence, missed = f"It {predicts} {what}, which {was} held out{errors}", _found(material, "missed")
     doubt = "; for one signal that is hardly better than a constant" if poor else ""
     doubt += f"; it misses {joined(missed)}" if missed else ""
     structured = _structured(material, "validate")
@@ -257,19 +248,20 @@ def _prediction(material: Material) -> Line:
 
 
 def _values(material: Material) -> Line:
-    kinds = dict(_free_kinds(material, "fit"))
+    kinds, moved = dict(_free_kinds(material, "fit")), [letter(n) for n in moved_by_the_step(material.result)]
     own = " ".join(filter(None, (_held_out_values(material), _forgotten(material))))
     unknown = _not_identifiable(kinds)
     count = len(kinds) - len(unknown)
     if not unknown:
         every = {1: "The free value is", 2: "Both free values are"}.get(len(kinds), f"All {len(kinds)} free values are")
-        sentence = f"{every} identifiable{_but_moved(material.result)}."
+        its = "its interval" if len(moved) == 1 else "their intervals"
+        sentence = f"{every} identifiable{f', but the step moves {joined(moved)} by more than {its}' if moved else ''}."
     elif all(kinds[name] == "unknown" for name in unknown) and not count:
         sentence = f"Of the {len(kinds)} free values there are no intervals."
     else:
         sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable; "
         sentence += f"{_few(unknown)} {_is(unknown)} not."
-    return Line("Values", f"{sentence} {own}".rstrip(), not unknown and not moved_by_the_step(material.result))
+    return Line("Values", f"{sentence} {own}".rstrip(), not unknown and not moved)
 
 
 def moved_by_the_step(result: Mapping[str, Any]) -> dict[str, float]:
@@ -279,15 +271,6 @@ def moved_by_the_step(result: Mapping[str, Any]) -> dict[str, float]:
         return {}
     halves = {n: half_width(result["orders"].get(n, {"interval95": None})) for n in check["shift"]}
     return {n: shift for n, shift in check["shift"].items() if (half := halves[n]) is not None and abs(shift) > half}
-
-
-def _but_moved(result: Mapping[str, Any]) -> str:
-    moved = [letter(n) for n in moved_by_the_step(result)]
-    return f", but the step moves {joined(moved)} by more than {_its(moved)}" if moved else ""
-
-
-def _its(names: list[str]) -> str:
-    return "its interval" if len(names) == 1 else "their intervals"
 
 
 NAMED = 8
