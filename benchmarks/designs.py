@@ -50,7 +50,7 @@ def planned(name):
 
 def joint(plan):
     """The plan's experiments as one problem, with what the model does at the truth for what is measured."""
-    problems = [plan.subject.problem_of(c, plan.space) for c in plan.experiments]
+    problems = [plan.subject.problem_of(c) for c in plan.experiments]
     own = tuple(replace(p.experiments[0], name=f"{k}") for k, p in enumerate(problems))
     problem = replace(problems[0], experiments=own)
     return simulated(problem, problem.start)

@@ -157,7 +157,7 @@ def candidate(kind, problem):
 def predicted(base, c):
     """Block → the gain of a candidate; or why it cannot be simulated."""
     subject = subject_of_problem(base.problem, base.x, SPACE, precision=base.precision)
-    (added,) = informations(subject, SPACE, [c])
+    (added,) = informations(subject, [c])
     if isinstance(added, str):
         return added
     vague = np.diag((VAGUE * subject.scale) ** -2.0)

@@ -35,7 +35,7 @@ def plan():
 
 def joint(plan):
     """The plan's experiments as one problem, with the model's outputs for what is measured."""
-    problems = [plan.subject.problem_of(c, plan.space) for c in plan.experiments]
+    problems = [plan.subject.problem_of(c) for c in plan.experiments]
     problem = replace(problems[0], experiments=tuple(
         replace(p.experiments[0], name=f"{k}") for k, p in enumerate(problems)))  # fmt: skip
     return simulated(problem, problem.start, finer=1)
@@ -78,7 +78,7 @@ def test_an_experiment_that_is_repeated_four_times_halves_the_interval():
 def test_a_rest_tail_tells_nothing_about_friction():
     space = fracid.DesignSpace(release=40, seconds=(10, 40), rate=100, noise=0.0)
     subject = subject_of(RIG, space, free=FREE, orders=ORDERS)
-    short, long = (t.covariance(subject.scale)[3, 3] for t in informations(subject, space, space.candidates))
+    short, long = (t.covariance(subject.scale)[3, 3] for t in informations(subject, space.candidates))
     assert long > 0.9 * short  # white noise would promise a quarter
 
 
@@ -115,7 +115,7 @@ def test_a_clamped_arm_shows_no_lambda():
 @pytest.mark.parametrize("criterion", ["D", "A", "Ds"])
 def test_exchange_finds_the_best_of_all_sets(plan, criterion):
     subject = plan.subject
-    tables = informations(subject, SPACE, SPACE.candidates)
+    tables = informations(subject, SPACE.candidates)
     parts = (np.array([[t.curvature for t in tables]]), np.array([[t.scatter for t in tables]]))
     vague = np.diag((100 * subject.scale) ** -2.0)[None]
     objective = objective_named(criterion, subject.scale, (0, 1))
@@ -140,13 +140,13 @@ def test_what_exceeds_a_limit_is_excluded():
 @pytest.mark.broad
 def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative():
     subject = subject_of(RIG, SPACE, free=FREE, orders=ORDERS)
-    rigs = orders_alone(subject, SPACE, SPACE.candidates, 2)
+    rigs = orders_alone(subject, SPACE.candidates, 2)
     chosen = rigs.chosen(2)
     told = {pair: sum(math.log1p(d**2) for d in rigs.nearest(pair).values())
             for pair in combinations_with_replacement(rigs.allowed, 2)}  # fmt: skip
     assert told[chosen] == pytest.approx(max(told.values()), rel=1e-9)
     done = [SPACE.candidates[i] for i in chosen]
-    table = alternatives_of(subject, SPACE, done, range(len(done)), rivals_of(subject, SPACE, done))
+    table = alternatives_of(subject, done, range(len(done)), rivals_of(subject, done))
     assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
     every = table.distances([0, 1])
     assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does
@@ -264,7 +264,7 @@ def test_what_drove_the_recordings_is_what_is_played_with_the_others_as_without_
     problem = driven_by(np.sin(np.arange(201)))
     space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), around=0.7, noise=1e-3)
     (c, *_) = space.candidates
-    e = subject_of(problem, space).experiment(c, space)
+    e = subject_of(problem, space).experiment(c)
     u = dict(zip(problem.model.inputs, e.inputs.T, strict=True))
     np.testing.assert_allclose(u["goal"], 0.7 + c.voltage.signal(e.time))
     assert [float(np.max(np.abs(u[n] - v))) for n, v in (("torque", 0), ("voltage", 0), ("torque_enable", 1))] == [
@@ -277,7 +277,7 @@ def test_a_stretch_is_played_in_lines_with_the_rate_that_they_have():
     e = fracid.Experiment("log", 0.1, np.zeros((3, 1)), np.zeros((1, 2)), units={"force": "N"})
     problem = fracid.Problem(model, (e,), {"nu": fracid.Free(0.3, 0.1, 0.9)}, outputs=("force",))
     space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), noise=1e-3)
-    played = subject_of(problem, space).experiment(space.candidates[0], space)
+    played = subject_of(problem, space).experiment(space.candidates[0])
     stretch, rate = played.inputs.T
     np.testing.assert_allclose(stretch[0] + np.cumsum(rate[:-1]) / 50, stretch[1:], atol=1e-12)
     assert (played.between["stretch"], played.between["rate"]) == ("line", "hold")

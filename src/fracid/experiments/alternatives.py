@@ -43,7 +43,7 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange
-from fracid.experiments.space import ARMS, Candidate, DesignSpace, by_motion
+from fracid.experiments.space import ARMS, Candidate, by_motion
 from fracid.experiments.subject import Subject
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
@@ -142,23 +142,19 @@ class OrdersAlone:
 
 
 def orders_alone(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], count: int, *,
-    of: Sequence[str] = (), jobs: int = 1,
-) -> OrdersAlone:  # fmt: skip
+    subject: Subject, candidates: Sequence[Candidate], count: int, *, of: Sequence[str] = ()
+) -> OrdersAlone:
     """Linearise the integer-order alternatives of each candidate, twice: about a first fit, and about the chosen set's.
 
     Parameters
     ----------
     subject : Subject
         Of a fractional model.
-    space : DesignSpace
     candidates : sequence of Candidate
     count : int
         How many experiments are chosen.
     of : sequence of str
         The orders to tell; all that are off their integers if left out.
-    jobs : int
-        Threads.
 
     Raises
     ------
@@ -169,20 +165,20 @@ def orders_alone(
     --------
     >>> import fracid
     >>> from fracid.experiments.choice import subject_of
-    >>> space = DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
+    >>> space = fracid.DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
-    >>> table = orders_alone(subject, space, space.candidates, 1).of["mu"]
+    >>> table = orders_alone(subject, space.candidates, 1).of["mu"]
     >>> table.names[0], table.parts[0].shape
     ('friction', (1, 3))
     """
     rigs = _one_order_off(subject, of)
-    rivals = {n: _rivals(rig, space, _by_arm(candidates, _few), {}, jobs) for n, rig in rigs.items()}
+    rivals = {n: _rivals(rig, _by_arm(candidates, _few), {}) for n, rig in rigs.items()}
     every = range(len(candidates))
-    first = OrdersAlone({n: alternatives_of(rig, space, candidates, every, rivals[n], jobs) for n, rig in rigs.items()})
+    first = OrdersAlone({n: alternatives_of(rig, candidates, every, rivals[n]) for n, rig in rigs.items()})
     chosen = first.chosen(count)
     short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
-    rivals = {n: _rivals(rig, space, _by_arm(some, list), rivals[n], jobs) for n, rig in rigs.items()}
-    return OrdersAlone({n: alternatives_of(rig, space, candidates, short, rivals[n], jobs) for n, rig in rigs.items()})
+    rivals = {n: _rivals(rig, _by_arm(some, list), rivals[n]) for n, rig in rigs.items()}
+    return OrdersAlone({n: alternatives_of(rig, candidates, short, rivals[n]) for n, rig in rigs.items()})
 
 
 def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
@@ -198,16 +194,12 @@ def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
     return {n: subject.with_orders({m: v for m, v in integer.items() if m != n}) for n in told}
 
 
-def rivals_of(
-    subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], *, jobs: int = 1
-) -> dict[str, _Rival]:
+def rivals_of(subject: Subject, experiments: Sequence[Candidate]) -> dict[str, _Rival]:
     """Arm → the integer-order model that fits its experiments best, of a set with repetitions."""
-    return _rivals(subject, space, _by_arm([*dict.fromkeys(experiments)], list), {}, jobs)
+    return _rivals(subject, _by_arm([*dict.fromkeys(experiments)], list), {})
 
 
-def with_states(
-    subject: Subject, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival], *, jobs: int = 1
-) -> dict[str, float]:
+def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival]) -> dict[str, float]:
     """How far each alternative that adds states stays from a set of experiments, fitted to it.
 
     Parameters
@@ -218,8 +210,6 @@ def with_states(
         Those that are chosen, repetitions too.
     rivals : mapping
         Arm → the integer-order model that fits them best (:func:`rivals_of`).
-    jobs : int
-        Threads.
 
     Returns
     -------
@@ -230,9 +220,9 @@ def with_states(
     --------
     >>> import fracid
     >>> from fracid.experiments.choice import subject_of
-    >>> space = DesignSpace(release=30, seconds=2, rate=100)
+    >>> space = fracid.DesignSpace(release=30, seconds=2, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("stepper-freeswing"), space, orders={"mu": 0.95})
-    >>> list(with_states(subject, space.candidates, rivals_of(subject, space, space.candidates)))
+    >>> list(with_states(subject, space.candidates, rivals_of(subject, space.candidates)))
     ['presliding', "Stribeck's friction"]
     """
     friction, squares = 0.0, dict[str, float]()
@@ -246,7 +236,7 @@ def with_states(
         elements = [e for change in ELEMENTS for e in change(rival.problem)
                     if e.slow and e.possible and e.whole is None]  # fmt: skip
         for element in elements:
-            there = fitted_with(element, own, 0.0, jobs=jobs)
+            there = fitted_with(element, own, 0.0, jobs=subject.jobs)
             left = without if there is None else min(without, _square(subject, there, counts))
             squares[element.name] = squares.get(element.name, 0.0) + left - without
         friction += without
@@ -278,23 +268,22 @@ def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def alternatives_of(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], which: Sequence[int],
-    rivals: Mapping[str, _Rival], jobs: int = 1,
-) -> Alternatives:  # fmt: skip
+    subject: Subject, candidates: Sequence[Candidate], which: Sequence[int], rivals: Mapping[str, _Rival]
+) -> Alternatives:
     """The integer-order alternatives of some candidates, about the models that fit them best."""
     common = _Common.of([*rivals.values()])
 
     def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:
         at = [which[i] for i in group]
         longest = max((candidates[i] for i in at), key=lambda c: c.seconds)
-        problem = _simulated(subject, space, longest, "planned")
+        problem = _simulated(subject, longest, "planned")
         rival = rivals.get(longest.arm)
         if problem is None or rival is None:
             return []
         return _sums(subject, rival, common, problem, [candidates[i].samples for i in at])
 
     groups = by_motion([candidates[i] for i in which])
-    rows = {which[i]: row for group, found in zip(groups, in_threads(jobs, sums, groups), strict=True)
+    rows = {which[i]: row for group, found in zip(groups, in_threads(subject.jobs, sums, groups), strict=True)
             for i, row in zip(group, found, strict=False)}  # fmt: skip
     if not rows:
         raise InputError("No run of the integer-order model reaches the end of a candidate.")
@@ -356,20 +345,19 @@ class _Common:
 
 
 def _rivals(
-    subject: Subject, space: DesignSpace, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival],
-    jobs: int,
-) -> dict[str, _Rival]:  # fmt: skip
+    subject: Subject, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival]
+) -> dict[str, _Rival]:
     """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
-    fitted = {arm: _rival(subject, space, some, jobs) for arm, some in experiments.items()}
+    fitted = {arm: _rival(subject, some) for arm, some in experiments.items()}
     rivals = {arm: rival for arm, rival in ({**known, **fitted}).items() if rival is not None}
     if not rivals:
         raise InputError("No run of the model reaches the end of a candidate.")
     return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
 
-def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate], jobs: int) -> _Rival | None:
+def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     """Fit the integer-order model, friction free, to what the fractional one does; None where no run of that ends."""
-    simulated = [_simulated(subject, space, c, f"planned {k}") for k, c in enumerate(experiments)]
+    simulated = [_simulated(subject, c, f"planned {k}") for k, c in enumerate(experiments)]
     problems = [p for p in simulated if p is not None]
     if not problems:
         return None
@@ -378,8 +366,10 @@ def _rival(subject: Subject, space: DesignSpace, experiments: Sequence[Candidate
     joints, kinds = ("", *moving(joint)), joint.model.friction
     friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
     joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
-    grown = growing(joint, joint.start, jobs, Watch()).best.point  # on the whole at once it may end a swing ahead
-    ends = [refined(joint, x, jobs, Watch(), tolerance=1e-8).best for x in (joint.start, grown)]
+    grown = growing(
+        joint, joint.start, subject.jobs, Watch()
+    ).best.point  # on the whole at once it may end a swing ahead
+    ends = [refined(joint, x, subject.jobs, Watch(), tolerance=1e-8).best for x in (joint.start, grown)]
     best = min(ends, key=lambda e: e.cost)
     joint = starting_at(joint, joint.named(best.point))
     elements = {e.name: e.problem for e in _elements(joint)}
@@ -401,9 +391,9 @@ def _elements(problem: Problem) -> Iterator[Element]:
                 yield element
 
 
-def _simulated(subject: Subject, space: DesignSpace, c: Candidate, name: str) -> Problem | None:
+def _simulated(subject: Subject, c: Candidate, name: str) -> Problem | None:
     """A candidate's problem with the fractional model's outputs for what is measured; None where its run fails."""
-    p = subject.problem_of(c, space)
+    p = subject.problem_of(c)
     outputs = p.fitted(p.start, p.experiments[0])
     if isinstance(outputs, Failure):
         return None

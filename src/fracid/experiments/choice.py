@@ -131,12 +131,12 @@ def design(
     if isinstance(source, Project):
         watching.stage("search")
     subject = subject_of(source, space, free=free, orders=orders, jobs=jobs)
-    subject.check(space)
+    subject.check()
     unit = subject.problem.model.input_unit(driven(subject.problem))
     candidates = tuple(replace(c, unit=unit) for c in candidates)
     places = subject.places(of)
     with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
-        tables = informations(subject, space, candidates, jobs=jobs, progress=tell)
+        tables = informations(subject, candidates, progress=tell)
     possible = [(c, t) for c, t in zip(candidates, tables, strict=True) if isinstance(t, Information)]
     if not possible:
         raise InputError(_excluded(tables))
@@ -145,28 +145,28 @@ def design(
     alone: Mapping[str, float] | None = None
     if name == "T":
         watching.stage("integer-order models that come nearest")
-        each = orders_alone(subject, space, candidates, experiments, of=narrowed, jobs=jobs)
+        each = orders_alone(subject, candidates, experiments, of=narrowed)
         chosen = each.chosen(experiments)
         alone = each.nearest(chosen)
         watching.stage("integer-order models of the chosen experiments")
-        distances = _distances(subject, space, [candidates[i] for i in chosen], jobs)
+        distances = _distances(subject, [candidates[i] for i in chosen])
     else:
         parts, base = _stacked([[t for _, t in possible]]), _stacked([subject.known(VAGUE)])
         objective = objective_named(name, subject.scale, places)
         chosen = exchange(objective, parts, base, experiments)
         if robust:
             watching.stage("values from the intervals")
-            chosen = _robust(subject, space, candidates, (objective, parts, base), chosen, robust, seed, jobs)
+            chosen = _robust(subject, candidates, (objective, parts, base), chosen, robust, seed)
     watching.stage("")
-    return _plan(subject, space, possible, chosen, criterion=name, of=narrowed,
+    return _plan(subject, possible, chosen, criterion=name, of=narrowed,
                  excluded=len(tables) - len(possible), distances=distances, alone=alone)  # fmt: skip
 
 
-def _distances(subject: Subject, space: DesignSpace, done: Sequence[Candidate], jobs: int) -> dict[str, float]:
+def _distances(subject: Subject, done: Sequence[Candidate]) -> dict[str, float]:
     """Integer-order alternative → how far it stays from the chosen experiments."""
-    rivals = rivals_of(subject, space, done, jobs=jobs)
-    together = alternatives_of(subject, space, done, range(len(done)), rivals, jobs)
-    return {**together.distances(range(len(done))), **with_states(subject, done, rivals, jobs=jobs)}
+    rivals = rivals_of(subject, done)
+    together = alternatives_of(subject, done, range(len(done)), rivals)
+    return {**together.distances(range(len(done))), **with_states(subject, done, rivals)}
 
 
 def subject_of(
@@ -181,7 +181,7 @@ def subject_of(
         For another type, for a search without a result, and where `free` or `orders` are given beside a run.
     """
     if isinstance(source, Model):
-        return subject_of_model(source, space, free=free, orders=orders)
+        return replace(subject_of_model(source, space, free=free, orders=orders), jobs=jobs)
     if free or orders:
         raise InputError("free and orders are of a model alone; a run and a project have their own.")
     if isinstance(source, SavedRun):
@@ -207,9 +207,8 @@ def _tables(project: Project) -> dict[str, Any]:
 
 
 def informations(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate], *, jobs: int = 1,
-    progress: Tell | None = None,
-) -> list[Information | str]:  # fmt: skip
+    subject: Subject, candidates: Sequence[Candidate], *, progress: Tell | None = None
+) -> list[Information | str]:
     """The information of each candidate, or why it is excluded.
 
     Those that differ in their duration alone are the beginnings of one simulation.
@@ -219,7 +218,7 @@ def informations(
     >>> import fracid
     >>> space = DesignSpace(release=(10, 150, 30), seconds=2, rate=100, limits={"alpha": 1.0})
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, free=("mu", "b_alpha"))
-    >>> [t if isinstance(t, str) else t.curvature.shape for t in informations(subject, space, space.candidates)]
+    >>> [t if isinstance(t, str) else t.curvature.shape for t in informations(subject, space.candidates)]
     [(2, 2), 'beyond the limits', (2, 2)]
     """
 
@@ -229,24 +228,24 @@ def informations(
 
     def of_group(group: list[int]) -> None:
         nonlocal done
-        for i, table in zip(group, _of_motion(subject, space, [candidates[i] for i in group]), strict=True):
+        for i, table in zip(group, _of_motion(subject, [candidates[i] for i in group]), strict=True):
             tables[i] = table
         done += len(group)
         if progress is not None:
             progress(Progress(done, len(candidates), 0, perf_counter() - begun))
 
-    in_threads(jobs, of_group, groups)
+    in_threads(subject.jobs, of_group, groups)
     return tables
 
 
-def _of_motion(subject: Subject, space: DesignSpace, durations: Sequence[Candidate]) -> list[Information | str]:
+def _of_motion(subject: Subject, durations: Sequence[Candidate]) -> list[Information | str]:
     """The information of one motion, for each of its durations."""
     longest = max(durations, key=lambda c: c.seconds)
-    problem = subject.problem_of(longest, space)
+    problem = subject.problem_of(longest)
     outputs = problem.fitted(problem.start, problem.experiments[0])
     if isinstance(outputs, Failure):
         return [str(outputs) for _ in durations]
-    within = [space.within_limits(dict(zip(problem.outputs, outputs[: c.samples].T, strict=True)), c.rate)
+    within = [subject.space.within_limits(dict(zip(problem.outputs, outputs[: c.samples].T, strict=True)), c.rate)
               for c in durations]  # fmt: skip
     if not any(within):
         return [Note(BEYOND, "limits") for _ in durations]
@@ -285,9 +284,9 @@ def _stacked(draws: Any) -> tuple[FloatArray, FloatArray]:
 
 
 def _robust(
-    subject: Subject, space: DesignSpace, candidates: Sequence[Candidate],
+    subject: Subject, candidates: Sequence[Candidate],
     nominal: tuple[Objective, tuple[FloatArray, ...], tuple[FloatArray, ...]], chosen: tuple[int, ...], draws: int,
-    seed: int, jobs: int,
+    seed: int,
 ) -> tuple[int, ...]:  # fmt: skip
     """The best set on average over values from their intervals, of the candidates that are good at the estimates."""
     objective, parts, base = nominal
@@ -296,7 +295,7 @@ def _robust(
                                               for p, b in zip(parts, base, strict=True)))  # fmt: skip
     best = [*np.argsort(alone)[: SHORTLIST // 2], *np.argsort(beside)[: SHORTLIST // 2], *chosen]
     short = sorted({int(i) for i in best})
-    tables = [[*informations(subject.at(v), space, [candidates[i] for i in short], jobs=jobs)]
+    tables = [[*informations(subject.at(v), [candidates[i] for i in short])]
               for v in _drawn(subject, draws, seed)]  # fmt: skip
     usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
     if not usable:
@@ -320,9 +319,8 @@ def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
 
 
 def _plan(
-    subject: Subject, space: DesignSpace, possible: Sequence[tuple[Candidate, Information]], chosen: tuple[int, ...],
-    **said: Any,
-) -> Plan:  # fmt: skip
+    subject: Subject, possible: Sequence[tuple[Candidate, Information]], chosen: tuple[int, ...], **said: Any
+) -> Plan:
     """The plan of those that are chosen, with what else is said of it."""
     names, scale, base = subject.names, subject.scale, subject.known(VAGUE)
     total = sum((possible[i][1] for i in chosen), base)
@@ -335,6 +333,6 @@ def _plan(
         for c, i in possible
     )  # fmt: skip
     return Plan(
-        subject, space, experiments=tuple(possible[i][0] for i in chosen), expected=expected, candidates=len(possible),
+        subject, experiments=tuple(possible[i][0] for i in chosen), expected=expected, candidates=len(possible),
         landscape=landscape, covariance=total.covariance(scale), **said,
     )  # fmt: skip

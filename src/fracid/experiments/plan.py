@@ -29,7 +29,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError, writing
 from fracid.estimation.derivatives import jacobian
-from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.space import Candidate
 from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Style, draw
 from fracid.fit import Fit
@@ -101,7 +101,6 @@ class Plan(CardDisplay):
     """What :func:`fracid.design` gives."""
 
     subject: Subject
-    space: DesignSpace
     criterion: str
     """``D``, ``A``, ``Ds`` or ``T`` (:mod:`fracid.experiments.criteria`)."""
     of: tuple[str, ...]
@@ -262,7 +261,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     if subject.intervals:
         covariance = subject.known(VAGUE).covariance(subject.scale)
     for c in dict.fromkeys(plan.experiments):
-        problem = subject.problem_of(c, plan.space)
+        problem = subject.problem_of(c)
         outputs = problem.fitted(problem.start, problem.experiments[0])
         at = [i for i, u in enumerate(problem.unknowns) if u.experiment is None]
         J = jacobian(problem, problem.start, np.array(at))
@@ -351,7 +350,7 @@ def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: b
         values = {q.name: q.value for q in p.model.parameters} | values
     if clamped:
         values["J_theta"] = 1e3
-    fit = {"outputs": _outputs(plan), "initial_state": plan.space.initial_state, "weights": p.weights,
+    fit = {"outputs": _outputs(plan), "initial_state": plan.subject.space.initial_state, "weights": p.weights,
            "method": p.method}  # fmt: skip
     if p.per_recording:
         fit["per_recording"] = list(p.per_recording)
@@ -367,7 +366,7 @@ def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: b
 
 
 def _outputs(plan: Plan) -> list[str]:
-    return list(plan.space.sensors or plan.subject.problem.outputs)
+    return list(plan.subject.space.sensors or plan.subject.problem.outputs)
 
 
 def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
@@ -387,7 +386,7 @@ def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
         between = "line" if name in p.model.input_rates.values() else "hold"
         entries |= {name: {**column, "between": between}, "amplifier": known.get("amplifier", {})}
     else:
-        moment = plan.space.moment
+        moment = plan.subject.space.moment
         sought = {"start": 0.0, "lower": -moment, "upper": moment} if moment else {}
         entries |= {"from": "release", "release_time": sought}
     return {n: v for n, v in entries.items() if v != {}}

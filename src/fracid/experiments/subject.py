@@ -82,6 +82,10 @@ class Subject:
     """What the plan is for, in words."""
     table: Mapping[str, Any]
     """The project file's tables ``model`` and ``recording`` (the first), as far as there is one."""
+    space: DesignSpace
+    """What can be done on it."""
+    jobs: int = 1
+    """Threads that work on it."""
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -136,12 +140,12 @@ class Subject:
 
     # --- one experiment ------------------------------------------------------------------------------
 
-    def experiment(self, c: Candidate, space: DesignSpace) -> Experiment:
+    def experiment(self, c: Candidate) -> Experiment:
         """The recording that a candidate would give, without its samples: they stay where they begin."""
-        model, pattern = self.problem.model, self.problem.experiments[0]
+        model, pattern, space = self.problem.model, self.problem.experiments[0], self.space
         first = np.array([self._first_value(n, c) for n in self.problem.outputs])
         time = np.arange(c.samples) / c.rate
-        inputs, between = self._inputs(c, space, time)
+        inputs, between = self._inputs(c, time)
         initial = {} if space.initial_state != "held" else {
             model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
             if (i := model.output_states.get(n)) is not None
@@ -154,12 +158,12 @@ class Subject:
             between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
         )  # fmt: skip
 
-    def _inputs(self, c: Candidate, space: DesignSpace, time: FloatArray) -> tuple[FloatArray, dict[str, Between]]:
+    def _inputs(self, c: Candidate, time: FloatArray) -> tuple[FloatArray, dict[str, Between]]:
         """What is played is held between samples, or a line where its rate is an input too."""
         model, played = self.problem.model, driven(self.problem)
         if c.voltage is None:
             return np.zeros((1, max(1, len(model.inputs)))), {}
-        signals = {played: space.applied(c.voltage, time)}
+        signals = {played: self.space.applied(c.voltage, time)}
         slopes = np.diff(signals[played]) * c.rate
         rates = [rate for rate, of in model.input_rates.items() if of == played]
         signals |= dict.fromkeys(rates, np.append(slopes, slopes[-1:]))
@@ -167,12 +171,12 @@ class Subject:
         between: dict[str, Between] = dict.fromkeys(model.inputs, "hold")
         return np.column_stack(columns), between | ({played: "line"} if rates else {})
 
-    def problem_of(self, c: Candidate, space: DesignSpace) -> Problem:
+    def problem_of(self, c: Candidate) -> Problem:
         """The problem of one candidate alone, every free value at its own."""
-        p = self.problem
+        p, space = self.problem, self.space
         parameters = {**p.parameters, "J_theta": CLAMPED} if c.arm == "clamped" else p.parameters
         outputs = tuple(space.sensors) or p.outputs
-        e = replace(self, problem=replace(p, outputs=outputs, memo=None)).experiment(c, space)
+        e = replace(self, problem=replace(p, outputs=outputs, memo=None)).experiment(c)
         return replace(
             p, experiments=(e,), parameters=parameters, outputs=outputs, initial_state=space.initial_state,
             substeps=max(1, math.ceil(1 / c.rate / self.step - 1e-9)), memo=None,
@@ -192,14 +196,14 @@ class Subject:
         model = self.problem.model
         return model.pendulum or next(reversed(model.output_states), "")
 
-    def check(self, space: DesignSpace) -> None:
+    def check(self) -> None:
         """Refuse what this rig cannot do.
 
         Raises
         ------
         InputError
         """
-        model = self.problem.model
+        model, space = self.problem.model, self.space
         for name in space.sensors:
             if name not in model.outputs:
                 raise unknown_name("sensor", name, tuple(model.outputs))
@@ -301,7 +305,7 @@ def subject_of_problem(
     return Subject(
         _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
         noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
-        name or problem.model.name, table or {},
+        name or problem.model.name, table or {}, space, jobs,
     )  # fmt: skip
 
 
@@ -348,7 +352,7 @@ def subject_of_model(
     count, finest = len(problem.names), FINE if model.angles else math.inf
     return Subject(
         problem, problem.names, problem.start, tuple(u.unit for u in problem.unknowns),
-        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name, {},
+        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name, {}, space,
     )  # fmt: skip
 
 
