@@ -15,7 +15,7 @@ come out so by themselves; the five intrinsics below write the vector instructio
 from __future__ import annotations
 
 import platform
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -146,10 +146,7 @@ class _Eight(types.Type):  # type: ignore[misc]
 _eight, _lanes = _Eight("eight"), ir.VectorType(ir.DoubleType(), BLOCK)
 
 
-@register_model(_Eight)
-class _EightModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _lanes)
+register_model(_Eight)(lambda manager, kind: models.PrimitiveModel(manager, kind, _lanes))
 
 
 def _pointer(context, builder, signature, args):
@@ -159,11 +156,11 @@ def _pointer(context, builder, signature, args):
     return builder.gep(array.data, [builder.add(row, args[2])])
 
 
-def _spread(builder, number):
-    """A number in all eight places."""
-    undefined = ir.Constant(_lanes, ir.Undefined)
+def in_all(builder, number, kind=_lanes):
+    """A number in all places of a vector."""
+    undefined, places = ir.Constant(kind, ir.Undefined), ir.VectorType(ir.IntType(32), kind.count)
     first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), BLOCK), [0] * BLOCK))
+    return builder.shuffle_vector(first, undefined, ir.Constant(places, [0] * kind.count))
 
 
 @intrinsic
@@ -194,7 +191,7 @@ def _at(_, array, i, k):
     """array[i, k] in all eight places."""
 
     def emit(context, builder, signature, args):
-        return _spread(builder, builder.load(_pointer(context, builder, signature, args)))
+        return in_all(builder, builder.load(_pointer(context, builder, signature, args)))
 
     return _eight(array, types.intp, types.intp), emit
 
@@ -202,7 +199,7 @@ def _at(_, array, i, k):
 @intrinsic
 def _all(_, number):
     """A number in all eight places."""
-    return _eight(types.float64), lambda context, builder, signature, args: _spread(builder, args[0])
+    return _eight(types.float64), lambda context, builder, signature, args: in_all(builder, args[0])
 
 
 @intrinsic

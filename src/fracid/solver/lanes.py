@@ -44,17 +44,17 @@ from fracid.solver import schemes
 from fracid.solver.compilation import call_at, kept, when_called
 from fracid.solver.history import (
     BLOCK,
-    KERNELS,
     Kernels,
     bare,
     forget_mode,
+    in_all,
     inline,
     look_ahead,
 )
-from fracid.solver.loop_arguments import Run
+from fracid.solver.loop_arguments import Run, run_type
 from fracid.solver.right_hand_side import teach_helpers
 from fracid.solver.same_function import once_for_equals
-from fracid.solver.schemes import COMPLETED, NEWEST, ROWS, SHARE, UNSOLVED, prepared, room_for
+from fracid.solver.schemes import COMPLETED, ROWS, UNSOLVED, room_for
 from fracid.solver.starting import Start, begun
 
 COUNT = 8 if llvm.get_host_cpu_features().get("avx512f") else 4
@@ -94,16 +94,8 @@ VECTOR, TRUTHS = ir.VectorType(ir.DoubleType(), COUNT), ir.VectorType(ir.IntType
 BITS, WHOLE = ir.VectorType(ir.IntType(64), COUNT), ir.IntType(COUNT)
 
 
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager, kind):
-        super().__init__(manager, kind, VECTOR)
-
-
-@register_model(Mask)
-class _MaskModel(models.PrimitiveModel):
-    def __init__(self, manager, kind):
-        super().__init__(manager, kind, TRUTHS)
+register_model(Lanes)(lambda manager, kind: models.PrimitiveModel(manager, kind, VECTOR))
+register_model(Mask)(lambda manager, kind: models.PrimitiveModel(manager, kind, TRUTHS))
 
 
 def of_lanes(dimensions: int) -> types.Array:
@@ -130,18 +122,12 @@ def _bits(value):
 @lower_cast(types.Integer, Lanes)
 @lower_cast(types.Boolean, Lanes)
 def _spread(context, builder, kind, lanes, value):
-    return _in_all(builder, context.cast(builder, value, kind, types.float64), VECTOR)
+    return in_all(builder, context.cast(builder, value, kind, types.float64), VECTOR)
 
 
 @lower_cast(types.Boolean, Mask)
 def _spread_truth(context, builder, kind, mask, value):
-    return _in_all(builder, builder.trunc(value, ir.IntType(1)) if value.type.width > 1 else value, TRUTHS)
-
-
-def _in_all(builder, value, kind):
-    nothing = ir.Constant(kind, ir.Undefined)
-    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), COUNT), [0] * COUNT))
+    return in_all(builder, builder.trunc(value, ir.IntType(1)) if value.type.width > 1 else value, TRUTHS)
 
 
 def _of_lanes(
@@ -508,17 +494,6 @@ _pi2 = _for_lanes(
 _vector, _matrix, _cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
 _indices = types.int64[::1]
 
-STACKED = types.NamedTuple(
-    (
-        *(_matrix, _matrix, _matrix, _matrix),
-        *(_cube, _matrix, types.float64),
-        *(types.float64, types.int64, types.int64, types.float64, _matrix),
-        *(KERNELS, types.int64, types.boolean, _indices, _matrix),
-    ),
-    Run,
-)
-"""A :class:`Run` whose orders, gains, parameters and states have the runs for last axis."""
-
 STARTED = types.NamedTuple((_cube, _matrix, types.int64, _indices, types.Array(types.float64, 4, "C")), Start)
 ALONE = types.NamedTuple((_matrix, _cube, _indices, types.UniTuple(_vector, 3), types.UniTuple(_vector, 2), _matrix),
                          Alone)  # fmt: skip
@@ -526,7 +501,7 @@ ROOM = types.Tuple((_matrix, _matrix, _matrix, _cube, _cube, types.UniTuple(_mat
                     types.UniTuple(_matrix, 2), _vector, _cube, ALONE))  # fmt: skip
 
 
-@when_called(types.UniTuple(types.int64, 2)(types.UniTuple(types.int64, 2), STACKED, STARTED, ROOM, _cube),
+@when_called(types.UniTuple(types.int64, 2)(types.UniTuple(types.int64, 2), run_type(1), STARTED, ROOM, _cube),
              allocates=False)  # fmt: skip
 def step_together(rhs, run, started, room, out):
     """``pi2`` of COUNT runs: fill `out`, (COUNT, rows, n_states)."""
@@ -588,18 +563,14 @@ def run_together(rhs: tuple[int, int], runs: Sequence[Run]) -> FloatArray | None
 
     run = one._replace(**stacked(runs, "orders", "gain", "p", "past", "slope"))
     started = starts[0]._replace(**stacked(starts, "known", "x0", "parabolas"))
-    (window, sums, ahead), work = room_for(one)
-    (_, f, now, W, relaxing), of = work, one.kernels.of
-    rows = np.zeros((ROWS, states, COUNT))
-    own = one.kernels.own[of, 0].reshape(states, COUNT)
-    rows[NEWEST], rows[SHARE] = prepared(run.orders, run.gain, own, one.relaxing)
-    near = np.ascontiguousarray(one.kernels.table[of, 7:15].reshape(states, COUNT, BLOCK).swapaxes(1, 2))
+    (window, sums, ahead), (rows, f, now, W, relaxing) = room_for(run, COUNT)
+    near = one.kernels.table[one.kernels.of, 7:15].reshape(states, COUNT, BLOCK).swapaxes(1, 2)
     alone = Alone(
         np.ascontiguousarray(run.p.T), np.zeros((COUNT, *W.shape)), np.zeros(COUNT, dtype=np.int64),
-        tuple(np.zeros((3, states))), f, relaxing,
+        tuple(np.zeros((3, states))), tuple(np.zeros((2, len(f[0])))), np.zeros((len(relaxing), 4)),
     )  # fmt: skip
-    room = (window, sums, ahead, near, np.zeros((states, BLOCK, COUNT)), tuple(rows),
-            tuple(np.zeros((2, len(f[0]), COUNT))), now, np.zeros((*relaxing.shape, COUNT)), alone)  # fmt: skip
+    room = (window, sums, ahead, np.ascontiguousarray(near), np.zeros((states, BLOCK, COUNT)), rows, f, now, relaxing,
+            alone)  # fmt: skip
     out = np.empty((COUNT, one.steps // one.every + 1, states))
     out[:, 0] = run.past[-1].T
     try:

@@ -59,14 +59,13 @@ class Run(NamedTuple):
     """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps."""
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
+def run_type(more: int) -> types.NamedTuple:
+    """Of a :class:`Run` whose orders, gains, parameters and states have so many axes more."""
+    vector, matrix = (types.Array(types.float64, n + more, "C") for n in (1, 2))
+    inputs, limits = types.float64[:, ::1], (types.float64, types.float64[:, ::1])
+    grid = types.float64, types.float64, types.int64, types.int64
+    how = KERNELS, types.int64, types.boolean, types.int64[::1], inputs
+    return types.NamedTuple((vector, vector, inputs, vector, matrix, vector, *grid, *limits, *how), Run)
 
-RUN = types.NamedTuple(
-    (
-        *(_vector, _vector, _matrix, _vector),
-        *(_matrix, _vector, types.float64),
-        *(types.float64, types.int64, types.int64, types.float64, _matrix),
-        *(KERNELS, types.int64, types.boolean, types.int64[::1], _matrix),
-    ),
-    Run,
-)
+
+RUN = run_type(0)

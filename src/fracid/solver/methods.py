@@ -19,9 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
-    from fracid.solver.compilation import Kernel
     from fracid.solver.loop_arguments import Run
-    from fracid.solver.starting import Start
 
 
 @dataclass(frozen=True)
@@ -62,46 +60,31 @@ class Method:
     """None for one that cannot be written in another language."""
 
 
-def _loops() -> Any:
+def _step(loop: str, rhs: int, run: Run, *how: Any, family: str = "") -> tuple[int, int]:
+    """By a loop of :mod:`fracid.solver.schemes`, with room for its history and its work; `family` begins it."""
     from fracid.solver import schemes
+    from fracid.solver.starting import begun
 
-    return schemes
-
-
-def _gl(rhs: int, run: Run, *more: Any) -> tuple[int, int]:
-    return _ended(_loops().step_gl, rhs, run, (), *more)
-
-
-def _pi(rhs: int, run: Run, third: bool, out: FloatArray) -> tuple[int, int]:
-    return _ended(_loops().step_pi2, rhs, run, _begun(rhs, run, "pi3" if third else "pi"), third, out)
+    start = (begun(rhs, run, family),) if family else ()
+    ended: tuple[int, int] = getattr(schemes, loop)(rhs, run, *start, *schemes.room_for(run), *how)
+    return ended
 
 
 def _bdf2(rhs: int, run: Run, out: FloatArray) -> tuple[int, int]:
-    run = run._replace(relaxing=run.relaxing[:0])  # what relaxes dies in this scheme by itself
-    return _ended(_loops().step_bdf2, rhs, run, _begun(rhs, run, "bdf"), out)
-
-
-def _begun(rhs: int, run: Run, family: str) -> tuple[Start]:
-    from fracid.solver.starting import begun
-
-    return (begun(rhs, run, family),)
-
-
-def _ended(loop: Kernel, rhs: int, run: Run, start: tuple[()] | tuple[Start], *more: Any) -> tuple[int, int]:
-    """A loop with room for its history and its work."""
-    ended: tuple[int, int] = loop(rhs, run, *start, *_loops().room_for(run), *more)
-    return ended
+    nothing = run.relaxing[:0]  # what relaxes dies in this scheme by itself
+    return _step("step_bdf2", rhs, run._replace(relaxing=nothing), out, family="bdf")
 
 
 METHODS = {
     "pi2": Method(
-        "pi", 2, lambda rhs, run, out: _pi(rhs, run, False, out),
+        "pi", 2, lambda rhs, run, out: _step("step_pi2", rhs, run, False, out, family="pi"),
         "everything, steep friction too; at order 1 a second-order ODE solver",
         at_a_jump="both", sweeps=1.0,
         exported=Exported("product trapezoidal rule, second order"),
     ),
     "pi2-implicit": Method(
-        "pi", 2, lambda rhs, run, out: _pi(rhs, run._replace(corrections=0), False, out),
+        "pi", 2,
+        lambda rhs, run, out: _step("step_pi2", rhs, run._replace(corrections=0), False, out, family="pi"),
         "stiff systems: Newton's method at every step", at_a_jump="both",
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
     ),
@@ -110,23 +93,23 @@ METHODS = {
         "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
-        "pi3", 3, lambda rhs, run, out: _pi(rhs, run, True, out),
+        "pi3", 3, lambda rhs, run, out: _step("step_pi2", rhs, run, True, out, family="pi3"),
         "smooth systems: often a thousandth of the error, in the same time",
         follows=2.0, exported=Exported("product rule of third order"),
     ),
     "gl": Method(
-        "gl", 1, lambda rhs, run, out: _gl(rhs, run, False, out),
+        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, False, False, out),
         "the paper's scheme as it should be, on x - x(0)",
         follows=1.0, at_a_jump="after", started=False, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
     ),
     "gl-sequential": Method(
-        "gl", 1, lambda rhs, run, out: _ended(_loops().step_gl_sequential, rhs, run, (), out),
+        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, False, True, out),
         "the same without the anti-damping of explicit Euler",
         follows=1.0, at_a_jump="after", started=False,
         exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
     ),
     "gl-paper": Method(
-        "gl", 1, lambda rhs, run, out: _gl(rhs, run, True, out),
+        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, True, False, out),
         "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
         follows=1.0, at_a_jump="after", started=False, raw=True,
         exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),

@@ -66,7 +66,6 @@ import numpy as np
 from numba import types
 from numba.extending import register_jitable
 
-from fracid.arrays import FloatArray, IntArray
 from fracid.solver.compilation import evaluate, when_called
 from fracid.solver.history import (
     BLOCK,
@@ -83,8 +82,8 @@ from fracid.solver.history import (
 from fracid.solver.loop_arguments import RUN, Run
 from fracid.solver.starting import START
 
-COMPLETED, DIVERGED, NOT_FINITE, LEFT, UNSETTLED = 0, 1, 2, 3, 4
-"""How a run ended; :class:`fracid.Outcome` has the sentences."""
+COMPLETED, DIVERGED, NOT_FINITE, UNSETTLED, LEFT = 0, 1, 2, 4, 5
+"""How a run ended: its place in :class:`fracid.Outcome`, which has the sentences."""
 
 SLOW, SETTLED, SMALL, NEWTON, SOLVED = 0.25, 1e-9, 1e-3, 12, 1e-12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
@@ -109,31 +108,26 @@ EARLY = 64
 _ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run ended
 
 
-def room_for(run: Run) -> tuple[Any, Any]:
-    """What a loop changes: its history, and its work.
+ROWS, NEWEST, SHARE = 10, 5, 9
+"""For x and the like; what f weighs in its own step, and the share of a jump of f, beside a third, in the next one."""
+
+
+def room_for(run: Run, *lanes: int) -> tuple[Any, Any]:
+    """What a loop changes: its history, and its work, of so many runs together (:mod:`fracid.solver.lanes`).
 
     The work is rows for x and the like, rows for f and the like, the inputs of a step, Newton's matrix, and z0, c0, a0
     of the relaxing states with room for Newton.
     The loops allocate nothing: counting references would be more to compile.
     """
-    states, relaxing = len(run.orders), len(run.relaxing)
-    f = np.zeros((2, 2 * states if relaxing else states))
-    rows = np.zeros((ROWS, states))
-    own = run.kernels.own[run.kernels.of[:states], 0]
-    rows[NEWEST], rows[SHARE] = prepared(run.orders, run.gain, own, run.relaxing)
-    work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), np.zeros((relaxing, 4))
+    states, relaxing, q = len(run.orders), len(run.relaxing), run.orders
+    f = np.zeros((2, 2 * states if relaxing else states, *lanes))
+    rows = np.zeros((ROWS, states, *lanes))
+    rows[NEWEST] = run.gain * run.kernels.own[run.kernels.of, 0].reshape(q.shape)
+    rows[NEWEST, run.relaxing] = 0.0
+    rows[SHARE] = q - (2 ** (q + 1) - 2) / 3
+    start = np.zeros((relaxing, 4, *lanes))
+    work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), start
     return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
-
-
-ROWS, NEWEST, SHARE = 10, 5, 9
-"""For x and the like; which of them hold what ``pi2`` begins with (:func:`prepared`)."""
-
-
-def prepared(q: FloatArray, gain: FloatArray, own: FloatArray, relaxing: IntArray) -> tuple[FloatArray, FloatArray]:
-    """What f weighs in its own step, and the share of a jump of f, beside a third, in the step after it."""
-    newest = gain * own
-    newest[relaxing] = 0.0
-    return newest, q - (2 ** (q + 1) - 2) / 3
 
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
@@ -178,9 +172,9 @@ def _outside(x, bounds):
     return False
 
 
-@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, _matrix), allocates=False)
-def step_gl(rhs, run, history, work, raw, out):
-    """``gl-paper`` (raw) and ``gl``: fill `out`, a row for each sample that is stored."""
+@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
+def step_gl(rhs, run, history, work, raw, last_first, out):
+    """``gl``, ``gl-paper`` (`raw`) and ``gl-sequential`` (`last_first`): fill `out`, a row for each sample stored."""
     _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
     m, states = len(past) - 1, len(slope)
     (window, sums, ahead), head = history, np.int64(1)
@@ -189,8 +183,7 @@ def step_gl(rhs, run, history, work, raw, out):
     mode = flush_denormals()
     for i in range(states):
         x[i] = x0[i]
-    if raw:
-        for i in range(states):
+        if raw:
             window[i, 0] = x0[i]
     last, how, row = steps, COMPLETED, np.int64(1)  # the first row of out holds x(start)
     for n in range(1, m + steps + 1):
@@ -198,55 +191,17 @@ def step_gl(rhs, run, history, work, raw, out):
         if j == 0:
             head = room(head, window, kernels.lags)
             look_ahead(n, head, window, sums, ahead, kernels)
-        if n > m:
-            _read(u, n - 1, now)
-            evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
-        for i in range(states):
+        _read(u, n - 1, now)
+        for k in range(states):
+            i = states - 1 - k if last_first else k
+            if n > m and (k == 0 or last_first):
+                evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
             drift = 0.0 if raw else x0[i] + slope[i] * (n * h)
             v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
             enter(i, j, v, head, window, ahead, kernels)
             x[i] = drift + v
             if not abs(x[i]) <= limit:
                 last, how = n - 1 - m, DIVERGED if _finite(f) else NOT_FINITE
-        if how != COMPLETED:
-            break
-        if n == m + row * every:
-            row = _store(row, x, out)
-        if n >= m and _outside(x, bounds):
-            last, how = n - m, LEFT
-            break
-        head += 1
-    restore(mode)
-    return last, how
-
-
-@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, _matrix), allocates=False)
-def step_gl_sequential(rhs, run, history, work, out):
-    """``gl-sequential``: the last state first, each derivative with the states already new."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
-    m, states = len(past) - 1, len(slope)
-    (window, sums, ahead), head = history, np.int64(1)
-    rows, (f, _), now, _, _ = work
-    x0, x = past[0], rows[0]
-    mode = flush_denormals()
-    for i in range(states):
-        x[i] = x0[i]
-    last, how, row = steps, COMPLETED, np.int64(1)  # the first row of out holds x(start)
-    for n in range(1, m + steps + 1):
-        j = (n - 1) % BLOCK
-        if j == 0:
-            head = room(head, window, kernels.lags)
-            look_ahead(n, head, window, sums, ahead, kernels)
-        _read(u, n - 1, now)
-        for i in range(states - 1, -1, -1):
-            drift = x0[i] + slope[i] * (n * h)
-            if n > m:
-                evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
-            v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
-            enter(i, j, v, head, window, ahead, kernels)
-            x[i] = drift + v
-            if not abs(x[i]) <= limit:
-                last, how = n - 1 - m, DIVERGED if np.isfinite(f[i]) else NOT_FINITE
                 break
         if how != COMPLETED:
             break

@@ -49,7 +49,7 @@ from fracid.solver.loop_arguments import Run
 from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
-from fracid.solver.stiffness import fault_of, grows_by_itself
+from fracid.solver.stiffness import fault_of, grows_by_itself, step_gain
 from fracid.solver.trajectory import Outcome, Trajectory, vector
 
 if TYPE_CHECKING:
@@ -64,10 +64,6 @@ class PaperSchemeWarning(UserWarning):
 
 LARGEST = float(np.finfo(np.float64).max)
 """No limit is larger, so that a state within it is a number."""
-
-_OUTCOMES = (  # by the loops' codes
-    Outcome.COMPLETED, Outcome.DIVERGED, Outcome.NOT_FINITE, Outcome.LEFT, Outcome.UNSETTLED,
-)  # fmt: skip
 
 
 def solve_fde(
@@ -279,7 +275,7 @@ def _solve(
                       PaperSchemeWarning, stacklevel=3)  # fmt: skip
     equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
     trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
-    trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, equation.gain(h), u, p))
+    trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, step_gain(h, q, time_scale), u, p))
     if trajectory.completed and grows_by_itself(trajectory):
         trajectory = replace(trajectory, outcome=Outcome.UNSTABLE)
     if times is None:
@@ -379,7 +375,7 @@ def _run(
     inputs, after = _at_jumps(equation, method)
     return Run(
         orders=equation.orders,
-        gain=equation.gain(step),
+        gain=step_gain(step, equation.orders, equation.time_scale),
         u=inputs,
         p=equation.parameters,
         past=past,
@@ -402,8 +398,9 @@ def _trajectory(
     states: FloatArray, how: int, equation: Equation, initial: InitialCondition, step: float, options: Options
 ) -> Trajectory:
     """What a loop has stored, from the start on."""
+    time = initial.time + np.arange(len(states), dtype=np.float64) * (step * options.every)
     return Trajectory(
-        initial.time + np.arange(len(states), dtype=np.float64) * (step * options.every), states, _OUTCOMES[how], step,
+        time, states, list(Outcome)[how], step,
         options.method, options.memory.name, equation.orders, initial.time - step * (len(initial.known) - 1),
     )  # fmt: skip
 
@@ -414,14 +411,12 @@ ALIKE = 8
 
 def _at_jumps(equation: Equation, method: Method) -> tuple[FloatArray, FloatArray]:
     """The inputs as a method takes them: just before each grid point, and just after it where they jump."""
-    before, after = equation.inputs, equation.after
+    before, after, none = equation.inputs, equation.after, np.empty((0, equation.inputs.shape[1]))
     if after is None:
-        return before, np.empty((0, before.shape[1]))
-    if method.at_a_jump == "after":
-        return after, np.empty((0, before.shape[1]))
+        return before, none
     mean = (before + after) / 2
-    if method.at_a_jump == "mean":
-        return mean, np.empty((0, before.shape[1]))
+    if method.at_a_jump != "both":
+        return after if method.at_a_jump == "after" else mean, none
     if np.any(equation.orders != 1):
         before, after = before.copy(), after.copy()
         before[1:ALIKE] = after[1:ALIKE] = mean[1:ALIKE]
