@@ -192,20 +192,6 @@ def _no_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def kept_lazily(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called, from Python or from compiled code, and keep that on disk.
-
-    Examples
-    --------
-    >>> @kept_lazily
-    ... def double(x):
-    ...     return 2 * x
-    >>> double(4.0)
-    8.0
-    """
-    return _with_cache(function, _OPTIONS)
-
-
 def _with_cache(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     dispatcher = nb.njit(**options)(function)
     if Path(function.__code__.co_filename).exists():

@@ -54,24 +54,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numba import types
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, when_called
-from fracid.solver.operators import gl_weights
-from fracid.solver.weights import (
-    Kernel,
-    Real,
-    Row,
-    Whole,
-    bdf_weights,
-    exact_kernel,
-    third_weights,
-    trapezoidal_weights,
-)
+from fracid.solver.weights import Kernel, Real, Row, Whole, exact_kernel, exact_weights
 
 EXACT_LAGS = 8
 """Lags that the compressed memory keeps exactly; 16 need two exponentials fewer, and take 3 % longer to step."""
@@ -94,41 +83,25 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
     """The weights of a family: `lags` exactly, the rest as exponentials within `tolerance`."""
     if q == 1.0 or steps <= WHOLE:
         return exact_kernel(family, q, steps)
-    if family == "gl":
-        w = gl_weights(q, lags + 1)
-        return Kernel(w, w, *_derivative_kernel(q, -sine_ratio(q), lags, steps, tolerance))
     if family == "pi3":
         return _third_kernel(q, lags, steps, tolerance)
-    if family == "bdf":
-        return _two_roots_kernel(q, max(lags, _bdf_lags(tolerance)), steps, tolerance)
-    return _integral(q, lags, steps, tolerance)
-
-
-def _integral(q: float, L: int, steps: int, tolerance: float) -> Kernel:
-    """The kernel of ``pi``."""
-    return Kernel(*trapezoidal_weights(q, L), *_integral_kernel(q, sine_ratio(1 - q), L, steps, tolerance))
+    if family == "bdf":  # the exponentials of the root at ζ = 1, after lags enough for that at 3
+        lags = max(lags, 8 * math.ceil(math.log(10 / tolerance) / math.log(3) / 8))
+    sine = -sine_ratio(q) if family == "gl" else sine_ratio(1 - q)
+    exponentials = _exponentials(("gl", "pi", "bdf").index(family), q, sine, lags, steps, tolerance)
+    kernel = Kernel(*exact_weights(family, q, lags), *exponentials)
+    return replace(kernel, start_shift=0.5) if family == "bdf" else kernel
 
 
 def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
-    pi = _integral(q, L - 1, steps + 1, tolerance)
+    pi = Kernel(*exact_weights("pi", q, L - 1), *_exponentials(PI, q, sine_ratio(1 - q), L - 1, steps + 1, tolerance))
     rise = -np.expm1(-np.log1p(pi.decay))  # 1 − 1/z
     share = 1 - (pi.decay - rise) / 12
     amplitude = pi.amplitude * (1 + pi.decay) * share
     amplitude[0] += pi.ramp
-    w, start = third_weights(q, L)
+    w, start = exact_weights("pi3", q, L)
     return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
-
-
-def _two_roots_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
-    """The exponentials of the root at ζ = 1, after lags enough for that at 3."""
-    kernel = Kernel(*bdf_weights(q, L), *_bdf_kernel(q, sine_ratio(1 - q), L, steps, tolerance))
-    return replace(kernel, start_shift=0.5)
-
-
-def _bdf_lags(tolerance: float) -> int:
-    """Lags after which the root at ζ = 3 is forgotten, a multiple of eight: 24 for 10⁻¹⁰."""
-    return 8 * math.ceil(math.log(10 / tolerance) / math.log(3) / 8)
 
 
 def sine_ratio(a: float) -> float:
@@ -275,42 +248,31 @@ def _next_root(c: FloatArray, roots: FloatArray, i: int) -> float:
     return x
 
 
-_modes = (Row, Row, Row)  # decay, amplitude and start ratio of a kernel
+GL, PI = 0, 1
+"""Families, as compiled code has them; the other is ``bdf``."""
 
 
-@when_called(types.Tuple(_modes)(Real, Real, Whole, Whole, Real))
-def _derivative_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[FloatArray, ...]:
-    """The exponentials of a ``gl`` kernel."""
-    s, omega, _ = _quadrature(1 + q, sine, L + 1 - 0.7 * q, steps, tolerance, False)
+@when_called(types.Tuple((Row, Row, Row, Real))(Whole, Real, Real, Whole, Whole, Real))
+def _exponentials(
+    family: int, q: float, sine: float, L: int, steps: int, tolerance: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Decay, amplitude and start ratio of the exponentials of a kernel, and their ramp."""
+    a, first = (1 + q, L + 1 - 0.7 * q) if family == GL else (1 - q, L + (0.7 if family == PI else 1.0))
+    s, omega, ramp = _quadrature(a, sine, first, steps, tolerance, family != GL and q > 1)
     decay, start = np.zeros(len(s)), np.zeros(len(s))
     for m in range(len(s)):
-        decay[m], start[m] = math.expm1(-s[m]), 1.0
-        slope = -decay[m] / s[m] if s[m] > 0 else 1.0
-        omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
-    return decay, omega, start
-
-
-@when_called(types.Tuple((*_modes, Real))(Real, Real, Whole, Whole, Real))
-def _integral_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
-    """The exponentials of a ``pi`` kernel, and their ramp."""
-    s, omega, ramp = _quadrature(1 - q, sine, L + 0.7, steps, tolerance, q > 1)
-    decay, start = np.zeros(len(s)), np.zeros(len(s))
-    for m in range(len(s)):
-        hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
-        decay[m], start[m] = math.expm1(-s[m]), _half_hat(s[m]) / hat
-        omega[m] *= hat * math.exp(-s[m] * (L + 1))
-    omega[0] -= ramp * (L + 1)
-    return decay, omega, start, -ramp
-
-
-@when_called(types.Tuple((*_modes, Real))(Real, Real, Whole, Whole, Real))
-def _bdf_kernel(q: float, sine: float, L: int, steps: int, tolerance: float) -> tuple[Any, ...]:
-    """The exponentials of a ``bdf`` kernel, and their ramp; the start's weights are half of those one lag earlier."""
-    s, omega, ramp = _quadrature(1 - q, sine, L + 1.0, steps, tolerance, q > 1)
-    decay, start = np.zeros(len(s)), np.zeros(len(s))
-    for m in range(len(s)):
-        smooth = math.expm1(s[m]) * (3 - math.exp(s[m])) / (2 * s[m]) if s[m] > 0 else 1.0
-        decay[m], start[m] = math.expm1(-s[m]), math.exp(s[m]) / 2
-        omega[m] *= smooth**-q * math.exp(-s[m] * (L + 1))
+        decay[m] = math.expm1(-s[m])
+        if family == GL:
+            start[m] = 1.0
+            slope = -decay[m] / s[m] if s[m] > 0 else 1.0
+            omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
+        elif family == PI:
+            hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
+            start[m] = _half_hat(s[m]) / hat
+            omega[m] *= hat * math.exp(-s[m] * (L + 1))
+        else:  # the start's weights are half of those one lag earlier
+            smooth = math.expm1(s[m]) * (3 - math.exp(s[m])) / (2 * s[m]) if s[m] > 0 else 1.0
+            start[m] = math.exp(s[m]) / 2
+            omega[m] *= smooth**-q * math.exp(-s[m] * (L + 1))
     omega[0] -= ramp * (L + 1)
     return decay, omega, start, -ramp

@@ -151,11 +151,7 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
     if not (isinstance(lags, int | np.integer) and EXACT_LAGS <= lags <= WHOLE):
         raise InputError(SAYS("lags", lags=lags, EXACT_LAGS=EXACT_LAGS, WHOLE=WHOLE))
     name = f"compressed({tolerance:g})" if lags == EXACT_LAGS else f"compressed({tolerance:g}, lags={lags})"
-    return Memory(name, partial(_compressed_kernel, tolerance=float(tolerance), lags=int(lags)))
-
-
-def _compressed_kernel(family: str, order: float, steps: int, tolerance: float, lags: int) -> Kernel:
-    return compressed_kernel(family, order, steps, tolerance, lags)
+    return Memory(name, partial(compressed_kernel, tolerance=float(tolerance), lags=int(lags)))
 
 
 def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:

@@ -73,7 +73,7 @@ from scipy.special import binom, gamma, rgamma
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import evaluate, when_called
 from fracid.solver.loop_arguments import Run
-from fracid.solver.weights import bdf_series, bdf_weights, third_weights, trapezoidal_weights, zeta
+from fracid.solver.weights import bdf_series, bdf_weights, exact_weights, third_weights, trapezoidal_weights, zeta
 
 PI, PI3, BDF = "pi", "pi3", "bdf"
 """The families of weights that are corrected: those of ``pi2``, ``pi3`` and ``bdf2``."""
@@ -179,7 +179,7 @@ def _starting_weights(family: str, q: float, E: FloatArray, fit: FloatArray) -> 
     """M of one order, exact for the powers, shape (s + 1, s + 1)."""
     s = fit.shape[1] - 1
     M = np.zeros((s + 1, s + 1))
-    w, start = {PI: trapezoidal_weights, PI3: third_weights, BDF: bdf_weights}[family](q, s)
+    w, start = exact_weights(family, q, s)
     for n in range(1, s + 1):
         rows = slice(None)
         if family == PI3 and n <= 2:  # a parabola through the first three needs no correction of its own

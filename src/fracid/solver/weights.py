@@ -27,13 +27,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import kept_lazily
+from fracid.solver.compilation import when_called
 from fracid.solver.operators import gl_weights
 
 
@@ -90,42 +91,37 @@ class Kernel:
 # --- exact weights ---------------------------------------------------------------------------------
 
 
+AT_ORDER_1 = {
+    "pi": (np.array([0.5, 1.0]), np.array([0.0, 0.5])),  # the trapezoidal rule
+    "pi3": (np.array([9, 28, 23, 24]) / 24, np.array([0, 15, 11, 12]) / 24),  # Adams and Moulton's of fourth order
+}
+"""Weights, and those of the start, of families that are running sums at order 1, after these lags."""
+
+
 def exact_kernel(family: str, order: float, steps: int) -> Kernel:
     """All weights of a family, exactly."""
-    if family == "pi3":
-        return _exact_third(order, steps)
-    if family == "bdf":
-        return _exact_bdf(order, steps)
-    if order == 1.0 and family == "pi":  # a running sum: the trapezoidal rule, no memory
-        return Kernel(np.array([0.5, 1.0]), np.array([0.0, 0.5]), np.zeros(1), np.ones(1), np.full(1, 0.5))
-    if order == 1.0:  # a backward difference
+    if order != 1.0:
+        return Kernel(*exact_weights(family, order, steps), *np.empty((3, 0)))
+    if family == "gl":  # a backward difference
         return Kernel(np.array([1.0, -1.0]), np.array([1.0, -1.0]), *np.empty((3, 0)))
+    w, start = AT_ORDER_1.get(family) or bdf_weights(order, 40)  # 1 − 3^(−k−1), a running sum from k = 40 on
+    return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+
+
+def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatArray]:
+    """w_k and those of the start, for k = 0 … steps."""
     if family == "gl":
-        w = gl_weights(order, steps + 1)
-        return Kernel(w, w, *np.empty((3, 0)))
-    return Kernel(*trapezoidal_weights(order, steps), *np.empty((3, 0)))
-
-
-def _exact_third(q: float, steps: int) -> Kernel:
-    if q == 1.0:  # Adams and Moulton's fourth-order weights, summed; the running sum after three lags
-        w, start = np.array([9, 28, 23, 24]) / 24, np.array([0, 15, 11, 12]) / 24
-        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
-    return Kernel(*third_weights(q, steps), *np.empty((3, 0)))
-
-
-def _exact_bdf(q: float, steps: int) -> Kernel:
-    if q == 1.0:  # w_k = 1 − 3^(−k−1), a running sum from k = 40 on
-        w, start = bdf_weights(q, 40)
-        return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
-    w, start = bdf_weights(q, steps)
-    return Kernel(w, start, *np.empty((3, 0)))
+        return (w := gl_weights(q, steps + 1)), w
+    of: Any = {"pi": trapezoidal_weights, "pi3": third_weights, "bdf": bdf_weights}[family]
+    weights: tuple[FloatArray, FloatArray] = of(q, steps)
+    return weights
 
 
 # What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
 Real, Whole, Row = types.float64, types.int64, types.float64[::1]
 
 
-@kept_lazily
+@when_called(types.Tuple((Row, Row))(Real, Whole))
 def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
