@@ -32,7 +32,7 @@ def test_an_empty_batch_has_no_runs():
     [
         ([{"orders": 0.5}, {"orders": 2.5}], {}, r"Run 1: orders\[0\] = 2.5"),
         ([{"orders": 0.5, "colour": 3}], {}, "Run 0: .*colour"),
-        ([{"orders": 0.5}], {"jobs": 0}, "jobs = 0: give a whole number"),
+        ([{"orders": 0.5}], {"jobs": 0}, "jobs = 0; expected a whole number, 1 or more"),
     ],
 )
 def test_a_wrong_run_is_told_with_its_number(runs, options, message):

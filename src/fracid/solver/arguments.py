@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
-from fracid.errors import InputError, brief, unknown_name
+from fracid.errors import InputError, at_least, brief, unknown_name
 from fracid.findings import Words
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory, memory_from_name
@@ -90,11 +90,6 @@ class Equation:
     """States of order 1 with f = c − a x; ``rhs`` writes a behind f, at ``out[n_states + i]``, where there is room."""
     after: FloatArray | None = None
     """u just after each grid point where it jumps, `inputs` being just before it, of their shape; None for no jumps."""
-
-    def gain(self, step: float) -> FloatArray:
-        """h^q τ₀^(1−q): what f weighs in one step, shape (n_states,)."""
-        gain: FloatArray = step**self.orders * self.time_scale ** (1 - self.orders)
-        return gain
 
 
 @dataclass(frozen=True)
@@ -195,9 +190,7 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
         raise InputError(f"end = {end!r}: the end must be a number of seconds after the start, {start:g}.")
     duration = end - start
     if not duration / step < MOST_STEPS:
-        raise InputError(
-            f"step = {step:g} from {start:g} to {end:g} makes {duration / step:.3g} steps; give a longer one."
-        )
+        raise InputError(SAYS("too-many-steps", step=step, start=start, end=end, steps=duration / step))
     steps = max(1, round(duration / step))
     if abs(steps * step - duration) <= 1e-6 * step * max(1.0, 1e-6 * steps):
         return step, steps
@@ -281,11 +274,7 @@ def check_driven(
     if isinstance(inputs, Driven):
         before, after = (check_inputs(side, steps, count) for side in inputs)
         return before, Driven(before, after).jumps
-    return check_between(between, check_inputs(inputs, steps, count))
-
-
-def check_between(between: str, u: FloatArray) -> tuple[FloatArray, FloatArray | None]:
-    """The inputs just before and just after each grid point; None for those after it where they do not jump."""
+    u = check_inputs(inputs, steps, count)
     if between not in BETWEEN:
         raise unknown_name("value of between", between, BETWEEN)
     if between == "line" or len(u) == 1:
@@ -296,16 +285,13 @@ def check_between(between: str, u: FloatArray) -> tuple[FloatArray, FloatArray |
 
 def check_options(arguments: Arguments, bounds: FloatArray | None) -> Options:
     """Method, memory and what is stored."""
-    method, corrections, every = arguments.method, arguments.corrections, arguments.every
+    method = arguments.method
     for name in ("tolerance", "limit"):
         value = getattr(arguments, name)
         if not _number(name, value, expected := "a number above 0") > 0:
             raise InputError(f"{name} = {value!r}: expected {expected}.")
     if method not in METHODS:
         raise InputError(f"There is no method {method!r}; type one of {', '.join(METHODS)}.")
-    if not (isinstance(corrections, int | np.integer) and corrections >= 1):
-        raise InputError(f"corrections = {corrections!r}: give a whole number of at least 1.")
+    corrections, every = (at_least(n, getattr(arguments, n), 1) for n in ("corrections", "every"))
     memory = memory_from_name(arguments.memory, arguments.tolerance)
-    if not (isinstance(every, int | np.integer) and every >= 1):
-        raise InputError(f"every = {every!r}: give a whole number of at least 1.")
     return Options(method, memory, corrections, arguments.corrected, every, arguments.limit, bounds)

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import InputError
+from fracid.errors import InputError, at_least
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory, vector
@@ -78,9 +78,7 @@ def solve_fde_batch(
 
 def _on_threads(work: Callable[[Any], Any], items: Sequence[Any], jobs: int | None) -> list[Any]:
     """Map over items, in their order; the first goes alone, so that it compiles for all."""
-    if jobs is not None and not (isinstance(jobs, int | np.integer) and jobs >= 1):
-        raise InputError(f"jobs = {jobs!r}: give a whole number of threads, 1 or more.")
-    threads = min(jobs or os.cpu_count() or 1, len(items))
+    threads = min((os.cpu_count() or 1) if jobs is None else at_least("jobs", jobs, 1), len(items))
     if threads <= 1:
         return [work(item) for item in items]
     first = work(items[0])
@@ -161,17 +159,15 @@ def sensitivities(
             runs.append({"initial": moving, kind: values})
     common = {"orders": q, "initial": x0, "parameters": p, "tolerance": tolerance, **options}
     run, *neighbours = solve_fde_batch(rhs, runs, jobs=jobs, **common)
-    for (kind, i), near in zip(np.repeat(np.array(points, object), len(STENCIL), 0), neighbours, strict=True):
-        if len(near.time) < len(run.time):
-            raise InputError(f"Beside this run, with another value of {kind}[{i}], one ends early: "
-                             f"{near.outcome.value}. It has no derivative; "
-                             f"end it before t = {near.time[-1]:g}.")  # fmt: skip
     slopes: dict[str, list[FloatArray]] = {"orders": [], "parameters": [], "initial": []}
     for k, (kind, i) in enumerate(points):
-        beside = neighbours[k * len(STENCIL) : (k + 1) * len(STENCIL)]
-        difference = sum(
-            weight * near.states[: len(run.time)] for weight, near in zip(STENCIL.values(), beside, strict=True)
-        )
+        difference: Any = 0.0
+        for weight, near in zip(STENCIL.values(), neighbours[k * len(STENCIL) :], strict=False):
+            if len(near.time) < len(run.time):
+                raise InputError(f"Beside this run, with another value of {kind}[{i}], one ends early: "
+                                 f"{near.outcome.value}. It has no derivative; "
+                                 f"end it before t = {near.time[-1]:g}.")  # fmt: skip
+            difference = difference + weight * near.states[: len(run.time)]
         slopes[kind].append(difference / steps[kind][i])
     empty = np.empty((*run.states.shape, 0))
     return Sensitivities(run, *(np.stack(s, axis=-1) if s else empty for s in slopes.values()))

@@ -234,18 +234,10 @@ def _causal_sum(kernels: FloatArray, signals: FloatArray) -> FloatArray:
 # Riemann–Liouville and Caputo, of the spline through the samples; in units of the step.
 
 
-def _caputo(values: FloatArray, order: float) -> FloatArray:
-    return _of_spline(values, order, start_terms=0 if order > 0 else 1)
-
-
-def _riemann_liouville(values: FloatArray, order: float) -> FloatArray:
-    return _of_spline(values, order, start_terms=max(math.ceil(order), 1))
-
-
 _KINDS: dict[str, Callable[[FloatArray, float], FloatArray]] = {
-    "caputo": _caputo,
+    "caputo": lambda values, order: _of_spline(values, order, 0 if order > 0 else 1),
     "gl": _grunwald_letnikov,
-    "rl": _riemann_liouville,
+    "rl": lambda values, order: _of_spline(values, order, max(math.ceil(order), 1)),
 }
 
 

@@ -66,14 +66,12 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
-from fracid.solver.trajectory import Trajectory
+from fracid.solver.trajectory import Trajectory, vector
 
 SAYS = Words("solver/reduction.toml")
 
 SAME = 1e-9
 """Orders nearer to each other, or to a whole number, are the same: 0.1 + 0.2 is 0.3."""
-
-FORMS = ("chain", "star")
 
 HIGHEST = -1
 """As a state's driver: g, the highest derivative, which is no state itself."""
@@ -171,10 +169,10 @@ def multi_term(
     array([3., 0.])
     """
     a = _increasing(orders)
-    nodes, drivers = _drivers(a, _form(form))
+    nodes, drivers = _drivers(a, form)
     columns = tuple(nodes.index(order) for order in a[:-1])
     rhs = _driven(_jitable(g, "g", "(t, d, u, p)", 4), columns, drivers)
-    return _system(rhs, a, nodes, drivers, initial, _numbers("parameters", parameters))
+    return _system(rhs, a, nodes, drivers, initial, vector("parameters", parameters))
 
 
 def linear_multi_term(
@@ -227,7 +225,7 @@ def linear_multi_term(
     3.000000000
     """
     a, c = _terms(coefficients)
-    nodes, drivers = _drivers(a, _form(form))
+    nodes, drivers = _drivers(a, form)
     highest = np.zeros(len(nodes) + 1)  # D^{a_m} y = highest · (x, f)
     for order, coefficient in zip(a[:-1], c[:-1], strict=True):
         highest[nodes.index(order)] = -coefficient / c[-1]
@@ -236,7 +234,7 @@ def linear_multi_term(
     rows = np.array([highest if driver == HIGHEST else one[driver] for driver in drivers])
     A, b = rows[:, :-1], rows[:, -1]
     rhs, load = _forcing(forcing)
-    values = _numbers("parameters", parameters)
+    values = vector("parameters", parameters)
     return _system(rhs, a, nodes, drivers, initial, np.concatenate([A.ravel(), *([b, values] if load else [])]))
 
 
@@ -269,45 +267,37 @@ def linear_system(A: ArrayLike, B: ArrayLike | None = None, *, orders: ArrayLike
     >>> run.states.shape
     (2001, 2)
     """
-    a = _numbers("A", A)
+    a = vector("A", A)
     if a.ndim != 2 or a.shape[0] != a.shape[1]:
         raise InputError(f"A has the shape {a.shape}; expected a square matrix, a row and a column for each state.")
-    b = np.zeros((len(a), 0)) if B is None else _numbers("B", B)
+    b = np.zeros((len(a), 0)) if B is None else vector("B", B)
     if b.ndim > 2 or len(b) != len(a):
         raise InputError(f"B has the shape {b.shape}; expected ({len(a)}, n_inputs), a row for each state of A.")
     matrices = np.concatenate([a.ravel(), b.ravel()])
-    return System(_linear, _numbers("orders", orders), _numbers("initial", initial), matrices)
+    return System(_linear, vector("orders", orders), vector("initial", initial), matrices)
 
 
 # --- which state is integrated from which ----------------------------------------------------------------
 
 
-def _chain(a: float, a_m: float, orders: set[float]) -> float:
-    """The nearest derivative above a that is named and composes; else the next whole one."""
-    above = min({b for b in orders if b > a} | {a_m})
+def _driver(form: str, a: float, a_m: float, orders: set[float]) -> float:
+    """The nearest derivative above a that is named, or the highest, where it composes; else the next whole one."""
+    above = min({b for b in orders if b > a} | {a_m}) if form == "chain" else a_m
     if a.is_integer():
         return above if above - a < 2 else a + 1
     return min(above, float(math.ceil(a)))
 
 
-def _star(a: float, a_m: float, orders: set[float]) -> float:  # noqa: ARG001 (of one signature with _chain)
-    """The highest derivative where it composes, else the next whole one."""
-    if a.is_integer():
-        return a_m if a_m - a < 2 else a + 1
-    return min(a_m, float(math.ceil(a)))
-
-
-_DRIVER = {"chain": _chain, "star": _star}
-
-
 def _drivers(a: tuple[float, ...], form: str) -> tuple[list[float], tuple[int, ...]]:
     """The derivatives that are states, increasing, and which of them, or :data:`HIGHEST`, each is integrated from."""
+    if form not in ("chain", "star"):
+        raise InputError(f"There is no form {form!r}; type 'chain' or 'star'.")
     a_m, orders = a[-1], {0.0, *a[:-1]}
     driver: dict[float, float] = {}
     worklist = set(orders)
     while worklist:
         order = worklist.pop()
-        driver[order] = _DRIVER[form](order, a_m, orders)
+        driver[order] = _driver(form, order, a_m, orders)
         worklist |= {driver[order]} - {*driver, a_m}
     nodes = sorted(driver)
     return nodes, tuple(HIGHEST if driver[n] == a_m else nodes.index(driver[n]) for n in nodes)
@@ -413,27 +403,15 @@ def _jitable(function: Any, what: str, takes: str, count: int) -> Any:
     return _registered(function)
 
 
-@cache  # Numba keeps what is registered for good, and twice would be ambiguous
-def _registered(function: Any) -> Any:
-    return register_jitable(function)
+_registered = cache(register_jitable)  # Numba keeps what is registered for good, and twice would be ambiguous
 
 
 # --- arguments ---------------------------------------------------------------------------------------------
 
 
-def _numbers(name: str, values: Any) -> FloatArray:
-    try:
-        numbers = np.array(values, dtype=np.float64, ndmin=1)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {values!r}: expected numbers.") from None
-    if not np.all(np.isfinite(numbers)):
-        raise InputError(f"{name} = {values!r}: every value must be a finite number.")
-    return numbers
-
-
 def _increasing(orders: Any) -> tuple[float, ...]:
     """The orders, rounded to a whole number where they are one but for rounding."""
-    values = _numbers("orders", orders)
+    values = vector("orders", orders)
     if values.ndim != 1 or len(values) == 0:
         raise InputError(SAYS("orders", orders=orders))
     a = tuple(float(round(v)) if abs(v - round(v)) < SAME else float(v) for v in values)
@@ -454,8 +432,8 @@ def _terms(coefficients: Any) -> tuple[tuple[float, ...], FloatArray]:
     """Orders, increasing, and their coefficients."""
     if not isinstance(coefficients, Mapping) or not coefficients:
         raise InputError(SAYS("coefficients", coefficients=coefficients))
-    keys = _numbers("the orders in coefficients", list(coefficients))
-    values = _numbers("coefficients", list(coefficients.values()))
+    keys = vector("the orders in coefficients", list(coefficients))
+    values = vector("coefficients", list(coefficients.values()))
     by_order = np.argsort(keys)
     a, c = _increasing(keys[by_order].tolist()), values[by_order]
     if c[-1] == 0:
@@ -464,14 +442,8 @@ def _terms(coefficients: Any) -> tuple[tuple[float, ...], FloatArray]:
 
 
 def _initial(initial: ArrayLike, a_m: float) -> FloatArray:
-    y0, count = _numbers("initial", initial), math.ceil(a_m)
+    y0, count = vector("initial", initial), math.ceil(a_m)
     if y0.shape != (count,):
         names = ", ".join(["y(0)", "y'(0)", "y''(0)", *(f"y^({k})(0)" for k in range(3, count))][:count])
         raise InputError(SAYS("initial-shape", y0=y0, a_m=a_m, count=count, s="s" * (count > 1), names=names))
     return y0
-
-
-def _form(form: str) -> str:
-    if form not in FORMS:
-        raise InputError(f"There is no form {form!r}; type 'chain' or 'star'.")
-    return form

@@ -288,9 +288,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
             return
         if "read-only" in str(error):
             raise InputError(f"The right-hand side {name_of(function)} changes {CHANGED}") from None
-        raise InputError(
-            f"The right-hand side {name_of(function)} does not fit its arguments: {error}. Here {sizes}."
-        ) from None
+        raise InputError(SAYS("does-not-fit", function=name_of(function), error=error, sizes=sizes)) from None
     except Exception as error:
         raise InputError(SAYS("fails", function=name_of(function), kind=type(error).__name__, error=error,
                               sizes=sizes)) from None  # fmt: skip

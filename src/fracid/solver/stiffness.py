@@ -230,7 +230,7 @@ def _parts(scaled: FloatArray, orders: FloatArray, steps: int) -> float:
 def _unstable(scaled: FloatArray, orders: FloatArray, steps: int) -> bool:
     """Tell whether ``pi2`` has more growing modes than the equations D^q δ = Jδ, `scaled` being gJ."""
     rate = min(GROWTH / max(1, steps), 0.5)
-    of_equation = _growing(_of_equation, math.inf, rate / 2, scaled, orders)
+    of_equation = _growing(lambda s, q: s**-q, math.inf, rate / 2, scaled, orders)
     return _growing(_of_scheme, math.pi, rate, scaled, orders) > of_equation
 
 
@@ -249,11 +249,6 @@ def _growing(
     rows = np.stack([of[q] for q in orders.tolist()], axis=1)
     argument = np.unwrap(np.angle(np.linalg.slogdet(np.eye(len(orders)) - rows[:, :, None] * scaled).sign))
     return round(float(argument[0] - argument[-1]) / math.pi)  # the lower half is its mirror image
-
-
-def _of_equation(s: NDArray[np.complex128], q: float) -> NDArray[np.complex128]:
-    """s^(−q)."""
-    return np.asarray(s**-q)
 
 
 def _of_scheme(s: NDArray[np.complex128], q: float) -> NDArray[np.complex128]:
