@@ -131,9 +131,8 @@ class Arrowhead:
             T = _triangle(part)
             R[k, : len(T[:p_k]), :p_k], R[k, : len(T[:p_k]), p:] = T[:p_k, :p_k], T[:p_k, p_k:]
             left.append(T[p_k:, p_k:])
-        return cls(
-            blocks, R[..., :p], R[..., p : p + s], R[..., -1], triangle([np.concatenate([np.zeros((1, s + 1)), *left])])
-        )
+        rest = triangle([np.concatenate([np.zeros((1, s + 1)), *left])])
+        return cls(blocks, R[..., :p], R[..., p : p + s], R[..., -1], rest)
 
     @cached_property
     def gradient(self) -> FloatArray:
@@ -170,9 +169,8 @@ class Arrowhead:
         d_own, d_shared = self._apart(np.where(held, 1.0, damping))
         K, p, s = self.shared.shape
         d_own[self.blocks.own < 0] = 1.0
-        above = np.concatenate(
-            [self.own * (1 - held_own)[:, None], self.shared * (1 - held_shared), self.rhs[..., None]], 2
-        )
+        own, shared = self.own * (1 - held_own)[:, None], self.shared * (1 - held_shared)
+        above = np.concatenate([own, shared, self.rhs[..., None]], 2)
         below = np.zeros((K, p, p + s + 1))
         below[:, np.arange(p), np.arange(p)] = d_own
         R = np.asarray(np.linalg.qr(np.concatenate([above, below], axis=1), mode="r"))

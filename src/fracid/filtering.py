@@ -134,11 +134,8 @@ class StateObserver:
         """
         states, k, every = len(self.model.states), len(self.slow), self.substeps
         y = np.asarray(measured, dtype=np.float64).reshape(-1, len(self.sensors))
-        u = (
-            np.zeros((1, max(1, len(self.model.inputs))))
-            if inputs is None or not np.size(inputs)
-            else np.asarray(inputs)
-        )
+        given = inputs is not None and np.size(inputs)
+        u = np.asarray(inputs) if given else np.zeros((1, max(1, len(self.model.inputs))))
         between = every if self.steps else 1  # steps before the first of these samples
         rows = np.full((every * (len(y) - 1) + between, y.shape[1]), np.nan)
         rows[between - 1 :: every] = y
@@ -360,9 +357,8 @@ class _Made:
             value = self.observer(math.exp(log_drive)).run(y, u).minus_log_likelihood
             return value if math.isfinite(value) else 1e300
 
-        return math.exp(
-            float(minimize_scalar(surprise, bounds=(-14.0, 3.0), method="bounded", options={"xatol": 0.1}).x)
-        )
+        found = minimize_scalar(surprise, bounds=(-14.0, 3.0), method="bounded", options={"xatol": 0.1})
+        return math.exp(float(found.x))
 
     def look_for_what_is_unseen(self) -> None:
         """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""

@@ -69,17 +69,11 @@ def pid(
     block = np.zeros((len(F) + 1, len(F) + 1))
     block[:-1, :-1], block[:-1, -1:] = F, G
     held = expm(period * block)
-    A, B, C, D, E = (
-        held[:-1, :-1],
-        np.zeros((len(F), outputs)),
-        -H[None],
-        np.zeros((1, outputs)),
-        -held[:-1, -1:] / straight,
-    )
-    D[0, place] = -straight
+    B, C, D, E = np.zeros((len(F), outputs)), -H[None], np.zeros((1, outputs)), -held[:-1, -1:] / straight
+    A, D[0, place] = held[:-1, :-1] - E @ C, -straight
     weights = {"Kp": proportional, "Ki": integral, "Kd": derivative}
     weights |= {"lambda": orders[0], "mu": orders[1]} if kind == "FOPID" else {}
-    return Controller(kind, weights, period, (A - E @ C).tolist(), B.tolist(), C.tolist(), D.tolist(), E.tolist())
+    return Controller(kind, weights, period, A.tolist(), B.tolist(), C.tolist(), D.tolist(), E.tolist())
 
 
 def both(
@@ -105,9 +99,8 @@ def both(
         return pid((first, second, third), orders, period, place, outputs, kind)
 
     def refined(z: FloatArray, bounds: tuple[float, float], *fractional: Any) -> Any:
-        return minimize(
-            lambda z: judge(make(z, *fractional), *bounds), z, method="Nelder-Mead", options={"maxfev": TRIES}
-        )
+        return minimize(lambda z: judge(make(z, *fractional), *bounds), z, method="Nelder-Mead",
+                        options={"maxfev": TRIES})  # fmt: skip
 
     rough = differential_evolution(lambda z: judge(make(z), np.inf, 0.0), RANGES, maxiter=GENERATIONS, popsize=PEOPLE,
                                    rng=seed, polish=False)  # fmt: skip

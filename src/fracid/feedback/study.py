@@ -429,7 +429,8 @@ class Plan:
         total = (len(self.designs) - 1) * first + len(self.points)
         trials = self._tried(self.designs, range(first), Part("trials", 0, total), how)
         tried = tuple(_design(self.loop, d, t) for d, t in zip(self.designs, trials, strict=True))
-        best = max(range(len(tried)), key=lambda i: (tried[i].held, -_time_up(trials[i]), tried[i].distance))
+        up = [float(np.median([t.up for t in some if t.holds] or [0.0])) for some in trials]
+        best = max(range(len(tried)), key=lambda i: (tried[i].held, -up[i], tried[i].distance))
         if not tried[best].held and self.designs[0].swing:
             raise InputError(_not_up(self.loop, self.designs, first, self.seed))
         if not tried[best].held:
@@ -437,10 +438,16 @@ class Plan:
             off = ", ".join(f"{n} {with_unit(v, c.units[n])}" for n, v in c.off.items())
             raise InputError(SAYS("none-holds", count=len(tried), c=c, first=first, off=off,
                                   most=with_unit(c.most, c.unit), late=late))  # fmt: skip
-        done = len(self.designs) * first
-        (more,) = self._tried([self.designs[best]], range(first, len(self.points)), Part("trials", done, total), how)
-        notes = (*_notes(self.loop), *_compared(tried, trials), *_counted(self.loop, self.designs[best], self.seed))
-        return _judged(self.loop, self.designs[best], [*trials[best], *more], tried, self.points, self.seed, notes)
+        done, chosen = len(self.designs) * first, self.designs[best]
+        (more,) = self._tried([chosen], range(first, len(self.points)), Part("trials", done, total), how)
+        notes = (*_notes(self.loop), *_compared(tried, trials), *_counted(self.loop, chosen, self.seed))
+        judged = (*trials[best], *more)
+        worst = min(range(len(judged)), key=lambda k: _far(judged[k]))
+        return Control(
+            self.loop.problem.model.name, c, _design(self.loop, chosen, judged), tried, judged,
+            self.loop.problem.named(self.points[worst]), worst, self.seed,
+            binomial95(sum(t.holds for t in judged), len(judged)), notes, self.loop,
+        )  # fmt: skip
 
     def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:
         """Of each design its trials."""
@@ -460,10 +467,7 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
     most = min(c.most - c.at_rest, c.at_rest - c.least)
     if most <= 0:
         raise InputError(SAYS("at-rest", c=c, needed=with_unit(c.at_rest, c.unit), most=with_unit(c.most, c.unit)))
-    return [
-        regulator(loop.fitted, c.period, allowed, most, noise, *weights)
-        for weights in itertools.product(*WEIGHTS.values())
-    ]
+    return [regulator(loop.fitted, c.period, allowed, most, noise, *w) for w in itertools.product(*WEIGHTS.values())]
 
 
 def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
@@ -543,10 +547,9 @@ def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Ite
     """What a FOPID brings beside a PID of the same effort."""
     kinds = {d.controller.kind: t for d, t in zip(tried, trials, strict=True)}
     if set(kinds) == {"PID", "FOPID"}:
-        (error, effort), (other, more) = (
-            np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID")
-        )
-        yield SAYS("fopid", error=other / error, effort=more / effort)
+        whole, part = (np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID"))
+        error, effort = part / whole
+        yield SAYS("fopid", error=error, effort=effort)
 
 
 def _counted(loop: ClosedLoop, controller: Controller, seed: int) -> Iterator[str]:
@@ -559,33 +562,15 @@ def _counted(loop: ClosedLoop, controller: Controller, seed: int) -> Iterator[st
         yield SAYS("swings", count=turns + 1, swings="swing" if not turns else "swings", up=up)
 
 
-def _time_up(trials: Sequence[Trial]) -> float:
-    """Median, of those that hold."""
-    return float(np.median([t.up for t in trials if t.holds] or [0.0]))
+def _far(trial: Trial) -> tuple[bool, float, float, float]:
+    """From falling, and then from instability."""
+    return trial.holds, trial.until, -trial.up, trial.distance
 
 
-def _design(loop: ClosedLoop, controller: Controller, trials: list[Trial]) -> Design:
+def _design(loop: ClosedLoop, controller: Controller, trials: Sequence[Trial]) -> Design:
     held = sum(t.holds for t in trials)
     gain, phase, distance = margins(loop.fitted, controller)
     return Design(controller, len(trials), held, json_number(gain), phase, distance)
-
-
-def _judged(
-    loop: ClosedLoop,
-    controller: Controller,
-    trials: list[Trial],
-    tried: tuple[Design, ...],
-    points: FloatArray,
-    seed: int,
-    notes: tuple[str, ...],
-) -> Control:
-    worst = min(range(len(trials)), key=lambda k: (trials[k].holds, trials[k].until, -trials[k].up, trials[k].distance))
-    values = loop.problem.named(points[worst])
-    return Control(
-        loop.problem.model.name, loop.conditions, _design(loop, controller, trials), tried,
-        tuple(trials), values, worst, seed, binomial95(sum(t.holds for t in trials), len(trials)),
-        notes, loop,
-    )  # fmt: skip
 
 
 def _notes(loop: ClosedLoop) -> list[str]:

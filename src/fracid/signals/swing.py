@@ -192,9 +192,8 @@ def quickening(alpha: FloatArray, floor: float) -> float:
         return 0.0
     size = np.abs(extremes)
     swings = (size < math.pi) & (np.diff(crossings) > 0)  # what goes over the top has no period
-    omega = (2 * ellipk(np.sin(0.5 * size) ** 2) / np.maximum(np.diff(crossings), 1.0))[swings][
-        np.argsort(size[swings])
-    ]
+    omega = 2 * ellipk(np.sin(0.5 * size) ** 2) / np.maximum(np.diff(crossings), 1.0)
+    omega = omega[swings][np.argsort(size[swings])]
     if len(omega) < 4 * FEWEST - 1:
         return 0.0
     small, large = omega[: len(omega) // 4], omega[-(len(omega) // 4) :]
@@ -264,11 +263,8 @@ def tail(signal: FloatArray) -> tuple[float, float, bool]:
         return math.nan, math.nan, False
     end = x[-max(2, x.size // 20) :]
     motion = float(np.ptp(end))
-    return (
-        float(np.mean(end)),
-        motion,
-        motion <= max(0.01 * float(np.ptp(x)), 3 * (resolution(x) or 0.0) * (1 + 1e-9)),
-    )
+    still = max(0.01 * float(np.ptp(x)), 3 * (resolution(x) or 0.0) * (1 + 1e-9))
+    return float(np.mean(end)), motion, motion <= still
 
 
 LATE_SWINGS = 2

@@ -122,10 +122,8 @@ def _held(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray
 
 def _curved(u: FloatArray, places: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """The line nearest to a band-limited input over each step, by Gauss's rule of four points."""
-    curve, (nodes, weights) = (
-        _reconstructed(np.ascontiguousarray(u, dtype=np.float64).tobytes()),
-        np.polynomial.legendre.leggauss(4),
-    )
+    curve = _reconstructed(np.ascontiguousarray(u, dtype=np.float64).tobytes())
+    nodes, weights = np.polynomial.legendre.leggauss(4)
     middles = places[:-1] + spacing / 2
     values = [curve(np.clip(middles + spacing / 2 * s, 0.0, len(u) - 1.0)) for s in nodes]
     mean = sum(w / 2 * v for w, v in zip(weights, values, strict=True))
