@@ -62,7 +62,7 @@ def reversal(period: float, turns: Sequence[float]) -> tuple[FloatArray, FloatAr
 
 def bristle(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
     """The right-hand side of a presliding joint whose rate is the input."""
-    presliding(x, out, 0, u[0], p[0], p[1], p[2], p[3], p[4])
+    presliding(x, out, 0, u[0], p[0], p[1], p[2], p[3])
 
 
 def fading(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
@@ -82,7 +82,7 @@ def driven(rhs: RightHandSide, order: float, rate: FloatArray, step: float, para
 def giving_torque(turns: Sequence[float], s: float) -> tuple[FloatArray, FloatArray]:
     """Angle [rad] and torque [N m] of presliding friction like the arm's, moved slowly."""
     time, angle, rate = reversal(20.0, turns)
-    p = [ARM["f"], s, ARM["v_st"], ARM["delta"], 0.0]
+    p = [ARM["f"], s, ARM["v_st"], ARM["delta"]]
     z, out = driven(bristle, 1.0, rate, time[1], p), np.zeros(1)
     return angle, np.array([presliding(z[[k]], out, 0, rate[k], *p) for k in range(z.size)])
 

@@ -221,7 +221,7 @@ def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
 
 def test_a_presliding_joint_of_ones_own_needs_to_say_nothing_of_itself():
     def rhs(t, x, u, p, out):
-        friction = presliding(x, out, 2, x[1], p[0], 0.0, 1.0, p[1], 0.0)
+        friction = presliding(x, out, 2, x[1], p[0], 0.0, 1.0, p[1])
         out[0], out[1] = x[1], -friction - x[0]
 
     parameters = (Parameter("f", "N", 0.01, "friction"), Parameter("delta", "m", 1e-4, "what it gives", lower=1e-9))

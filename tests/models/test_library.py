@@ -52,8 +52,8 @@ def joint(x, u, p):
     pull = (p["gravity"] + p["mass"] * 9.80665 * p["length"]) * math.sin(angle + bend - p["angle_rest"] - p["level"])
     load = abs((p["load_angle"] + p["load_directional_angle"]) * drive + p["load_angle"] * pull)
     out, f, s = np.zeros(1), p["coulomb_angle"] + load, p["stiction_angle"]
-    dry = presliding(np.array([z]), out, 0, rate, f, s, p["stribeck_speed_angle"], p["presliding_angle"],
-                     p["presliding_damping_angle"])  # fmt: skip
+    dry = presliding(np.array([z]), out, 0, rate, f, s, p["stribeck_speed_angle"], p["presliding_angle"])
+    dry += p["presliding_damping_angle"] * out[0]
     turn = angle - p["angle_rest"]
     shaft = p["elastic_angle"] * bend + p["elastic_damping_angle"] * bend_rate
     link = max(p["mass"] * p["length"] ** 2, p["J"] / 4)

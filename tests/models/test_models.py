@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from fracid.errors import InputError
 from fracid.models import (
     RIGS,
+    Geometry,
     Model,
     Parameter,
     lumped_constants,
@@ -47,11 +48,12 @@ def random_geometry(rng):
 
 def lumped(geometry):
     """The same rig by (2)-(7)."""
-    return lumped_constants(
+    rig = Geometry(
         pendulum_mass=geometry["m2"], pendulum_com=geometry["l2c"], arm_length=geometry["l1"],
         arm_inertia=geometry["J1"] + geometry["m1"] * geometry["l1c"] ** 2, I2xx=geometry["Ixx"],
         I2yy=geometry["Iyy"], I2zz=geometry["Izz"], I2xz=geometry["Ixz"], gravity=geometry["g"],
     )  # fmt: skip
+    return lumped_constants(rig)
 
 
 def model_constants(constants):
@@ -126,7 +128,7 @@ def test_the_tensor_element_i2xz_is_minus_the_integral_of_x_z():
 def test_a_mass_further_out_along_the_arm_raises_the_coupling():
     thin = dict(pendulum_mass=0.1, pendulum_com=0.2, arm_length=0.3, arm_inertia=1e-3, I2yy=0.0, I2zz=0.0)
     # A bar bent outwards: tip mass 0.1 kg at x = 0.1 and z = 0.05 from the centre of mass, another opposite.
-    bent = lumped_constants(**thin, I2xz=-2 * 0.1 * 0.1 * 0.05)
+    bent = lumped_constants(Geometry(**thin, I2xz=-2 * 0.1 * 0.1 * 0.05))
     assert bent["C3"] == pytest.approx(0.1 * 0.3 * 0.2 + 1e-3)
 
 
@@ -136,8 +138,9 @@ def test_a_mass_further_out_along_the_arm_raises_the_coupling():
     own=st.floats(1e-6, 0.1), slim=st.floats(0, 1), alpha=st.floats(-10, 10),
 )  # fmt: skip
 def test_the_mass_matrix_of_a_physical_rig_is_positive_definite(mass, com, arm, hub, own, slim, alpha):
-    k = lumped_constants(pendulum_mass=mass, pendulum_com=com, arm_length=arm, arm_inertia=hub, I2xx=slim * own,
-                         I2yy=own, I2zz=own)  # fmt: skip
+    rig = Geometry(pendulum_mass=mass, pendulum_com=com, arm_length=arm, arm_inertia=hub, I2xx=slim * own, I2yy=own,
+                   I2zz=own)  # fmt: skip
+    k = lumped_constants(rig)
     M = mass_matrix(alpha, k["C1"], k["C3"], k["C6"], k["J_theta"])
     assert np.linalg.eigvalsh(M).min() > 0.0
 
@@ -409,7 +412,7 @@ def test_initial_states_are_given_by_name_and_default_to_zero():
         (lambda: replace(SIMPLE, integer_orders={"q": 2}), "q = 2; expected 0, 1, or None where no integer"),
         (lambda: replace(SIMPLE, integer_orders={"q": True}), "q = True; expected 0, 1, or None"),
         (lambda: replace(SIMPLE, rhs="f"), r"rhs is 'f'; expected a function rhs\(t, x, u, p, out\)"),
-        (lambda: lumped_constants(pendulum_mass=-1, pendulum_com=1, arm_length=1, arm_inertia=1, I2yy=1, I2zz=1),
+        (lambda: Geometry(pendulum_mass=-1, pendulum_com=1, arm_length=1, arm_inertia=1, I2yy=1, I2zz=1),
          "pendulum_mass = -1: expected a finite number"),
     ],
 )  # fmt: skip

@@ -20,7 +20,7 @@ def bristle(t, x, u, p, out):
 
 def block(t, x, u, p, out):
     """A unit mass on presliding friction with Stribeck's, pulled by p[5] + p[6]·sin t and a spring."""
-    friction = presliding(x, out, 2, x[1], p[0], p[1], p[2], p[3], p[4])
+    friction = presliding(x, out, 2, x[1], p[0], p[1], p[2], p[3]) + p[4] * out[2]
     out[0] = x[1]
     out[1] = p[5] + p[6] * math.sin(t) - p[7] * x[0] - friction
 

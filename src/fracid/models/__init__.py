@@ -4,7 +4,7 @@
 to have                 take
 ======================  ================================================================================
 the paper's pendulum    :func:`rotary_pendulum`, with a rig of :data:`RIGS` and any constant overridden
-its constants           :func:`lumped_constants`, from masses and lengths
+its constants           :func:`lumped_constants`, from masses and lengths: a :class:`Geometry`
 your own system         a :class:`Model`; the numbered list in :mod:`fracid.models.base` shows how
 what is friction in it  :mod:`fracid.models.friction`
 one of the library      :func:`model`: "cart-pole", "capacitor", one file each in :mod:`fracid.models.library`
@@ -26,6 +26,7 @@ from fracid.models.base import Parameter as Parameter
 from fracid.models.pendulum import mass_matrix as mass_matrix
 from fracid.models.pendulum import rotary_pendulum as rotary_pendulum
 from fracid.models.rigs import RIGS as RIGS
+from fracid.models.rigs import Geometry as Geometry
 from fracid.models.rigs import Rig as Rig
 from fracid.models.rigs import lumped_constants as lumped_constants
 from fracid.safety.user_code import run_file

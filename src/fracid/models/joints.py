@@ -28,7 +28,7 @@ They are functions in Numba's language, for the right-hand side of any model; a 
 >>> def rhs(t, x, u, p, out):
 ...     J, b, f, s, v_st, delta, c = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
 ...     v = x[1]
-...     friction = b * v + presliding(x, out, 2, v, f, s, v_st, delta, 0.0) + springpot(x, out, 3, v, c)
+...     friction = b * v + presliding(x, out, 2, v, f, s, v_st, delta) + springpot(x, out, 3, v, c)
 ...     out[0], out[1] = v, (u[0] - friction) / J
 >>> orders = (1.0, 1.0, 1.0, Complement("nu"))       # of the angle, its rate, z and y; nu is a parameter
 
@@ -101,11 +101,12 @@ def sliding(v: float, f: float, s: float, v_st: float, v_s: float) -> float:
 
 
 def presliding(
-    x: FloatArray, out: FloatArray, i: int, v: float, f: float, s: float, v_st: float, delta: float, sigma1: float
+    x: FloatArray, out: FloatArray, i: int, v: float, f: float, s: float, v_st: float, delta: float
 ) -> float:
-    """Friction that gives by δ before it slides: σ₀ z + σ₁ ż [N m], with z the state i.
+    """Friction that gives by δ before it slides: σ₀ z [N m], with z the state i.
 
     Writes ż into ``out[i]``, and |v|·σ₀/g(v), the rate with which z forgets, behind the derivatives if there is room.
+    Where the presliding motion is damped, by σ₁ [N m s/rad], add ``sigma1 * out[i]``.
 
     Parameters
     ----------
@@ -119,8 +120,6 @@ def presliding(
         Sliding friction, what rest takes above it [N m], the speed at which that goes [rad/s].
     delta
         δ, what the joint gives before it breaks away [rad].
-    sigma1
-        σ₁, damping of the presliding motion [N m s/rad].
 
     Returns
     -------
@@ -133,9 +132,9 @@ def presliding(
 
     >>> import numpy as np
     >>> out = np.zeros(1)
-    >>> presliding(np.array([1e-3]), out, 0, 0.0, 2.0, 0.0, 0.1, 4e-3, 0.0)
+    >>> presliding(np.array([1e-3]), out, 0, 0.0, 2.0, 0.0, 0.1, 4e-3)
     0.5
-    >>> presliding(np.array([4e-3]), out, 0, 9.0, 2.0, 0.0, 0.1, 4e-3, 0.0), float(out[0])
+    >>> presliding(np.array([4e-3]), out, 0, 9.0, 2.0, 0.0, 0.1, 4e-3), float(out[0])
     (2.0, 0.0)
     """
     breakaway, z = f + s, x[i]
@@ -144,7 +143,7 @@ def presliding(
     out[i] = v - rate * z
     if len(out) > len(x):
         out[len(x) + i] = rate
-    return float(breakaway / delta * z + sigma1 * out[i])
+    return float(breakaway / delta * z)
 
 
 def springpot(x: FloatArray, out: FloatArray, i: int, v: float, c: float) -> float:

@@ -248,18 +248,16 @@ def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
         # what the joints resist with beside viscous friction and drag
         if z_theta and presliding_theta > 0.0:
             joint_theta = presliding(
-                x, out, z_theta, theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, presliding_theta,
-                damping_theta,
-            )  # fmt: skip
+                x, out, z_theta, theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, presliding_theta
+            ) + damping_theta * out[z_theta]  # fmt: skip
         else:
             joint_theta = sliding(theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, slip_speed)
             if z_theta:
                 out[z_theta] = 0.0
         if z_alpha and presliding_alpha > 0.0:
             joint_alpha = presliding(
-                x, out, z_alpha, alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, presliding_alpha,
-                damping_alpha,
-            )  # fmt: skip
+                x, out, z_alpha, alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, presliding_alpha
+            ) + damping_alpha * out[z_alpha]  # fmt: skip
         else:
             joint_alpha = sliding(alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, slip_speed)
             if z_alpha:
@@ -392,14 +390,8 @@ def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
     The base is level, so that both postures are at rest.
     """
     slides = [joint for joint in ("theta", "alpha") if not ("z_" + joint in model.states and p["presliding_" + joint])]
-    corners = [
-        "play_theta",
-        "dead_zone",
-        "tilt_x",
-        "tilt_y",
-        *(f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction")),
-    ]
-    return {**p, **dict.fromkeys(corners, 0.0)}
+    dry = (f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction"))
+    return {**p, **dict.fromkeys(["play_theta", "dead_zone", "tilt_x", "tilt_y", *dry], 0.0)}
 
 
 TERMS = (

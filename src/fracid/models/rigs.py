@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fracid.errors import InputError
@@ -47,46 +47,52 @@ class Rig:
     """Friction found on real recordings at order 1, rounded: overrides, or the start of a fit [SI]."""
 
 
-def lumped_constants(
-    *,
-    pendulum_mass: float,
-    pendulum_com: float,
-    arm_length: float,
-    arm_inertia: float,
-    I2yy: float,
-    I2zz: float,
-    I2xx: float = 0.0,
-    I2xz: float = 0.0,
-    gravity: float = STANDARD_GRAVITY,
-) -> dict[str, float]:
-    """Return the lumped constants (2)-(7) of a rotary pendulum from its geometry.
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """Of a rotary pendulum, in SI units.
 
-    Parameters
-    ----------
-    pendulum_mass
-        m₂ [kg].
-    pendulum_com
-        l₂c, from the pivot to the pendulum's centre of mass [m].
-    arm_length
-        l₁, from the arm's axis to the pendulum [m].
-    arm_inertia
-        The arm's own inertia about its axis, with all that turns with it: hub, gears, rotor
-        seen through the gear [kg m²].
-    I2xx, I2yy, I2zz, I2xz
-        The pendulum's inertia tensor at its centre of mass [kg m²]: x along the pendulum, away from the
-        pivot, z along the arm, outwards.  ``I2xz`` is the tensor's element, minus the integral of x z dm.
-    gravity
-        g [m/s²].
-
-    Returns
-    -------
-    dict
-        C1 to C6, I2xx and J_theta = C5 + I2xx.  The model takes C1, C3, C4, C6, J_theta.
+    The pendulum's inertia tensor is that at its centre of mass: x along the pendulum, away from the pivot, z along the
+    arm, outwards.
 
     Raises
     ------
     InputError
         If a mass, length or inertia is negative or not finite.
+    """
+
+    pendulum_mass: float
+    """m₂ [kg]."""
+    pendulum_com: float
+    """l₂c, from the pivot to the pendulum's centre of mass [m]."""
+    arm_length: float
+    """l₁, from the arm's axis to the pendulum [m]."""
+    arm_inertia: float
+    """The arm's own about its axis, with all that turns with it: hub, gears, rotor seen through the gear [kg m²]."""
+    I2yy: float
+    """[kg m²]"""
+    I2zz: float
+    """[kg m²]"""
+    I2xx: float = 0.0
+    """[kg m²]"""
+    I2xz: float = 0.0
+    """The tensor's element, minus the integral of x z dm [kg m²]."""
+    gravity: float = STANDARD_GRAVITY
+    """g [m/s²]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no rig has."""
+        for name, value in asdict(self).items():
+            if not math.isfinite(value) or (name not in ("pendulum_com", "I2xz", "gravity") and value < 0.0):
+                raise InputError(f"{name} = {value!r}: expected a finite number in SI units, masses and inertias >= 0")
+
+
+def lumped_constants(rig: Geometry) -> dict[str, float]:
+    """Return the lumped constants (2)-(7) of a rotary pendulum.
+
+    Returns
+    -------
+    dict
+        C1 to C6, I2xx and J_theta = C5 + I2xx.  The model takes C1, C3, C4, C6, J_theta.
 
     Notes
     -----
@@ -96,39 +102,27 @@ def lumped_constants(
 
     Examples
     --------
-    >>> constants = lumped_constants(pendulum_mass=0.127, pendulum_com=0.156, arm_length=0.216,
-    ...                              arm_inertia=4.08e-3, I2yy=1.2e-3, I2zz=1.2e-3)
+    >>> rig = Geometry(pendulum_mass=0.127, pendulum_com=0.156, arm_length=0.216, arm_inertia=4.08e-3, I2yy=1.2e-3,
+    ...                I2zz=1.2e-3)
+    >>> constants = lumped_constants(rig)
     >>> {name: round(value, 6) for name, value in constants.items() if name in ("C1", "C3", "J_theta")}
     {'C1': 0.004291, 'C3': 0.004279, 'J_theta': 0.010005}
     """
-    not_negative = dict(
-        pendulum_mass=pendulum_mass, arm_length=arm_length, arm_inertia=arm_inertia, I2xx=I2xx, I2yy=I2yy, I2zz=I2zz
-    )
-    for name, value in {**not_negative, "pendulum_com": pendulum_com, "I2xz": I2xz, "gravity": gravity}.items():
-        if not math.isfinite(value) or (name in not_negative and value < 0.0):
-            raise InputError(f"{name} = {value!r}: expected a finite number in SI units, masses and inertias >= 0")
-    C1 = I2zz + pendulum_mass * pendulum_com**2  # (2)
-    C2 = I2yy + pendulum_mass * pendulum_com**2  # (3)
-    C3 = pendulum_mass * arm_length * pendulum_com - I2xz  # (4)
-    C4 = pendulum_mass * gravity * pendulum_com  # (5)
-    C5 = arm_inertia + pendulum_mass * arm_length**2  # (6), corrected: see the notes
-    C6 = C2 - I2xx  # (7)
-    return dict(C1=C1, C2=C2, C3=C3, C4=C4, C5=C5, C6=C6, I2xx=I2xx, J_theta=C5 + I2xx)
-
-
-def _thin(
-    mass: float, com: float, arm_length: float, arm_inertia: float, inertia: float, arm_moment: float = 0.0
-) -> dict[str, float]:
-    """Return the model's constants for a thin pendulum: I2yy = I2zz = inertia, I2xx = 0; `arm_moment` of the arm."""
-    constants = lumped_constants(
-        pendulum_mass=mass, pendulum_com=com, arm_length=arm_length, arm_inertia=arm_inertia, I2yy=inertia, I2zz=inertia
-    )
-    lumped = {name: constants[name] for name in ("C1", "C3", "C4", "C6", "J_theta")}
-    return {**lumped, "arm_moment": mass * arm_length + arm_moment}
+    m2, l2, l1 = rig.pendulum_mass, rig.pendulum_com, rig.arm_length
+    C1 = rig.I2zz + m2 * l2**2  # (2)
+    C2 = rig.I2yy + m2 * l2**2  # (3)
+    C3 = m2 * l1 * l2 - rig.I2xz  # (4)
+    C4 = m2 * rig.gravity * l2  # (5)
+    C5 = rig.arm_inertia + m2 * l1**2  # (6), corrected: see the notes
+    C6 = C2 - rig.I2xx  # (7)
+    return dict(C1=C1, C2=C2, C3=C3, C4=C4, C5=C5, C6=C6, I2xx=rig.I2xx, J_theta=C5 + rig.I2xx)
 
 
 def _rig(table: Mapping[str, Any]) -> Rig:
-    constants = _thin(**table["thin"]) | table["parameters"]
+    geometry = Geometry(**table["geometry"])
+    lumped = {name: value for name, value in lumped_constants(geometry).items() if name not in ("C2", "C5", "I2xx")}
+    moment = geometry.pendulum_mass * geometry.arm_length + table.get("arm_moment", 0.0)
+    constants = {**lumped, "arm_moment": moment, **table["parameters"]}
     return Rig(table["title"], constants, table["source"], table.get("fitted_friction", {}))
 
 
