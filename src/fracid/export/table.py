@@ -6,9 +6,10 @@ file is the run's ``result.json`` with the recordings' curves in it.
 
 from __future__ import annotations
 
+import csv
 import json
-import re
 from collections.abc import Mapping
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -55,18 +56,11 @@ def _csv(recording: RecordingFit, inputs: Mapping[str, Any], units: Mapping[str,
         columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
         columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
     columns |= {f"{name} [{units.get(name, 'SI')}]": u for name, u in inputs.items()}
-    rows = (",".join(_field(v) for v in row) for row in np.column_stack(list(columns.values())).tolist())
-    return "\r\n".join([",".join(map(_heading, columns)), *rows, ""])
-
-
-def _heading(text: str) -> str:
-    """Of a model of one's own it may be anything."""
-    cell = csv_cell(text).replace('"', '""')
-    return f'"{cell}"' if re.search(r'[",\r\n]', cell) else cell
-
-
-def _field(value: float) -> str:
-    return repr(value) if np.isfinite(value) else ""
+    text = StringIO()
+    writer = csv.writer(text)
+    writer.writerow(map(csv_cell, columns))  # of a model of one's own a name may be anything
+    writer.writerows([json_number(v) for v in row] for row in np.column_stack(list(columns.values())).tolist())
+    return text.getvalue()
 
 
 def json_text(run: SavedRun, **more: Any) -> str:

@@ -18,6 +18,7 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 from fracid.errors import InputError, unknown_name
@@ -143,11 +144,7 @@ def _run(file: Path) -> Any:
 def _line(error: BaseException, file: Path) -> str:
     """Return ", line N" for the last line of the file that the error passed through."""
     lines = [error.lineno] if isinstance(error, SyntaxError) else []
-    trace = error.__traceback__
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == str(file):
-            lines.append(trace.tb_lineno)
-        trace = trace.tb_next
+    lines += [f.lineno for f in extract_tb(error.__traceback__) if f.filename == str(file)]
     return f", line {lines[-1]}," if lines and lines[-1] else ""
 
 

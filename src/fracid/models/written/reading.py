@@ -16,7 +16,7 @@ import tokenize
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial, reduce
 from io import StringIO
 from itertools import chain, count
 from types import FunctionType
@@ -402,8 +402,8 @@ class _Scope:
                 return self._logic(op, values)
             case ast.Compare(a, signs, more) if all(type(s) in _SIGNS for s in signs):
                 sides = self._one_after_the_other([a, *more])
-                pairs = [operation(_SIGNS[type(s)], *sides[k : k + 2]) for k, s in enumerate(signs)]
-                return _all_of(pairs)
+                pairs = (operation(_SIGNS[type(s)], *sides[k : k + 2]) for k, s in enumerate(signs))
+                return reduce(partial(operation, "and"), pairs)
             case ast.IfExp(test, yes, no):
                 return self._either(truth(self.expression(test)), lambda: self.value(yes), lambda: self.value(no))
             case ast.Call(f, arguments, keywords):
@@ -579,14 +579,11 @@ class _Scope:
         for k, s in enumerate(body):
             if isinstance(s, ast.Return):
                 return self.value(s.value)
-            if isinstance(s, ast.If) and any(isinstance(inner, ast.Return) for inner in ast.walk(s)):
-                return self._branches(s, [*body[k + 1 :]])
+            if isinstance(s, ast.If) and _returns(s):
+                yes, no = ([*part, *body[k + 1 :]] for part in (s.body, s.orelse))
+                return self._either(truth(self.expression(s.test)), partial(self.finish, yes), partial(self.finish, no))
             self.statement(s, within=True)
         return None
-
-    def _branches(self, s: ast.If, rest: list[ast.stmt]) -> Any:
-        return self._either(truth(self.expression(s.test)), lambda: self.finish([*s.body, *rest]),
-                            lambda: self.finish([*s.orelse, *rest]))  # fmt: skip
 
     def statement(self, s: ast.stmt, within: bool = False) -> None:
         """One statement; a return is one of a function that stays a function."""
@@ -729,13 +726,6 @@ def _choice(test: Expression, yes: Expression, no: Expression) -> Expression:
     if isinstance(test, Number):
         return yes if test.value else no
     return Choice(test, yes, no)
-
-
-def _all_of(tests: Sequence[Expression]) -> Expression:
-    first, *more = tests
-    for test in more:
-        first = operation("and", first, test)
-    return first
 
 
 def _reads_out(value: Any) -> bool:
