@@ -10,7 +10,7 @@ import fracid
 from fracid.identification import identify
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
-from fracid.selection.integer_rival import integer_alternative, integer_values
+from fracid.selection.integer_rival import gain_over, integer_rival, integer_values, warning_of
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -76,6 +76,10 @@ def test_a_cost_on_alpha_alone_is_compared_by_itself():
 ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha")}
 
 
+def warning(rival, problem, best):
+    return warning_of(rival, best.cost, gain_over(rival, problem, best)[1])
+
+
 @pytest.mark.parametrize(
     ("at", "widths", "options"),
     [
@@ -86,7 +90,7 @@ ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", 
 def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
     problem = nominal(swing(end=1.0), **options)
     x = np.concatenate([at, problem.start[2:]])
-    assert integer_alternative(problem, problem.evaluate(x), widths) is None
+    assert integer_rival(problem, problem.evaluate(x), widths) is None
 
 
 @pytest.mark.parametrize(
@@ -97,10 +101,10 @@ def test_nothing_is_tried_where_nothing_is_claimed(at, widths, options):
 def test_where_no_friction_is_left_to_free_the_rival_is_the_same_model_at_order_1(parameters):
     problem = nominal(swing(parameters=DRY, end=3.0), parameters=parameters)
     off = problem.start - 0.02 * (np.arange(len(problem.start)) < 2)
-    rival = integer_alternative(problem, problem.evaluate(off), {})
+    rival = integer_rival(problem, best := problem.evaluate(off), {})
     assert rival.structure == "every order 1"
     assert rival.parameters == {}
-    assert "With every order 1 the same model explains the recordings better" in rival.warning
+    assert "With every order 1 the same model explains the recordings better" in warning(rival, problem, best)
 
 
 @pytest.mark.broad
@@ -135,11 +139,11 @@ def test_orders_that_are_tied_have_their_rival_too():
 
 def test_the_rival_of_the_papers_scheme_is_solved_by_the_second_order_method():
     problem = nominal(swing(end=3.0), method="gl-paper")
-    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    rival = integer_rival(problem, problem.evaluate(np.array([0.9, 0.95])), {})
     exact = replace(
         problem, method="pi2", orders={"lambda": 1.0, "mu": 1.0}, parameters={"b_theta": Free(2.4e-3, 0, 1)}
     )
-    assert rival.cost == pytest.approx(exact.cost(exact.start), rel=0.05)
+    assert rival.evaluation.cost == pytest.approx(exact.cost(exact.start), rel=0.05)
 
 
 def test_the_result_file_holds_the_rival():
@@ -214,20 +218,21 @@ def test_a_dashpot_is_not_called_fractional_however_its_order_is_written(seed):
 
 def test_by_chance_off_0_is_said_of_0():
     problem = sought(mount(**R_IS_0), struck(mount(dashpot), noise=1e-2))
-    rival = integer_alternative(problem, problem.evaluate(np.array([0.01, 0.6, 40.0])), {"r": 1e-3})
-    assert rival.orders == ("r",)
-    assert "r = 0.01: no evidence of fractional dynamics. With r = 0 the same model explains" in rival.warning
+    rival = integer_rival(problem, best := problem.evaluate(np.array([0.01, 0.6, 40.0])), {"r": 1e-3})
+    assert [*rival.off] == ["r"]
+    said = warning(rival, problem, best)
+    assert "r = 0.01: no evidence of fractional dynamics. With r = 0 the same model explains" in said
 
 
 def test_an_order_without_an_integer_value_stays_free_and_alone_has_no_rival():
     data = swing((0.9, 0.95), end=2.0)
     arm_only, neither = (replace(RIG, integer_orders=dict.fromkeys(names)) for names in (["lambda"], [*BOTH]))
     problem = Problem(arm_only, (data,), BOTH, initial_state="held")
-    rival = integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {})
-    assert rival.orders == ("mu",)
+    rival = integer_rival(problem, problem.evaluate(np.array([0.9, 0.95])), {})
+    assert [*rival.off] == ["mu"]
     assert rival.structure.startswith("mu = 1 (lambda free, for its model gives it no integer value)")
     problem = Problem(neither, (data,), BOTH, initial_state="held")
-    assert integer_alternative(problem, problem.evaluate(np.array([0.9, 0.95])), {}) is None
+    assert integer_rival(problem, problem.evaluate(np.array([0.9, 0.95])), {}) is None
 
 
 def test_what_is_fixed_stays_and_what_is_tied_has_its_own_integer():

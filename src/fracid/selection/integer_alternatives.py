@@ -251,7 +251,8 @@ def integer_alternatives(
     if here is None:
         return None
     n, gain = gain_over(here, problem, best)
-    trials = [here.trial(gain, _as_well(gain, here.evaluation.cost, best.cost))]
+    as_well = _as_well(gain, here.evaluation.cost, best.cost)
+    trials = [Trial("friction" if here.own else "the same model", here.evaluation.cost, gain, as_well)]
     others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs, watch)]
     trials += [trial for _, trial in others]
     settled, base = any(t.as_well for t in trials), here
@@ -281,7 +282,11 @@ def integer_alternatives(
         problem, best, [*here.off], jobs=jobs, watch=watch
     )  # fmt: skip
     warning = warning_of(here, best.cost, gain) if as_well else ""
-    return here.beside(problem, gain, n, warning, trials, memories, cut=watch.spent)
+    orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
+    return Alternative(
+        here.structure, orders, here.evaluation.cost, here.parameters, gain, n, warning, tuple(trials),
+        here.nested_in(problem), here.settles, memories, watch.spent,
+    )  # fmt: skip
 
 
 def _of_the_project(

@@ -23,7 +23,7 @@ is so of all there is no rival.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -194,21 +194,6 @@ class Rival:
         """Its unknowns by name [SI]."""
         return self.problem.named(self.evaluation.point)
 
-    def trial(self, gain: float, as_well: bool) -> Trial:
-        """Of the model without what was added to it."""
-        return Trial("friction" if self.own else "the same model", self.evaluation.cost, gain, as_well)
-
-    def beside(
-        self, problem: Problem, gain: float, samples: float, warning: str, trials: Sequence[Trial],
-        memories: tuple[FiniteMemory, ...] = (), *, cut: bool = False,
-    ) -> Alternative:  # fmt: skip
-        """What it says of the fractional problem."""
-        return Alternative(
-            self.structure, (*self.off, *(n for n, to in problem.ties.items() if to in self.off)),
-            self.evaluation.cost, self.parameters, gain, samples, warning, tuple(trials), self.nested_in(problem),
-            self.settles, memories, cut,
-        )  # fmt: skip
-
     def nested_in(self, problem: Problem) -> dict[str, float]:
         """Where a problem is this model: its unknowns, the orders at their integers, springpots off; else nothing."""
         if not self.nested:
@@ -226,10 +211,10 @@ class Rival:
         return {n: values[n] for n in self.own if n in values}
 
 
-def integer_alternative(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1
-) -> Alternative | None:
-    """Fit the integer-order rival of a fractional fit, where there is one to be tried.
+def integer_rival(
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1, watch: Watch | None = None
+) -> Rival | None:
+    """Fit the problem with integer orders and its friction free.
 
     Parameters
     ----------
@@ -240,10 +225,12 @@ def integer_alternative(
         Half the 95 % interval of each free order.
     jobs : int
         Threads.
+    watch : Watch, optional
+        Of the searches that this is one of.
 
     Returns
     -------
-    Alternative or None
+    Rival or None
         None where every order is integer within its interval, or no run of the rival ends.
 
     Examples
@@ -255,21 +242,11 @@ def integer_alternative(
     ...                       initial={"alpha": 0.5}, step=4e-3, end=4.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(0.97, 0.5, 1.2)}, initial_state="held")
-    >>> rival = integer_alternative(problem, problem.evaluate(problem.start), {"mu": 0.001})
-    >>> round(rival.parameters["coulomb_alpha"], 5), rival.gain < 0
+    >>> best = problem.evaluate(problem.start)
+    >>> rival = integer_rival(problem, best, {"mu": 0.001})
+    >>> round(rival.parameters["coulomb_alpha"], 5), gain_over(rival, problem, best)[1] < 0
     (0.002, True)
     """
-    rival = integer_rival(problem, best, widths, jobs=jobs)
-    if rival is None:
-        return None
-    n, gain = gain_over(rival, problem, best)
-    return rival.beside(problem, gain, n, warning_of(rival, best.cost, gain), [rival.trial(gain, gain <= STRONG)])
-
-
-def integer_rival(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1, watch: Watch | None = None
-) -> Rival | None:
-    """Fit the problem with integer orders and its friction free; None as :func:`integer_alternative` has it."""
     values = {problem.unknowns[i].target: float(best.point[i]) for i in claimable(problem)}
     off = {n: v for n, v in values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
     if not off or best.residuals is None:

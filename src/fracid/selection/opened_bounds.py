@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import embedded
 from fracid.estimation.horizons import Watch, refined, uninterrupted
@@ -99,7 +98,7 @@ def open_bounds(problem: Problem, best: Evaluation, *, jobs: int = 1) -> tuple[P
         trial = with_ranges(wider, _stopping(wider, end))
         if trial is wider:
             break
-        further = uninterrupted(refined(trial, _point(trial, wider, end), jobs, Watch())).best
+        further = uninterrupted(refined(trial, embedded(trial, wider.named(end.point)), jobs, Watch())).best
         if not _is_worth_it(trial, further, end):
             break
         wider, end = trial, further
@@ -117,11 +116,6 @@ def _stopping(problem: Problem, end: Evaluation) -> dict[str, Free]:
             if away <= near and (wider := opened(problem, u.target, upper=upper)) is not None:
                 ranges[u.target] = wider
     return ranges
-
-
-def _point(problem: Problem, former: Problem, end: Evaluation) -> FloatArray:
-    """A point of a problem in one with other bounds."""
-    return embedded(problem, former.named(end.point))
 
 
 def _is_worth_it(problem: Problem, further: Evaluation, end: Evaluation) -> bool:

@@ -63,7 +63,7 @@ from fracid.problem.costs import COSTS, cost_from_name
 from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.selection.bic import STRONG
-from fracid.selection.integer_rival import integer_alternative, is_off
+from fracid.selection.integer_rival import gain_over, integer_rival, is_off
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
@@ -510,8 +510,8 @@ def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertaint
            if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
     if not off:
         return False
-    other = integer_alternative(problem, best, half)
-    return other is None or other.gain > STRONG
+    other = integer_rival(problem, best, half)
+    return other is None or gain_over(other, problem, best)[1] > STRONG
 
 
 # --- from repetitions to cells -----------------------------------------------------------------------
