@@ -571,7 +571,7 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
                 channels.constants[name] = _constant(name, channels.columns.pop(name))
                 continue
             known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
-            for key in table.keys() - {*known}:
+            for key in (key for key in table if key not in known):
                 raise unknown_name(f"field of {name}", key, known)
             channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
             if "sd" in table:
@@ -591,7 +591,7 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
 def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
     """An input that does not change: its value in SI, and its unit there."""
     value, unit = table["constant"], table.get("unit", "1")
-    for key in table.keys() - {"constant", "unit"}:
+    for key in (key for key in table if key not in ("constant", "unit")):
         raise unknown_name(f"field of {name}, which is constant", key, ("constant", "unit"))
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
