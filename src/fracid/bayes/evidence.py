@@ -28,8 +28,11 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.target import calibrated, joint_prior, require_likelihood
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.problem.costs import Cost
+
+SAYS = Words("bayes/target.toml")
 
 DRAWS = 2**12
 """Of the integral, points of Sobol's sequence."""
@@ -191,10 +194,7 @@ def require_evidence(problem: Problem) -> None:
     if problem.names:
         require_likelihood(problem)
     for i in joint_prior(problem).unbounded:
-        raise InputError(
-            f"There is no evidence where a free parameter has no bounds, such as {problem.names[i]}: give it a lower "
-            "and an upper one, or a prior = { mean = ..., sd = ... }."
-        )
+        raise InputError(SAYS("no-evidence", name=problem.names[i]))
 
 
 def log_fit(cost: float, samples: float, kind: Cost) -> float:

@@ -29,8 +29,11 @@ from fracid.arrays import FloatArray
 from fracid.bayes.pareto import khat_limit, smoothed
 from fracid.bayes.target import BoxPrior, GaussianApproximation, Likelihood
 from fracid.errors import InputError, at_least
+from fracid.findings import Words
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.tasks import Execution
+
+SAYS = Words("bayes/target.toml")
 
 DEGREES = 7.0
 """Degrees of freedom of the proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
@@ -257,10 +260,7 @@ class _Round:
         ratios = self.log_ratios
         some = np.isfinite(ratios)
         if np.count_nonzero(some) < LEAST_DRAWS // 10:
-            raise InputError(
-                f"Of {self.drawn} draws about the minimum {np.count_nonzero(some)} lie within the bounds and reach "
-                "the end of the recording: the posterior cannot be drawn from there. Type --method nested."
-            )
+            raise InputError(SAYS("few-draws", drawn=self.drawn, count=np.count_nonzero(some)))
         weights, khat = smoothed(ratios[some])
         weights += np.max(ratios)
         total = float(logsumexp(weights))

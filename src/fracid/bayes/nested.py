@@ -23,8 +23,11 @@ from fracid.arrays import FloatArray
 from fracid.bayes.laplace import WeightedDraws, log_likelihoods
 from fracid.bayes.target import BoxPrior, Likelihood
 from fracid.errors import InputError, at_least
+from fracid.findings import Words
 from fracid.tasks.job import Progress, Task, one_blas_thread
 from fracid.tasks.tasks import Execution
+
+SAYS = Words("bayes/target.toml")
 
 LIVE = 500
 """Live points of nautilus."""
@@ -100,10 +103,7 @@ def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> W
     try:
         from nautilus import Sampler
     except ImportError:
-        raise InputError(
-            "Nested sampling needs nautilus, which is not installed: type pip install 'fracid[posterior]', or leave "
-            "out --method."
-        ) from None
+        raise InputError(SAYS("no-nautilus")) from None
     n = len(prior.lower)
     inflated, one = _at_least_two(prior.from_unit, batches, n)
     sampler: Any = Sampler(inflated, one, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,

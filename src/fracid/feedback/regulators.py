@@ -28,8 +28,11 @@ from scipy.optimize import least_squares
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.export.state_space import IntegerModel, LinearModel, Operator, _by_name, _moving, _smooth, positive_sum
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
+
+SAYS = Words("feedback/study.toml")
 
 UPRIGHT, HANGING = "upright", "hanging"
 
@@ -237,10 +240,8 @@ def regulator(
         P = solve_discrete_are(A, B, Q, R)
         S = solve_discrete_are(A.T, C.T, (sigma * most) ** 2 * B @ B.T, V)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise InputError(
-            f"No regulator holds {plant.linear.name}: the input does not reach all that moves by itself, or "
-            f"{' and '.join(plant.linear.outputs)} do not show it ({error})."
-        ) from None
+        outputs = " and ".join(plant.linear.outputs)
+        raise InputError(SAYS("no-regulator", name=plant.linear.name, outputs=outputs, error=error)) from None
     K, M = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), np.linalg.solve(C @ S @ C.T + V, C @ S).T
     seen = np.eye(len(A)) - M @ C
     return Controller("LQR", {"rho": rho, "sigma": sigma}, period, (A @ seen).tolist(), (A @ M).tolist(),

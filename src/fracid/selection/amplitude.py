@@ -242,10 +242,7 @@ def amplitude_test(
     """
     at_least("windows", windows, 2)
     if problem.cost_function.loss is None:
-        raise InputError(
-            f"The cost {problem.cost_function.name} is a user's own, which has no intervals, and so no test of a "
-            "drift: take a built-in one."
-        )
+        raise InputError(SAYS("own-cost", problem=problem))
     problem = replace(problem, experiments=tuple(map(as_samples, problem.experiments)))
     others = [*map(as_samples, others)]
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]

@@ -251,9 +251,7 @@ def ladder(
     exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
     if not names:
-        raise InputError(
-            "No friction of the model is identifiable from these recordings, so there are no structures to compare."
-        )
+        raise InputError(SAYS("no-structures"))
     notes += missing
     notes += [f"The rung + {r} is skipped: no recording depends on {' or '.join(n)}." for r, n in exclusions.items()]
     kinds = problem.model.friction

@@ -55,6 +55,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.records import RecordingFit
+from fracid.findings import Words
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
@@ -96,49 +97,52 @@ from fracid.validation.residual_tests import (
     swing_band,
 )
 
+SAYS = Words("validation/residual_sentences.toml")
+
 
 def residual_analysis(
     recording: RecordingFit, output: str, resolution: Mapping[str, float | None] | None = None
 ) -> ResidualAnalysis:
     """Test the residual of one output, whiteness first, each result with a line of plain words.
 
-    Parameters
-    ----------
-    recording : RecordingFit
-        Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
-        ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
-        have standard deviations, the tests are those of the residual in these.
-    output : str
-        Which output.
-    resolution : mapping of signals to steps of their encoders [rad], optional
-        Looked for in the measured samples if left out.
+        Parameters
+        ----------
+        recording : RecordingFit
+            Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
+            ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
+            have standard deviations, the tests are those of the residual in these.
+        output : str
+            Which output.
+        resolution : mapping of signals to steps of their encoders [rad], optional
+            Looked for in the measured samples if left out.
 
-    Returns
-    -------
-    ResidualAnalysis
-        Of a residual that cannot be tested (none, too short, constant) with a sentence, and NaN for the figures.
+        Returns
+        -------
+        ResidualAnalysis
+            Of a residual that cannot be tested (none, too short, constant) with a sentence, and NaN for the figures.
 
-    Raises
-    ------
-    InputError
-        If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
+        Raises
+        ------
+        InputError
+            If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
 
-    References
-    ----------
-    Those of :mod:`fracid.validation.residuals`.
+        References
+        ----------
+        Those of :mod:`fracid.validation.residuals`.
 
-    Examples
-    --------
-    >>> from fracid.estimation.records import RecordingFit
-    >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
-    >>> swing, hum = 0.2 * np.cos(6 * t), 0.005 * np.sin(12 * t)
-    >>> noise = 0.002 * rng.normal(size=t.size)
-    >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + hum + noise}, {"alpha": swing}, 0.01, {}, {})
-    >>> found = residual_analysis(twin, "alpha")
-    >>> found.spectrum.line.harmonic, round(found.spectrum.line.share, 2), found.whiteness.effective_samples < 100
-    (2, 0.74, True)
-    >>> print(found.sentences["spectrum"])
-    74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
+        Examples
+        --------
+        >>> from fracid.estimation.records import RecordingFit
+    from fracid.findings import Words
+        >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
+        >>> swing, hum = 0.2 * np.cos(6 * t), 0.005 * np.sin(12 * t)
+        >>> noise = 0.002 * rng.normal(size=t.size)
+        >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + hum + noise}, {"alpha": swing}, 0.01, {}, {})
+        >>> found = residual_analysis(twin, "alpha")
+        >>> found.spectrum.line.harmonic, round(found.spectrum.line.share, 2), found.whiteness.effective_samples < 100
+        (2, 0.74, True)
+        >>> print(found.sentences["spectrum"])
+        74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
@@ -170,10 +174,7 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     step = float(np.median(intervals)) if intervals.size else NAN
     even = bool(np.all(np.abs(intervals - step) <= 0.02 * step))
     if not even and not recording.uneven:
-        raise InputError(
-            f"The samples of {recording.name} are {intervals.min():.3g} … {intervals.max():.3g} s apart; a residual's "
-            "correlation in time needs them evenly spaced: resample the recording (resample = true)."
-        )
+        raise InputError(SAYS("apart", name=recording.name, least=intervals.min(), most=intervals.max()))
     return step, even
 
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 import struct
+import tomllib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,7 +45,7 @@ from fracid.recording.readers.content import (
     most_numbers,
     refuse_bomb,
 )
-from fracid.safety.door import opened
+from fracid.safety.door import opened, own_text
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Version 5's types of data that hold numbers."""
@@ -61,14 +62,7 @@ IS_COMPLEX = 0x0800
 OLD_NUMBERS = ("f8", "f4", "i4", "i2", "u2", "u1")
 """Version 4's."""
 
-MATLAB_OBJECT = {
-    "timeseries": "is a MATLAB timeseries; in MATLAB type s = struct(ts); save('f.mat', '-struct', 's')",
-    "table": "is a MATLAB table; in MATLAB type s = table2struct(T, 'ToScalar', true); save('f.mat', '-struct', 's')",
-    "timetable": "is a MATLAB timetable; in MATLAB type s = table2struct(timetable2table(T), 'ToScalar', true); "
-    "s.Time = seconds(s.Time); save('f.mat', '-struct', 's')",
-    "Simulink.SimulationOutput": "is a Simulink output; in MATLAB type t = out.tout; x = out.yout; "
-    "save('f.mat', 't', 'x')",
-}
+MATLAB_OBJECT: dict[str, str] = tomllib.loads(own_text("recording/readers/matlab.toml"))
 """What to do with objects, by their class."""
 
 
