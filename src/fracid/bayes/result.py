@@ -174,13 +174,10 @@ class Posterior(CardDisplay, WeightedDraws):
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values, without the draws."""
         sd, mean = self.standard_deviation.tolist(), self.mean.tolist()
-        return as_json(PosteriorBlock, {
+        return as_json(PosteriorBlock, vars(self) | {
             "method": METHODS[self.method], "draws": max(self.draws, len(self.points)),
-            "effective_draws": self.effective_draws, "simulations": self.simulations, "khat": self.khat,
-            "khat_limit": self.limit, "trusted": self.trusted, "log_evidence": self.log_evidence,
-            "evidence_error": self.evidence_error, "effective_samples": self.effective_samples,
-            "degrees_of_freedom": self.degrees_of_freedom, "seed": self.seed, "sentence": self.sentence,
-            "notes": self.notes,
+            "effective_draws": self.effective_draws, "khat_limit": self.limit, "trusted": self.trusted,
+            "sentence": self.sentence,
             "unknowns": {n: {
                 "unit": u.unit, "fitted": float(self.x[i]), "mean": mean[i], "median": self.quantile(n, 0.5),
                 "standard_deviation": sd[i], "interval95": self.interval(n), "prior": self._prior(i),

@@ -207,8 +207,5 @@ def measurable(raw: FloatArray, scale: float = 1.0) -> tuple[FloatArray, str]:
     beyond = int(np.count_nonzero(np.abs(raw) > limit))  # infinite ones too; NaN is not
     if not beyond:
         return raw, ""
-    plural = "s are" if beyond > 1 else " is"
-    return (
-        np.where(np.abs(raw) > limit, np.nan, raw),
-        f"{beyond} sample{plural} infinite or beyond {limit:g}, and taken as missing.",
-    )
+    are = "samples are" if beyond > 1 else "sample is"
+    return np.where(np.abs(raw) > limit, np.nan, raw), SAYS("beyond", count=beyond, are=are, limit=limit)

@@ -292,10 +292,7 @@ def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     alive = int(np.flatnonzero(size > floor)[-1]) + 1 if size.max() > floor else 0
     count = min(windows, int(alive / (SWINGS * period)))
     if count < 2:
-        return Failure(
-            FailureReason.FEW_SWINGS,
-            f"{e.name} has too few swings for windows of falling amplitude: two of {SWINGS:.0f} swings at least.",
-        )
+        return Failure(FailureReason.FEW_SWINGS, SAYS("few-swings", name=e.name, swings=SWINGS))
     ends = np.linspace(0, alive, count + 1).round().astype(int).tolist()
     return list(pairwise(ends))
 

@@ -295,9 +295,7 @@ def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
     problem = replace(problem, per_recording=(*problem.per_recording, *dict.fromkeys(rests)))
     if METHODS[problem.method].convergence_order >= 2:
         return problem, []
-    return replace(problem, method="pi2"), [
-        f"{problem.method} is of first order and makes orders of its own: all structures are solved with pi2."
-    ]
+    return replace(problem, method="pi2"), [SAYS("first-order", method=problem.method)]
 
 
 def has_friction(model: Model) -> bool:

@@ -124,7 +124,7 @@ def discretisation_check(
     after = second.evaluate(x)
     costs = (problem.cost(x), half.cost(x), after.cost)
     if after.reason:
-        return Discretisation(*costs, {}, {}, warning=f"With pi2 at half the step the best run fails: {after.reason}.")
+        return Discretisation(*costs, {}, {}, warning=SAYS("fails", reason=after.reason))
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
     if problem.in_windows:  # at a window's end what a start is off by has grown
@@ -155,9 +155,7 @@ def _corrected_check(
     finer = corrected(replace(problem, method="pi2"), x, 2 * substeps, jobs, rounds=1)
     here = problem.cost(x)
     if isinstance(finer, Failure):
-        return Discretisation(
-            here, np.inf, np.inf, {}, {}, warning=f"With pi2 at half the step the best run fails: {finer}."
-        )
+        return Discretisation(here, np.inf, np.inf, {}, {}, warning=SAYS("fails", reason=finer))
     there = finer[0].cost(x)
     return _judged(problem, x, known, (here, there, there), finer[1].point)
 

@@ -105,44 +105,43 @@ def residual_analysis(
 ) -> ResidualAnalysis:
     """Test the residual of one output, whiteness first, each result with a line of plain words.
 
-        Parameters
-        ----------
-        recording : RecordingFit
-            Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
-            ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
-            have standard deviations, the tests are those of the residual in these.
-        output : str
-            Which output.
-        resolution : mapping of signals to steps of their encoders [rad], optional
-            Looked for in the measured samples if left out.
+    Parameters
+    ----------
+    recording : RecordingFit
+        Samples without a finite residual are left out; of what they tear apart the longest piece is looked at.  Uneven
+        ones are taken one after the other, their median step for all, and are not asked for frequencies.  Where samples
+        have standard deviations, the tests are those of the residual in these.
+    output : str
+        Which output.
+    resolution : mapping of signals to steps of their encoders [rad], optional
+        Looked for in the measured samples if left out.
 
-        Returns
-        -------
-        ResidualAnalysis
-            Of a residual that cannot be tested (none, too short, constant) with a sentence, and NaN for the figures.
+    Returns
+    -------
+    ResidualAnalysis
+        Of a residual that cannot be tested (none, too short, constant) with a sentence, and NaN for the figures.
 
-        Raises
-        ------
-        InputError
-            If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
+    Raises
+    ------
+    InputError
+        If the recording has no such output, or its samples are uneven and nobody said that they are meant so.
 
-        References
-        ----------
-        Those of :mod:`fracid.validation.residuals`.
+    References
+    ----------
+    Those of :mod:`fracid.validation.residuals`.
 
-        Examples
-        --------
-        >>> from fracid.estimation.records import RecordingFit
-    from fracid.findings import Words
-        >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
-        >>> swing, hum = 0.2 * np.cos(6 * t), 0.005 * np.sin(12 * t)
-        >>> noise = 0.002 * rng.normal(size=t.size)
-        >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + hum + noise}, {"alpha": swing}, 0.01, {}, {})
-        >>> found = residual_analysis(twin, "alpha")
-        >>> found.spectrum.line.harmonic, round(found.spectrum.line.share, 2), found.whiteness.effective_samples < 100
-        (2, 0.74, True)
-        >>> print(found.sentences["spectrum"])
-        74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
+    Examples
+    --------
+    >>> from fracid.estimation.records import RecordingFit
+    >>> t, rng = np.arange(0, 20, 1e-3), np.random.default_rng(1)
+    >>> swing, hum = 0.2 * np.cos(6 * t), 0.005 * np.sin(12 * t)
+    >>> noise = 0.002 * rng.normal(size=t.size)
+    >>> twin = RecordingFit("twin", "fit", t, {"alpha": swing + hum + noise}, {"alpha": swing}, 0.01, {}, {})
+    >>> found = residual_analysis(twin, "alpha")
+    >>> found.spectrum.line.harmonic, round(found.spectrum.line.share, 2), found.whiteness.effective_samples < 100
+    (2, 0.74, True)
+    >>> print(found.sentences["spectrum"])
+    74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")

@@ -266,10 +266,7 @@ def cut_check(
     if not problem.order_indices:
         return Failure(FailureReason.NOTHING_FREE, "no order is free")
     if problem.cost_function.loss is None:
-        return Failure(
-            FailureReason.OWN_COST,
-            f"the cost {problem.cost_function.name} is a user's own, which least squares cannot refine",
-        )
+        return Failure(FailureReason.OWN_COST, SAYS("own-cost", problem=problem))
     if isinstance(failure := problem.errors(x), Failure):
         return Failure(FailureReason.RUN, f"the fit's own run fails: {failure}")
     records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
