@@ -31,7 +31,9 @@ def imported(tree):
 
 def commands(tree):
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and "command" in map(ast.unparse, node.decorator_list):
+        if isinstance(node, ast.FunctionDef) and any(
+            ast.unparse(d).startswith("command(") for d in node.decorator_list
+        ):
             yield node
 
 

@@ -25,9 +25,12 @@ import shlex
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Signature, signature
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -37,6 +40,7 @@ from fracid.errors import DataError, FracidError, InputError, NotTrusted, Unfini
 from fracid.safety.door import own_text
 from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
+from fracid.tasks.display import shown
 from fracid.tasks.ending import ended_in_a_sentence, quiet_when_closed
 
 TRACEBACK = "FRACID_TRACEBACK"
@@ -61,28 +65,84 @@ app = typer.Typer(
 )
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+Found = TypeVar("Found")
 
 
 WORDS: dict[str, Any] = tomllib.loads(own_text("cli/commands.toml"))
 """What the commands take, in the order and with the panels and examples of the help."""
 
 
-def command(function: Command) -> Command:
+LONG = ("trust", "out", "seed", "jobs", "json_")
+"""What all take that work long."""
+
+
+@dataclass(frozen=True)
+class How:
+    """The options that several commands take, with their defaults; a command has those that its ``@command`` names."""
+
+    executor: str | None = None
+    scheduler: str | None = None
+    trust: bool = False
+    out: Path | None = None
+    seed: int | None = 1
+    jobs: int = CORES
+    json_: bool = False
+
+    def of(self, work: Callable[..., Any], **more: Any) -> dict[str, Any]:
+        """Those that a function of the library takes."""
+        every = vars(self) | {"executor": one_place(self.executor, self.scheduler), "command": sys.argv[1:]} | more
+        return {name: every[name] for name in signature(work).parameters if name in every}
+
+    def done(self, work: Callable[..., Found], *what: Any, **options: Any) -> Found:
+        """Call it with them and with `options`, and show its stages."""
+        with shown(events=self.json_) as observer:
+            return work(*what, **self.of(work, observer=observer) | options)
+
+    def answer(self, result: Any, show: Callable[[Any], None]) -> None:
+        """Print what a command found: a record for programs, or what `show` prints on a console."""
+        if self.json_:
+            echo_json(result)
+        else:
+            show(new_console())
+
+
+def command(*shared: str, **defaults: Any) -> Callable[[Command], Command]:
     """Make a function a command of the program; the words of its options are in ``commands.toml``.
+
+    Parameters
+    ----------
+    *shared : str
+        The options of :class:`How` that it takes, in place of its parameter ``how``.
+    **defaults
+        Theirs, where they are others.
 
     Raises
     ------
     KeyError
         If the file has no words for it, or for one of its options.
     """
-    own, kinds = WORDS[function.__name__], get_type_hints(function)
-    with_words: Any = Annotated
-    for name in kinds.keys() - {"return"}:
-        words = own.get(name) or WORDS["every"][name]
-        function.__annotations__[name] = with_words[kinds[name], _taken(name, **words)]
-    heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
-    epilog = "\n\n".join((heading, *own["examples"]))
-    return app.command(cls=WithTables, epilog=epilog, rich_help_panel=own["panel"])(function)
+
+    def made(function: Command) -> Command:
+        own, parameters = WORDS[function.__name__], dict(signature(function, eval_str=True).parameters)
+        if parameters.pop("how", None):
+            every = signature(How, eval_str=True).parameters
+            parameters |= {n: every[n].replace(default=defaults.get(n, every[n].default)) for n in shared}
+        kinds: dict[str, Any] = {
+            n: Annotated[p.annotation, _taken(n, **(own.get(n) or WORDS["every"][n]))] for n, p in parameters.items()
+        }
+
+        @wraps(function)
+        def typed(**options: Any) -> Any:
+            how = {"how": How(**{n: options.pop(n) for n in shared})} if shared else {}
+            return function(**options, **how)
+
+        vars(typed)["__signature__"] = Signature([p.replace(annotation=kinds[n]) for n, p in parameters.items()])
+        typed.__annotations__ = kinds
+        heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
+        epilog = "\n\n".join((heading, *own["examples"]))
+        return app.command(cls=WithTables, epilog=epilog, rich_help_panel=own["panel"])(typed)  # type: ignore[return-value]
+
+    return made
 
 
 def _taken(
@@ -190,14 +250,6 @@ def new_console(**options: Any) -> Any:
 def echo_json(value: Any) -> None:
     """Print a value as JSON, so that no terminal obeys what its texts hold."""
     typer.echo(json_text(value))
-
-
-def answer(json_: bool, result: Any, show: Callable[[Any], None]) -> None:
-    """Print what a command found: a record for programs, or what `show` prints on a console."""
-    if json_:
-        echo_json(result)
-    else:
-        show(new_console())
 
 
 def typed(*words: object, trust: bool = False) -> str:

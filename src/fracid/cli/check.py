@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import (
-    command,
-    each_once,
-    echo_json,
-    new_console,
-    print_table,
-    say,
-    say_next,
-    typed,
-)
+from fracid.cli.app import How, command, each_once, echo_json, new_console, print_table, say, say_next, typed
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
 
@@ -33,7 +24,7 @@ if TYPE_CHECKING:
     from fracid.tasks.progress import Observer
 
 
-@command
+@command("out", "seed", "jobs", "json_", seed=0, jobs=1)
 def check(
     file: Path,
     column: list[str] | None = None,
@@ -42,16 +33,13 @@ def check(
     start: str | None = None,
     stop: float | None = None,
     variable: str | None = None,
-    out: Path | None = None,
-    seed: int = 0,
-    jobs: int = 1,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Check a recording: clock, signals, release, fitness for use.
 
     Exit code 0 if it is good or usable, 3 if it is unfit.
     """
-    del seed, jobs  # nothing here is random or parallel; every command takes the same options
     with shown("recording") as observer:
         from fracid.recording import inspect_recording
 
@@ -66,12 +54,12 @@ def check(
             variable=variable,
             guess_units=True,
         )
-        figure = None if out is None else _figure(recording, out, observer)
-    if json_:
+        figure = None if how.out is None else _figure(recording, how.out, observer)
+    if how.json_:
         _print_json(recording, figure)
     else:
         print_check(recording, figure, notes)
-    if not recording.report.faults and not json_:
+    if not recording.report.faults and not how.json_:
         _say_next(recording, {"--column": column, "--time": time, "--rate": rate, "--variable": variable}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)

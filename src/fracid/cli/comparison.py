@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from fracid.cli.app import (
-    CORES,
+    LONG,
+    How,
     command,
     new_console,
     one_place,
@@ -24,7 +24,6 @@ from fracid.cli.app import (
 )
 from fracid.errors import DataError
 from fracid.safety.door import text_of
-from fracid.tasks.display import shown
 from fracid.units import half_of, shown_unit, with_half_width, with_unit
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 
 
-@command
+@command(*LONG, seed=None)
 def compare(
     project: Path,
     leave_one_out: bool = False,
@@ -49,11 +48,8 @@ def compare(
     preset: str | None = None,
     executor: str = "threads",
     scheduler: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int | None = None,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Compare friction structures, with orders 1 and with orders free.
 
@@ -67,18 +63,16 @@ def compare(
     from fracid.workflows.comparison import run_comparison
 
     place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
-    with shown(events=json_) as observer:
-        finished = run_comparison(
-            project, out=out, leave_one_out=leave_one_out, amplitude=amplitude, evidence=evidence, starts=multi_start,
-            keep=keep or (), rungs=rungs or (), preset=preset, executor=place, trust=trust, seed=seed,
-            jobs=jobs, observer=observer, command=sys.argv[1:],
-        )  # fmt: skip
-    if json_:
+    finished = how.done(
+        run_comparison, project, leave_one_out=leave_one_out, amplitude=amplitude, evidence=evidence,
+        starts=multi_start, keep=keep or (), rungs=rungs or (), preset=preset, executor=place,
+    )  # fmt: skip
+    if how.json_:
         typer.echo(text_of(finished.path).rstrip("\n"))
     else:
         console = new_console()
         _show(finished, console)
-        best = (typed("fit", finished.best, trust=trust), "the best structure: residuals, intervals, report")
+        best = (typed("fit", finished.best, trust=how.trust), "the best structure: residuals, intervals, report")
         say_next(console, *[best] * (finished.best is not None))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)

@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import (
-    CORES,
-    command,
-    echo_json,
-    new_console,
-    open_page,
-    say_next,
-    typed,
-)
+from fracid.cli.app import How, command, echo_json, new_console, open_page, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.safety.paths import default_folder
 from fracid.tasks.display import shown
@@ -44,13 +36,11 @@ STORY = (
 """Folder, preset, headline."""
 
 
-@command
+@command("out", "seed", "jobs", "json_", seed=None)
 def demo(
     open_: bool | None = None,
-    out: Path | None = None,
-    seed: int | None = None,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Run the paper's experiment on two SIMULATED recordings.
 
@@ -59,8 +49,8 @@ def demo(
     """
     from fracid.report import write_index
 
-    folder = out or default_folder("demo")
-    console = new_console(file=sys.stderr if json_ else sys.stdout)
+    folder = how.out or default_folder("demo")
+    console = new_console(file=sys.stderr if how.json_ else sys.stdout)
     results = {}
     console.print("The recordings of this demo are [bold]simulated[/bold] (λ = 0.8623, μ = 0.9146).")
     for name, preset, headline in STORY:
@@ -69,13 +59,13 @@ def demo(
         console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
         with (
             beginning(),
-            shown("recording", events=json_, result=partial(_show, console=console)) as observer,
-            drawer(jobs) as draws,
+            shown("recording", events=how.json_, result=partial(_show, console=console)) as observer,
+            drawer(how.jobs) as draws,
         ):
             with importing():
                 from fracid.workflows.fit import run  # here: it takes a second to import
 
-            ran = run(project, out=folder / name, preset=preset, seed=seed, jobs=jobs, observer=observer,
+            ran = run(project, out=folder / name, preset=preset, seed=how.seed, jobs=how.jobs, observer=observer,
                       command=sys.argv[1:], draws=draws)  # fmt: skip
         results[name] = ran.result
         show_figures(ran, console)
@@ -85,7 +75,7 @@ def demo(
             raise typer.Exit(1)
     page = write_index(folder)
     console.print(f"\nreports  {page.resolve().as_uri()}", soft_wrap=True)
-    if json_:
+    if how.json_:
         echo_json(results)
     else:
         open_page(page, open_)

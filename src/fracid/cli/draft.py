@@ -15,7 +15,7 @@ from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command
+@command()
 def init(
     files: list[Path],
     column: list[str] | None = None,

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fracid.cli.app import answer, assigned, command, say, say_next
+from fracid.cli.app import How, assigned, command, say, say_next
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fracid.export import Export
 
 
-@command
+@command("trust", "out", "json_")
 def export(
     run: Path,
     to: list[str] | None = None,
@@ -26,9 +26,8 @@ def export(
     platforms: list[str] | None = None,
     actuator: str = "",
     slow: list[str] | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Write the identified model and its curves for other programs.
 
@@ -62,12 +61,12 @@ def export(
 
     with shown("files"):
         bundle = export_run(
-            load_run(run, trust=trust), out or run / "export", to or (), steps=steps, precision=precision,
+            load_run(run, trust=how.trust), how.out or run / "export", to or (), steps=steps, precision=precision,
             fmi=fmi, platforms=platforms or (), actuator=actuator,
             slow=assigned("--slow", slow, "b_alpha=1e-6"),
         )  # fmt: skip
     record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
-    answer(json_, record, partial(_show, bundle))
+    how.answer(record, partial(_show, bundle))
 
 
 def _show(bundle: Export, console: Console) -> None:

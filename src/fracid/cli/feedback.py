@@ -2,24 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.cli.app import (
-    CORES,
-    answer,
-    assigned,
-    command,
-    print_entry,
-    print_study,
-    print_table,
-    say,
-    typed,
-    warn,
-)
-from fracid.tasks.display import shown
+from fracid.cli.app import LONG, How, assigned, command, print_entry, print_study, print_table, say, typed, warn
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,7 +14,7 @@ if TYPE_CHECKING:
     from fracid.workflows.feedback import FinishedControl
 
 
-@command
+@command(*LONG)
 def control(
     run: Path,
     kind: str = "lqr",
@@ -42,11 +29,8 @@ def control(
     seconds: float = 10.0,
     draws: int = 200,
     posterior: bool = False,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Design a controller, and test it over what is uncertain.
 
@@ -56,14 +40,12 @@ def control(
     """
     from fracid.workflows.feedback import run_control
 
-    with shown(events=json_) as observer:
-        finished = run_control(
-            run, draws=draws, posterior=posterior, trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
-            command=sys.argv[1:], kind=kind, posture=posture, at=assigned("--at", at, "angle=0.5"), input_=input_,
-            limit=limit, rate=rate, delay=delay, off=assigned("--off", off, "alpha=0.2"),
-            within=assigned("--within", within, "alpha=0.6"), seconds=seconds,
-        )  # fmt: skip
-    answer(json_, finished.result, partial(_show, finished, typed("export", run, "--to", "c", trust=trust)))
+    finished = how.done(
+        run_control, run, draws=draws, posterior=posterior, kind=kind, posture=posture,
+        at=assigned("--at", at, "angle=0.5"), input_=input_, limit=limit, rate=rate, delay=delay,
+        off=assigned("--off", off, "alpha=0.2"), within=assigned("--within", within, "alpha=0.6"), seconds=seconds,
+    )  # fmt: skip
+    how.answer(finished.result, partial(_show, finished, typed("export", run, "--to", "c", trust=how.trust)))
 
 
 # ------------------------------------------------------------------ from results to text

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import typer
 
-from fracid.cli.app import CORES, command
+from fracid.cli.app import How, command
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command
+@command("trust", "out", "jobs")
 def draw(
     source: str,
     style: str = "journal",
     formats: list[str] | None = None,
     zero: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    jobs: int = CORES,
+    *,
+    how: How,
 ) -> None:
     """Draw the figures again, sized for journal columns, as PDF.
 
@@ -31,6 +28,6 @@ def draw(
     with shown("figures"):
         from fracid.workflows.redrawing import redraw  # here: it takes a second to import
 
-        paths = redraw(source, style=style, formats=formats or ("pdf",), zero=zero, trust=trust, out=out, jobs=jobs)
+        paths = redraw(source, style=style, formats=formats or ("pdf",), zero=zero, **how.of(redraw))
     for path in paths:
         typer.echo(printable(f"figure   {path}"))

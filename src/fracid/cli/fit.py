@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from fracid.cli.app import (
-    CORES,
+    LONG,
+    How,
     command,
     echo_json,
     new_console,
@@ -46,7 +47,7 @@ SHOWN = 3
 """So many notes are printed, what costs most first."""
 
 
-@command
+@command(*LONG, seed=None)
 def fit(
     project: Path,
     preset: str | None = None,
@@ -55,11 +56,8 @@ def fit(
     executor: str | None = None,
     scheduler: str | None = None,
     cut: bool = False,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int | None = None,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Estimate the free values of a project; write the run folder.
 
@@ -68,14 +66,13 @@ def fit(
     of the recording.
     """
     place = one_place(executor, scheduler)
-    with beginning(), watched("recordings", json_) as observer, drawer(jobs) as draws:
+    with beginning(), watched("recordings", how.json_) as observer, drawer(how.jobs) as draws:
         with importing():
             from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
-        finished = run(project, out=out, preset=preset, optimiser=optimiser, seed=seed, jobs=jobs, starts=multi_start,
-                       cut=cut, executor=place, trust=trust, observer=observer, command=sys.argv[1:],
-                       draws=draws)  # fmt: skip
-    tell_fit(finished, json_=json_)
+        options = how.of(run, preset=preset, optimiser=optimiser, starts=multi_start, cut=cut, observer=observer)
+        finished = run(project, draws=draws, **options | {"executor": place})
+    tell_fit(finished, json_=how.json_)
 
 
 @contextmanager

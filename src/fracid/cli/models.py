@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from fracid.models import Model
 
 
-@command
+@command()
 def models(
     name: str | None = None,
     json_: bool = False,

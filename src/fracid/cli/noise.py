@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.cli.app import (
-    CORES,
-    answer,
-    command,
-    numbers,
-    one_place,
-    print_study,
-    say,
-    typed,
-)
+from fracid.cli.app import LONG, How, command, numbers, print_study, say, typed
 from fracid.cli.app import table as new_table
 from fracid.errors import InputError
-from fracid.tasks.display import shown
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -32,7 +21,7 @@ if TYPE_CHECKING:
 HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 
-@command
+@command("executor", "scheduler", *LONG)
 def noise(
     source: Path,
     levels: str | None = None,
@@ -40,13 +29,8 @@ def noise(
     seeds: int = 50,
     cost: str | None = None,
     optimiser: str | None = None,
-    executor: str | None = None,
-    scheduler: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Refit simulated noisy data many times: bias, spread, coverage.
 
@@ -64,15 +48,11 @@ def noise(
         )
     from fracid.workflows.monte_carlo import run_noise_study
 
-    with shown(events=json_) as observer:
-        finished = run_noise_study(
-            source, levels=sizes, resolutions=turns, angles=True, seeds=seeds, cost=cost, optimiser=optimiser,
-            executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
-            command=sys.argv[1:],
-        )  # fmt: skip
+    finished = how.done(run_noise_study, source, levels=sizes, resolutions=turns, angles=True, seeds=seeds, cost=cost,
+                        optimiser=optimiser)  # fmt: skip
     verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
-    after = typed(verb, source, trust=trust), f"{what} of the measured data"
-    answer(json_, finished.result, partial(_show, finished, after))
+    after = typed(verb, source, trust=how.trust), f"{what} of the measured data"
+    how.answer(finished.result, partial(_show, finished, after))
 
 
 # ------------------------------------------------------------------ from results to text

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 from math import isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import (
-    CORES,
-    answer,
+    LONG,
+    How,
     assigned,
     command,
     numbers,
@@ -20,7 +19,6 @@ from fracid.cli.app import (
     typed,
 )
 from fracid.errors import InputError
-from fracid.tasks.display import shown
 from fracid.units import half_of, half_width, to_second_digit
 
 if TYPE_CHECKING:
@@ -33,7 +31,7 @@ SWING = (5.0, 150.0)
 """Angles from which a pendulum is released if none are given [°]."""
 
 
-@command
+@command(*LONG)
 def design(
     source: str,
     of: str | None = None,
@@ -53,11 +51,8 @@ def design(
     order: list[str] | None = None,
     friction: bool = False,
     robust: int = 0,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Choose the next experiments, and predict their intervals.
 
@@ -79,16 +74,14 @@ def design(
         voltage=tuple(_voltage(text) for text in voltage or ()) or None, voltage_step=voltage_step, limits=limits,
         constants=constants,
     )  # fmt: skip
-    with shown(events=json_) as observer:
-        finished = run_design(
-            source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
-            orders=orders or None, swing=SWING if release is None else (),
-            unsaid=[name for name, value in said.items() if not value], friction=friction, robust=robust,
-            trust=trust, out=out, seed=seed, jobs=jobs, observer=observer,
-        )  # fmt: skip
+    finished = how.done(
+        run_design, source, space, experiments=experiments, criterion=criterion, of=_names(of), against=against,
+        orders=orders or None, swing=SWING if release is None else (),
+        unsaid=[name for name, value in said.items() if not value], friction=friction, robust=robust,
+    )  # fmt: skip
     project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)
-    after = typed("fit", project, trust=trust), "when the recordings are there"
-    answer(json_, finished.result, partial(_show, finished, after))
+    after = typed("fit", project, trust=how.trust), "when the recordings are there"
+    how.answer(finished.result, partial(_show, finished, after))
 
 
 # ------------------------------------------------------------------ from text to a space

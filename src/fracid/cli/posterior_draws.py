@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import (
-    CORES,
-    answer,
-    command,
-    one_place,
-    print_study,
-    print_table,
-    say,
-    typed,
-    warn,
-)
+from fracid.cli.app import LONG, How, command, print_study, print_table, say, typed, warn
 from fracid.errors import SMALLEST
-from fracid.tasks.display import shown
 from fracid.units import half_of, to_second_digit
 
 if TYPE_CHECKING:
@@ -28,18 +16,13 @@ if TYPE_CHECKING:
     from fracid.workflows.posterior_draws import FinishedPosterior
 
 
-@command
+@command("executor", "scheduler", *LONG)
 def posterior(
     run: Path,
     method: str = "laplace",
     draws: int = 2000,
-    executor: str | None = None,
-    scheduler: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Draw the free parameters from their posterior.
 
@@ -51,17 +34,13 @@ def posterior(
     """
     from fracid.workflows.posterior_draws import run_posterior
 
-    with shown(events=json_) as observer:
-        finished = run_posterior(
-            run, method=method, draws=draws, executor=one_place(executor, scheduler), trust=trust, out=out, seed=seed,
-            jobs=jobs, observer=observer, command=sys.argv[1:],
-        )  # fmt: skip
+    finished = how.done(run_posterior, run, method=method, draws=draws)
     if finished.posterior.trusted:
-        after = [(typed("profile", run, trust=trust), "check by profile likelihood (no prior)")]
+        after = [(typed("profile", run, trust=how.trust), "check by profile likelihood (no prior)")]
     else:
-        again = typed("posterior", run, "--method", "nested", trust=trust)
+        again = typed("posterior", run, "--method", "nested", trust=how.trust)
         after = [(again, "draws from the whole prior; minutes")] * (method == "laplace")
-    answer(json_, finished.result, partial(_show, finished, after))
+    how.answer(finished.result, partial(_show, finished, after))
 
 
 # ------------------------------------------------------------------ from results to text

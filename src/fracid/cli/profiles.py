@@ -6,18 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fracid.cli.app import (
-    CORES,
-    answer,
-    command,
-    print_study,
-    print_table,
-    say,
-    typed,
-    warn,
-)
+from fracid.cli.app import LONG, How, command, print_study, print_table, say, typed, warn
 from fracid.errors import SMALLEST, Failure, InputError
-from fracid.tasks.display import shown
 from fracid.units import GREEK, half_of, to_second_digit
 
 if TYPE_CHECKING:
@@ -27,17 +17,14 @@ if TYPE_CHECKING:
     from fracid.workflows.profiles import FinishedProfiles
 
 
-@command
+@command(*LONG)
 def profile(
     source: Path,
     parameter: list[str] | None = None,
     joint: str | None = None,
     points: int = 12,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Profile likelihood: intervals from refits along each parameter.
 
@@ -47,15 +34,13 @@ def profile(
     """
     from fracid.workflows.profiles import run_profiles
 
-    with shown(events=json_) as observer:
-        finished = run_profiles(source, parameters=parameter, joint=_pair(joint), points=points, trust=trust, out=out,
-                                seed=seed, jobs=jobs, observer=observer)  # fmt: skip
+    finished = how.done(run_profiles, source, parameters=parameter, joint=_pair(joint), points=points)
     if source.is_dir():
         what = "the page, with the profiles" if finished.folder == source else "the page of the run"
-        after = typed("report", source, "--open", trust=trust), what
+        after = typed("report", source, "--open", trust=how.trust), what
     else:
-        after = typed("fit", source, trust=trust), "the whole result, with a page"
-    answer(json_, finished.result, partial(_show, finished, after))
+        after = typed("fit", source, trust=how.trust), "the whole result, with a page"
+    how.answer(finished.result, partial(_show, finished, after))
 
 
 def _pair(joint: str | None) -> tuple[str, str] | None:

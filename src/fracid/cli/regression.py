@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from fracid.cli.app import (
-    answer,
-    assigned,
-    command,
-    print_table,
-    say_next,
-    typed,
-    warn,
-)
+from fracid.cli.app import LONG, How, assigned, command, print_table, say_next, typed, warn
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -30,7 +22,7 @@ if TYPE_CHECKING:
     from fracid.workflows.regression import FinishedRegression
 
 
-@command
+@command(*LONG, seed=0, jobs=1)
 def regress(
     source: Path,
     known: list[str] | None = None,
@@ -47,11 +39,8 @@ def regress(
     variable: str | None = None,
     rig: str | None = None,
     zero: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 0,
-    jobs: int = 1,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Estimate a model's constants by robust linear regression.
 
@@ -60,7 +49,6 @@ def regress(
     have use = "fit" together.  Writes regression.json if --out is given.  Exit code 0 if a constant is identified, 3
     if none is.
     """
-    del seed, jobs  # nothing here is random or parallel; every command takes the same options
     options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
     if source.suffix == ".toml" and (options_used := [n for n, v in options.items() if v is not None]):
         raise InputError(f"--{options_used[0]} is for a recording; the project file says it of each of its own.")
@@ -71,13 +59,13 @@ def regress(
             source, known=assigned("--known", known, "C4=0.1944"), orders=assigned("--order", order, "mu=1.0"),
             terms=term or (), estimator=estimator, cutoff=cutoff, each=each, start=start_from_text(start),
             stop=stop, columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable,
-            rig=rig, zero=zero, trust=trust, out=out,
+            rig=rig, zero=zero, **how.of(run_regression),
         )  # fmt: skip
     if source.suffix == ".toml":
-        after = typed("fit", source, trust=trust), "by simulation, from this start"
+        after = typed("fit", source, trust=how.trust), "by simulation, from this start"
     else:
         after = typed("init", source), "a project of it, to be fitted by simulation"
-    answer(json_, finished.result, partial(_show, finished, out, after))
+    how.answer(finished.result, partial(_show, finished, how.out, after))
     if not any(c.identified for f in finished.regressions.values() for c in f.parameters.values()):
         raise typer.Exit(DataError.exit_code)
 

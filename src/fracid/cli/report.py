@@ -11,7 +11,7 @@ from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command
+@command()
 def report(
     run: Path,
     out: Path | None = None,

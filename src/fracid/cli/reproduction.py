@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import CORES, answer, app, command, print_table
+from fracid.cli.app import How, app, command, print_table
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import cut
-from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,13 +27,11 @@ SHOWN = 12
 """Differences in the table."""
 
 
-@command
+@command("trust", "out", "jobs", "json_")
 def reproduce(
     run: Path,
-    trust: bool = False,
-    out: Path | None = None,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Do a run again, and compare the results value by value.
 
@@ -45,10 +42,9 @@ def reproduce(
     from fracid.workflows.reproduction import reproduce_run
 
     start_time = time.perf_counter()
-    with shown(events=json_) as observer:
-        reproduction = reproduce_run(run, trust=trust, out=out, jobs=jobs, observer=observer, typed=_typed_again)
+    reproduction = how.done(reproduce_run, run, typed=_typed_again)
     seconds = time.perf_counter() - start_time
-    answer(json_, reproduction.to_json(), partial(_show, reproduction, run, seconds))
+    how.answer(reproduction.to_json(), partial(_show, reproduction, run, seconds))
     if not reproduction.reproduced:
         raise typer.Exit(1)
 

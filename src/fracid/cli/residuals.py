@@ -8,17 +8,8 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import (
-    answer,
-    command,
-    print_figures,
-    print_table,
-    say_next,
-    typed,
-    warn,
-)
+from fracid.cli.app import How, command, print_figures, print_table, say_next, typed, warn
 from fracid.errors import DataError
-from fracid.tasks.display import shown
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -28,14 +19,13 @@ if TYPE_CHECKING:
     from fracid.workflows.residuals import FinishedResiduals
 
 
-@command
+@command("trust", "out", "json_")
 def resid(
     run: Path,
     recording: list[str] | None = None,
     output: list[str] | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Test the residuals of a fit: white noise, or structure missing?
 
@@ -46,9 +36,8 @@ def resid(
     """
     from fracid.workflows.residuals import run_residuals
 
-    with shown(events=json_) as observer:
-        finished = run_residuals(run, recordings=recording, outputs=output, trust=trust, out=out, observer=observer)
-    answer(json_, finished.result, partial(_show, finished))
+    finished = how.done(run_residuals, run, recordings=recording, outputs=output)
+    how.answer(finished.result, partial(_show, finished))
     if not any(isfinite(a.level.rms) for a in finished.all):
         names = " or ".join(finished.analyses)
         raise DataError(f"No run of the model reached the end of {names}: there is no residual.")

@@ -13,20 +13,17 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import CORES, app, command, echo_json
+from fracid.cli.app import How, app, command, echo_json
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
 
 
-@command
+@command("executor", "scheduler", "trust", "jobs", "json_")
 def resume(
     run: Path,
-    executor: str | None = None,
-    scheduler: str | None = None,
-    trust: bool = False,
-    jobs: int = CORES,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Resume an interrupted run, without repeating finished work.
 
@@ -37,35 +34,32 @@ def resume(
 
     state = state_of(run)
     if state is None:
-        _typed_again(run, jobs, executor, scheduler, json_, trust)
+        _typed_again(run, how)
         return
     if not state.finished:
-        with watched("", json_) as observer:
-            finished = resume_run(run, executor=executor or scheduler, jobs=jobs, trust=trust, observer=observer)
-        tell_fit(finished, json_=json_)
+        with watched("", how.json_) as observer:
+            finished = resume_run(run, **how.of(resume_run, observer=observer))
+        tell_fit(finished, json_=how.json_)
         return
     result = finished_result(run)
-    if json_:
+    if how.json_:
         echo_json(result)
     else:
         typer.echo(printable(f"{run} is finished; its result is {run / 'result.json'}."))
 
 
-def _typed_again(
-    folder: Path, jobs: int, executor: str | None, scheduler: str | None, json_: bool, trust: bool
-) -> None:
+def _typed_again(folder: Path, how: How) -> None:
     """Type a study's command again, where it was typed."""
+    from fracid.workflows.records import words_of
     from fracid.workflows.resumption import command_of_study, safe_words
 
     words, where = command_of_study(folder)
-    again = safe_words(folder, words, executor or scheduler, trust)
-    more = ["--out", str(folder.resolve()), "--jobs", str(jobs), *(["--json"] if json_ else [])]
-    more += ["--executor", executor] if executor else []
-    more += ["--scheduler", scheduler] if scheduler else []
-    more += ["--trust"] if trust else []
+    again = safe_words(folder, words, how.executor or how.scheduler, how.trust)
+    options = {"out": folder.resolve(), "jobs": how.jobs, "json": how.json_, "executor": how.executor,
+               "scheduler": how.scheduler, "trust": how.trust}  # fmt: skip
     if where.is_dir():
         ignore_settings(where)
         os.chdir(where)
     sys.argv[1:] = words  # a second resumption types the same
-    if code := app(args=[*again, *more], prog_name="fracid", standalone_mode=False):
+    if code := app(args=[*again, *words_of(options)], prog_name="fracid", standalone_mode=False):
         raise typer.Exit(code)

@@ -9,17 +9,9 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import (
-    answer,
-    command,
-    each_once,
-    print_table,
-    say_next,
-    typed,
-)
+from fracid.cli.app import LONG, How, command, each_once, print_table, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
-from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,7 +20,7 @@ if TYPE_CHECKING:
     from fracid.workflows.simulation import SimulatedRecording
 
 
-@command
+@command(*LONG, jobs=1)
 def simulate(
     source: str | None = None,
     model: str | None = None,
@@ -50,11 +42,8 @@ def simulate(
     to: Path | None = None,
     truth: Path | None = None,
     force: bool = False,
-    trust: bool = False,
-    out: Path | None = None,
-    seed: int = 1,
-    jobs: int = 1,
-    json_: bool = False,
+    *,
+    how: How,
 ) -> None:
     """Simulate a rig, a project or a run as its encoders record it.
 
@@ -62,21 +51,19 @@ def simulate(
     Writes the recording, a figure, and a JSON file with the true values; fracid check, init and fit read the
     recording.  Exit code 0 if the simulation reaches its end, 3 if not.
     """
-    del jobs  # one run is not parallel; every command takes the same options
     source = source or model
     if source is None or (model is not None and source != model):
         raise InputError("Name what to simulate, a rig, project, run or model: fracid simulate --model cart-pole.")
     from fracid.workflows.simulation import simulate_twin, twin_of
 
-    twin = twin_of(source, recording=recording, zero=zero, friction=friction, trust=trust,
+    twin = twin_of(source, recording=recording, zero=zero, friction=friction, trust=how.trust,
                    released=input_ is None and not initial)  # fmt: skip
     twin = _changed(twin, order, set_, initial, end=end, step=step, hold=hold, method=method, substeps=substeps)
     twin = twin if input_ is None else _driven(twin, input_, end)
-    with shown(events=json_) as observer:
-        simulated = simulate_twin(twin, source, noise=_noise(noise, twin), counts=counts, seed=seed, states=states,
-                                  to=to, out=out, force=force, truth=truth, observer=observer)  # fmt: skip
+    simulated = how.done(simulate_twin, twin, source, noise=_noise(noise, twin), counts=counts, states=states, to=to,
+                         force=force, truth=truth)  # fmt: skip
     record = {**simulated.result, "files": [str(path) for path in simulated.files]}
-    answer(json_, record, partial(_show, source, simulated))
+    how.answer(record, partial(_show, source, simulated))
 
 
 # ------------------------------------------------------------------ from text to a twin

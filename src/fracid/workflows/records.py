@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +84,20 @@ def command_of(command: str, place: Path, options: Mapping[str, object]) -> list
     >>> command_of("control", Path("runs/a"), {"input_": "torque", "off": {"angle": 0.2}})
     ['control', 'runs/a', '--input', 'torque', '--off', 'angle=0.2']
     """
-    words = [command, str(place)]
+    return [command, str(place), *words_of(options)]
+
+
+def words_of(options: Mapping[str, object]) -> Iterator[str]:
+    """Give options as one types them; see :func:`command_of`.
+
+    Examples
+    --------
+    >>> [*words_of({"jobs": 2, "json": True, "trust": False})]
+    ['--jobs', '2', '--json']
+    """
     for name, value in options.items():
         option = f"--{name.rstrip('_').replace('_', '-')}"
         pairs = [f"{n}={v}" for n, v in value.items()] if isinstance(value, Mapping) else value
         values: Iterable[object] = pairs if isinstance(pairs, list | tuple) else [pairs]
         for v in values:
-            words += [option] if v is True else [] if v is None or v is False else [option, str(v)]
-    return words
+            yield from [option] if v is True else [] if v is None or v is False else [option, str(v)]

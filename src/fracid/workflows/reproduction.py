@@ -20,7 +20,7 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.records import command_of, json_document, write_files
+from fracid.workflows.records import command_of, json_document, words_of, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of
 
@@ -96,8 +96,7 @@ def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | No
     again = [*safe_words(run, words, "processes", trust), *(["--executor", "processes"] * elsewhere)]
     with TemporaryDirectory() as place:
         folder = Path(place) / "run" if out is None else out.resolve()
-        more = ["--out", str(folder), "--jobs", str(jobs), *(["--trust"] if trust else [])]
-        typed([*again, *more], where)
+        typed([*again, *words_of({"out": folder, "jobs": jobs, "trust": trust})], where)
         return compared(_read(run / name), _read(folder / name), _changed(run, folder))
 
 
