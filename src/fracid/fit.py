@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -106,66 +106,21 @@ class Fit(CardDisplay, WithPosterior):
         return self._card_of(f"Fit of {self.problem.model.name}", scores)
 
     def _card_of(self, title: str, scores: Scores) -> Card:
-        search = f"{self.optimiser}, {self.evaluations} evaluations, {self.outcome}"
-        claim = claimed(self.claim, doubts(self.to_json()))
-        cost = self.problem.cost_function.name, self.cost
-        return fit_card(f"{title}: {claim}", (self.orders, self.parameters), search, cost, self.warnings, scores,
-                        self.claim_reasons)  # fmt: skip
-
-
-def fit_card(
-    title: str,
-    estimates: tuple[Mapping[str, Estimate], Mapping[str, Estimate]],
-    search: str,
-    cost: tuple[str, float | None],
-    warnings: Sequence[str],
-    scores: Scores,
-    reasons: Sequence[str] = (),
-) -> Card:
-    """The card of a fit, of this session or of a folder.
-
-    Parameters
-    ----------
-    title : str
-        Of the card.
-    estimates : pair of mappings
-        The orders and the parameters, by name.
-    search : str
-        The optimiser and how its search ended.
-    cost : (str, float)
-        Name and value.
-    warnings : sequence of str
-        Of the fit.
-    scores : mapping
-        Recording → use, RMSE of each output [SI], and the units of outputs that are no angles.
-    reasons : sequence of str
-        Of the claim, in sentences.
-
-    Examples
-    --------
-    >>> orders = {"mu": Estimate(0.914578, "", True, 8e-5, (0.914418, 0.914738))}
-    >>> scores = {"release": ("fit", {"alpha": 2e-3}, {})}
-    >>> print(fit_card("Fit of a rig: undecided", (orders, {}), "multistart", ("rmse", 2e-3), (), scores).text())
-    Fit of a rig: undecided
-      orders      μ = 0.91458 ± 0.00016
-      parameters  none free, 0 fixed
-      search      rmse = 0.002; multistart
-      warnings    none
-      release     fit, RMSE of α 0.115°
-    """
-    orders, parameters = estimates
-    free = [_estimate(n, e) for n, e in parameters.items() if e.free]
-    name, value = cost
-    return Card(f"PARTIAL {title}" if PARTIAL in warnings else title, (
-        *([("claim", " ".join(reasons))] if reasons else []),
-        ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in orders.items())),
-        ("parameters", f"{listed(free)}{' free' * (not free)}, {len(parameters) - len(free)} fixed"),
-        ("search", search if value is None else f"{name} = {value:.4g}; {search}"),
-        ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
-        *((n, _score(*score)) for n, score in scores.items()),
-    ), estimates=tuple({
-        "free": GREEK.get(n, n), "value": _estimate("", e).removeprefix(" = "), "verdict": e.verdict,
-    } for n, e in {**orders, **parameters}.items() if e.free))  # fmt: skip
+        """The card, of this session or of a folder."""
+        title = f"{title}: {claimed(self.claim, doubts(self.to_json()))}"
+        free = {n: e for n, e in self.parameters.items() if e.free}
+        warnings, cost = self.warnings, f"{self.problem.cost_function.name} = {self.cost:.4g}"
+        return Card(f"PARTIAL {title}" if PARTIAL in warnings else title, (
+            *([("claim", " ".join(self.claim_reasons))] if self.claim_reasons else []),
+            ("orders", listed(_estimate(n, e) + ("" if e.free else " (fixed)") for n, e in self.orders.items())),
+            ("parameters", f"{listed(_estimate(n, e) for n, e in free.items())}{' free' * (not free)}, "
+                           f"{len(self.parameters) - len(free)} fixed"),
+            ("search", f"{cost}; {self.optimiser}, {self.evaluations} evaluations, {self.outcome}"),
+            ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
+            *((n, _score(*score)) for n, score in scores.items()),
+        ), estimates=tuple({
+            "free": GREEK.get(n, n), "value": _estimate("", e).removeprefix(" = "), "verdict": e.verdict,
+        } for n, e in {**self.orders, **self.parameters}.items() if e.free))  # fmt: skip
 
 
 def _estimate(name: str, e: Estimate) -> str:
@@ -248,15 +203,15 @@ class FitBlock(Block):
     claim: ClaimWord | None = None
     claim_reasons: Listed[str] = ()
     claim_codes: Listed[str] = ()
-    opened_bounds: list[OpenedBound] = Field([])
+    opened_bounds: Listed[OpenedBound] = ()
     alternative: Alternative | None = None
     starts: list[StartBlock] = Field([])
     start_that_won: str | None = None
     spread: SpreadBlock | None = None
     cut: CutBlock | None = None
     interval_methods: dict[str, str] = Field({})
-    warnings: list[str]
-    findings: list[Finding] = Field([])
+    warnings: Listed[str]
+    findings: Listed[Finding] = ()
     seed: int | None
 
 

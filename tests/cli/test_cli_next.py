@@ -246,9 +246,9 @@ def test_python_m_fracid_says_the_same(folder):
 
 
 def test_numbers_stay_themselves_in_what_is_to_be_typed_again():
-    from fracid.cli.check import _again
+    from fracid.workflows.records import words_of
 
-    assert _again({"--rate": 1000.0, "--column": ["alpha=0", "theta=1"], "--time": None}) == [
+    assert [*words_of({"rate": 1000.0, "column": ["alpha=0", "theta=1"], "time": None})] == [
         "--rate", "1000", "--column", "alpha=0", "--column", "theta=1"
     ]  # fmt: skip
-    assert np.isclose(float(_again({"--rate": 333.25})[1]), 333.25)
+    assert np.isclose(float([*words_of({"rate": 333.25})][1]), 333.25)

@@ -214,7 +214,7 @@ def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp
         (["swing.csv"], "swing.csv is a recording: fracid check swing.csv looks at it, fracid init swing.csv"),
         (["none.toml"], "none.toml"),
         (["srv02-rotpen", "--initial", "alpha=10"], "has no unit: deg or rad? Type for example --initial alpha=10deg"),
-        (["srv02-rotpen", "--initial", "alpha"], "expected NAME=VALUE, e.g. --initial alpha=10deg"),
+        (["srv02-rotpen", "--initial", "alpha"], "expected NAME=VALUE: --initial alpha=10deg"),
         (["srv02-rotpen", "--initial", "alpha=10grad"], "expected a number with its unit"),
         (["srv02-rotpen", "--initial", "alfa=10deg"], "did you mean alpha"),
         (["srv02-rotpen", "--order", "mu=2.5"], "order mu = 2.5: expected a number between 0 and 2"),

@@ -24,7 +24,8 @@ import os
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Signature, signature
@@ -257,6 +258,19 @@ def typed(*words: object, trust: bool = False) -> str:
     return shlex.join(["fracid", *map(str, words), *["--trust"] * trust])
 
 
+@contextmanager
+def as_typed(words: list[str], where: Path) -> Iterator[None]:
+    """Have a command know these words as those that were typed, in the folder where they were, if it is still there."""
+    before = sys.argv[1:]
+    sys.argv[1:] = words
+    ignore_settings(where)
+    try:
+        with chdir(where if where.is_dir() else os.curdir):
+            yield
+    finally:
+        sys.argv[1:] = before
+
+
 def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Collect what an option says of several names; the same name twice is a slip, and which is meant is not known.
 
@@ -277,8 +291,10 @@ def each_once(option: str, pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return values
 
 
-def assigned(option: str, texts: list[str] | None, example: str) -> dict[str, float]:
-    """Parse the values of an option that may be repeated.
+def assigned(
+    option: str, texts: list[str] | None, example: str, read: Callable[[str, str], Any] | None = None
+) -> dict[str, Any]:
+    """Parse the values of an option that may be repeated: numbers, or what `read` makes of a text and what to type.
 
     Raises
     ------
@@ -289,12 +305,13 @@ def assigned(option: str, texts: list[str] | None, example: str) -> dict[str, fl
     >>> assigned("--order", ["mu=0.95"], "mu=1.0")
     {'mu': 0.95}
     """
-    values: list[tuple[str, float]] = []
+    values: list[tuple[str, Any]] = []
     for text in texts or ():
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise InputError(f"{option} {text!r} is not possible; expected NAME=VALUE: {option} {example}.")
-        values.append((name.strip(), numbers(option, value, example)[0]))
+        line = f"{option} {name.strip()}={example.partition('=')[2]}"
+        values.append((name.strip(), read(value, line) if read else numbers(option, value, example)[0]))
     return each_once(option, values)
 
 
@@ -338,14 +355,16 @@ def one_place(executor: str | None, scheduler: str | None) -> str | None:
     return scheduler or executor
 
 
-def say(console: Any, text: str, first: str = "", indent: int = 0) -> None:
+def say(console: Any, text: str, first: str = "") -> None:
     """Print a sentence, in rich's markup: broken between words on a terminal, in one line where programs read.
 
-    `first` stands before it, such as a mark; further lines begin `indent` columns in.
+    `first` stands before it, such as a mark; further lines begin behind it.
     """
     from rich.padding import Padding
     from rich.table import Table
+    from rich.text import Text
 
+    indent = Text.from_markup(first).cell_len
     if not console.is_terminal or not indent:
         console.print(f"{first}{text}", soft_wrap=not console.is_terminal)
         return
@@ -360,7 +379,7 @@ def print_entry(console: Any, heading: str, text: str) -> None:
     """Print a line with a heading in its first nine columns, as ``result   runs/rig/result.json``."""
     from rich.markup import escape
 
-    say(console, escape(text), f"{heading:9}", 9)
+    say(console, escape(text), f"{heading:9}")
 
 
 def print_figures(console: Any, paths: Iterable[Path]) -> None:
@@ -375,19 +394,19 @@ def print_figures(console: Any, paths: Iterable[Path]) -> None:
 
 def print_study(console: Any, finished: Any, *steps: tuple[str, str], **more: Path | None) -> None:
     """Print where a study left what it found, and `more` beside it but for None; its figures; what to type next."""
-    for heading, path in {"result": finished.path, **more, "page": finished.page}.items():
+    for heading, path in {"result": finished.path, **more, "page": getattr(finished, "page", None)}.items():
         if path is not None:
             print_entry(console, heading, str(path))
     print_figures(console, finished.figures)
     say_next(console, *steps)
 
 
-def warn(console: Any, *sentences: str) -> None:
+def warn(console: Any, *sentences: str, mark: str = "[yellow]![/yellow] ") -> None:
     """Print sentences, each with a mark."""
     from rich.markup import escape
 
     for sentence in sentences:
-        say(console, escape(sentence), "[yellow]![/yellow] ", 2)
+        say(console, escape(sentence), mark)
 
 
 def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str] | None = None) -> None:
@@ -399,8 +418,7 @@ def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mappi
     colour = "yellow" if claim == "undecided" or against else "green"
     lines = reasons if console.is_terminal else [" ".join(reasons)]  # one line where programs read
     say(console, f"[bold {colour}]claim: {escape(claimed(claim, against or {}))}[/]. {escape(' '.join(lines[:1]))}")
-    for reason in lines[1:]:
-        say(console, escape(reason), "  ", 2)
+    warn(console, *lines[1:], mark="  ")
 
 
 def say_next(console: Any, *steps: tuple[str, str]) -> None:
@@ -411,7 +429,7 @@ def say_next(console: Any, *steps: tuple[str, str]) -> None:
         heading = "next" if place == 0 else ""
         if console.is_terminal and 11 + len(command) + len(why) > console.width:
             console.print(f"{heading:8} {escape(command)}", soft_wrap=True)
-            say(console, f"[dim]{escape(why)}[/dim]", " " * 9, 9)
+            say(console, f"[dim]{escape(why)}[/dim]", " " * 9)
         else:
             console.print(f"{heading:8} {escape(command)}  [dim]{escape(why)}[/dim]", soft_wrap=True)
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import How, command, each_once, echo_json, new_console, print_table, say, say_next, typed
+from fracid.cli.app import How, command, each_once, new_console, print_table, say, say_next, typed, warn
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
+from fracid.workflows.records import words_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -55,12 +56,11 @@ def check(
             guess_units=True,
         )
         figure = None if how.out is None else _figure(recording, how.out, observer)
-    if how.json_:
-        _print_json(recording, figure)
-    else:
-        print_check(recording, figure, notes)
+    head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
+    record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
+    how.answer(record, lambda _: print_check(recording, figure, notes))
     if not recording.report.faults and not how.json_:
-        _say_next(recording, {"--column": column, "--time": time, "--rate": rate, "--variable": variable}, own)
+        _say_next(recording, {"column": column, "time": time, "rate": rate, "variable": variable}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 
@@ -97,17 +97,17 @@ def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) ->
     found = {f.code: f for f in recording.report.findings}
     again, why = dict(options), ""
     if "still" in found:
-        say_next(new_console(), (typed("check", recording.path, *_again(options), "--column", "alpha=COLUMN"),
+        say_next(new_console(), (typed("check", recording.path, *words_of(options), "--column", "alpha=COLUMN"),
                                  "if another column is the pendulum's angle"))  # fmt: skip
     if recording.report.level == "unfit":
         return
-    if "wrong-clock" in found and options["--time"] is options["--rate"] is None:
-        again["--time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"
+    if "wrong-clock" in found and options["time"] is options["rate"] is None:
+        again["time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"
     if columns := _in_doubt(recording, options, own):
-        again["--column"] = columns
+        again["column"] = columns
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
-    steps = [(typed("check", recording.path, *_again(again)), why)] if why else []
-    words = _again(again if "wrong-clock" in found else options)
+    steps = [(typed("check", recording.path, *words_of(again)), why)] if why else []
+    words = [*words_of(again if "wrong-clock" in found else options)]
     steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording, own)]
     say_next(new_console(), *steps)
 
@@ -133,7 +133,7 @@ def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]
     from fracid.recording.faults import unit_of_time
     from fracid.recording.readers.table import read_table
 
-    return f"{time_column(read_table(recording.path, options['--variable']), None)},unit={unit_of_time(length)}"
+    return f"{time_column(read_table(recording.path, options['variable']), None)},unit={unit_of_time(length)}"
 
 
 def _doubted(recording: Recording) -> dict[str, str]:
@@ -150,15 +150,15 @@ def _in_doubt(recording: Recording, options: Mapping[str, Any], own: Columns) ->
     """The columns as ``--column`` takes them, with the units to try; none where no unit is in doubt."""
     from fracid.problem.draft import guess_file
 
-    doubted, given = _doubted(recording), options["--column"]
+    doubted, given = _doubted(recording), options["column"]
     if not doubted:
         return []
     if own:
         given = [f"{name}={text_of_column(fields)}" for name, fields in own.items()]
     elif given is None:
         try:
-            time = time_from_text(options["--time"], options["--rate"])
-            columns, _ = guess_file(recording.path, time=time, variable=options["--variable"])
+            time = time_from_text(options["time"], options["rate"])
+            columns, _ = guess_file(recording.path, time=time, variable=options["variable"])
         except InputError:  # nothing moves
             return []
         given = [f"{name}={text_of_column({'unit': 'rad'} | fields)}" for name, fields in columns.items()]
@@ -169,15 +169,6 @@ def _with_unit(text: str, unit: str | None) -> str:
     """``alpha=2,unit=deg`` with another unit."""
     kept = [part for part in text.split(",") if unit is None or not part.startswith("unit=")]
     return ",".join([*kept, *([] if unit is None else [f"unit={unit}"])])
-
-
-def _again(options: Mapping[str, Any]) -> list[str]:
-    """The options that were given, as words."""
-    words: list[str] = []
-    for name, value in options.items():
-        for one in value if isinstance(value, list) else [] if value is None else [value]:
-            words += [name, f"{one:.15g}" if isinstance(one, float) else str(one)]
-    return words
 
 
 # ------------------------------------------------------------------ from text to arguments
@@ -242,12 +233,6 @@ def start_from_text(text: str | None) -> float | str | None:
 # ------------------------------------------------------------------ from results to text
 
 
-def _print_json(recording: Recording, figure: Path | None) -> None:
-    head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
-    content = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
-    echo_json(content)
-
-
 def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] = ()) -> None:
     """Show what a recording is worth."""
     from rich.markup import escape
@@ -261,8 +246,7 @@ def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] 
         f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"
     })  # fmt: skip
     print_sketches(console, recording)
-    for note in [*notes, *_folded(report.notes)][:MOST]:
-        say(console, escape(note), "  • ", 4)
+    warn(console, *[*notes, *_folded(report.notes)][:MOST], mark="  • ")
     _print_rest(console, len(_folded(report.notes)), "notes")
     colour = {"good": "green", "usable": "yellow", "unfit": "red"}[report.level]
     say(console, f"[bold {colour}]{escape(report.verdict)}[/]")

@@ -21,6 +21,7 @@ from fracid.cli.app import (
     say,
     say_next,
     typed,
+    warn,
 )
 from fracid.errors import DataError
 from fracid.safety.door import text_of
@@ -95,12 +96,10 @@ def _show(finished: FinishedComparison, console: Console) -> None:
     for title, names in groups.items():
         console.print(f"[bold]held out[/bold]: {escape(title)}", soft_wrap=True)
         _print_scores(console, comparison, names, "held_out")
-    for note in comparison.notes:
-        say(console, escape(note), "  • ", 4)
+    warn(console, *comparison.notes, mark="  • ")
     for name, test in comparison.amplitude.items():
         console.print(f"[bold]amplitude[/bold]: {escape(name)}", soft_wrap=True)
-        for sentence in test.sentences:
-            say(console, escape(sentence), "  ", 2)
+        warn(console, *test.sentences, mark="  ")
     if comparison.verdict not in comparison.claim_reasons:  # those stand above the tables
         say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
     print_study(console, finished, table=finished.table, best=finished.best)
@@ -131,7 +130,6 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
         + "log odds in nats against the most probable, bounds and priors as the project has them; " * len(odds)
         + "← the paper's structure[/dim]",
         "  ",
-        2,
     )
 
 

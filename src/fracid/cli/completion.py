@@ -67,28 +67,24 @@ def key_of(table: str) -> Callable[[str], list[str]]:
     return complete
 
 
-def unlabelled(options: list[Any]) -> list[Any]:
-    """Options of which those that take no value say no type, where typer writes ``<bool>``."""
-    for option in options:
-        if getattr(option, "is_flag", False) and option.metavar is None:
-            option.metavar = ""
-    return options
+class _Unlabelled:
+    """Of which options that take no value say no type, where typer writes ``<bool>``."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Its options."""
+        options: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for option in options:
+            if getattr(option, "is_flag", False) and option.metavar is None:
+                option.metavar = ""
+        return options
 
 
-class Group(TyperGroup):
+class Group(_Unlabelled, TyperGroup):
     """The program."""
 
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Its options."""
-        return unlabelled(super().get_params(ctx))
 
-
-class WithTables(TyperCommand):
+class WithTables(_Unlabelled, TyperCommand):
     """A command whose help has the names of the tables, read when somebody asks for it."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Its options."""
-        return unlabelled(super().get_params(ctx))
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write them out where an option's help has ``{methods}``; lines of paragraphs are as long as there is room."""

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fracid.cli.app import How, assigned, command, say, say_next
+from fracid.cli.app import How, assigned, command, say_next, warn
 from fracid.tasks.display import shown
 
 if TYPE_CHECKING:
@@ -72,8 +72,7 @@ def export(
 def _show(bundle: Export, console: Console) -> None:
     from rich.markup import escape
 
-    for note in bundle.notes:
-        say(console, escape(note))
+    warn(console, *bundle.notes, mark="")
     for path in bundle.files:
         console.print(f"written  {escape(str(path))}", soft_wrap=True)
     if model := next((path for path in bundle.files if path.name == "model.m"), None):

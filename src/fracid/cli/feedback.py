@@ -65,7 +65,7 @@ def _show(finished: FinishedControl, after: str, console: Console) -> None:
         rows.append([d.controller.kind, *weights, f"{d.held} of {d.draws}", gain, f"{d.phase_margin:.3g} °"])
     print_table(console, ["controller", *names, "holds", "gain margin", "phase margin"], rows)
     mark = "" if found.design.held == found.design.draws else "[yellow]![/yellow] "
-    say(console, escape(found.sentence), mark, 2)
+    say(console, escape(found.sentence), mark)
     print_entry(console, "gain", margin_text(found.design.gain_margin, found.gain_margin95, "dB"))
     print_entry(console, "phase", margin_text(found.design.phase_margin, found.phase_margin95, "°"))
     print_entry(console, "loop", f"{1 / c.period:.4g} Hz, {c.input} up to {c.most:.3g} {c.unit}, delay "

@@ -175,25 +175,22 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     _print_estimates(console, fit)
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
-        say(console, f"starts: {escape(_starts(fit))}", "  ", 2)
+        say(console, f"starts: {escape(_starts(fit))}", "  ")
     warnings = [w for w in unsaid(run.result) if w != PARTIAL]
     notes = _folded([n for n in (*warnings, *run.project.notes) if n not in told], fit.problem.outputs)
     warn(console, *notes[:SHOWN])
     if len(notes) > SHOWN:
         warn(console, f"{len(notes) - SHOWN} more: on the page, and in result.json")
     if fit.discretisation is not None:
-        say(console, f"discretisation: {escape(_discretisation(fit))}", "  ", 2)
+        say(console, f"discretisation: {escape(_discretisation(fit))}", "  ")
     if fit.cut is not None and not fit.cut.warnings:
-        say(console, f"cut: {escape(fit.cut.verdict)}", "  ", 2)
+        say(console, f"cut: {escape(fit.cut.verdict)}", "  ")
     elif fit.cut is None and _begins_in_motion(fit):
-        say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ", 2)
-    if fit.alternative is None and (without := _without_integers(fit)):
-        say(
-            console,
-            f"integer order: no alternative model was tried: the model gives {escape(without)} no integer value",
-            "  ",
-            2,
-        )
+        say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ")
+    without = [n for n, e in fit.orders.items() if e.free and p.model.integer_order(n) is None]
+    if fit.alternative is None and without:
+        said = f"no alternative model was tried: the model gives {escape(' and '.join(without))} no integer value"
+        say(console, f"integer order: {said}", "  ")
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
 
 
@@ -230,7 +227,7 @@ def _print_estimates(console: Console, fit: Fit) -> None:
     for verdict in dict.fromkeys(() if fits else verdicts.values()):
         if verdict:
             names = ", ".join(n for n, text in verdicts.items() if text == verdict)
-            say(console, escape(f"{verdict}: {names}"), "  ", 2)
+            say(console, escape(f"{verdict}: {names}"), "  ")
 
 
 def _verdict(e: Estimate) -> str:
@@ -298,11 +295,6 @@ def _starts(fit: Fit) -> str:
     notes += [f", {dropped} were left for their cost" if dropped else ""]
     reached = f"{lowest} of {len(fit.starts)} starts reached the lowest cost{''.join(notes)}"
     return f"{reached}; the lowest came from the start {best.origin!r}"
-
-
-def _without_integers(fit: Fit) -> str:
-    """The free orders of which the model says that no integer value makes sense."""
-    return " and ".join(n for n, e in fit.orders.items() if e.free and fit.problem.model.integer_order(n) is None)
 
 
 def _discretisation(fit: Fit) -> str:

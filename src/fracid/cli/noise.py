@@ -81,7 +81,7 @@ def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console
         console.print(table)
     for sentence in study.sentences():
         mark = "" if with_code([sentence], "believed") else "[yellow]![/yellow] "
-        say(console, escape(sentence), mark, 2 if mark else 0)
+        say(console, escape(sentence), mark)
     print_study(console, finished, after, table=finished.table)
 
 

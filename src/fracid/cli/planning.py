@@ -12,10 +12,8 @@ from fracid.cli.app import (
     assigned,
     command,
     numbers,
-    print_entry,
-    print_figures,
+    print_study,
     print_table,
-    say_next,
     typed,
 )
 from fracid.errors import InputError
@@ -62,7 +60,7 @@ def design(
     done.
     """
     orders, limits = assigned("--order", order, "mu=0.95"), assigned("--limit", limit, "theta=2.5")
-    constants = {n: v for text in set_ or () for n, v in (_setting(text),)}
+    constants = assigned("--set", set_, "mass=0.2,0.5,1", lambda text, _: numbers("--set", text, "mass=0.2,0.5,1"))
     angles = (0.0,) if release is None else numbers("--release", release)
     durations, rates = numbers("--seconds", seconds or "20"), numbers("--rate", rate or "500")
     said = {"seconds": seconds, "rate": rate, "voltage": voltage or release}
@@ -79,7 +77,7 @@ def design(
         orders=orders or None, swing=SWING if release is None else (),
         unsaid=[name for name, value in said.items() if not value], friction=friction, robust=robust,
     )  # fmt: skip
-    project = next((p for p in finished.files if p.suffix == ".toml"), finished.folder)
+    project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
     after = typed("fit", project, trust=how.trust), "when the recordings are there"
     how.answer(finished.result, partial(_show, finished, after))
 
@@ -89,12 +87,6 @@ def design(
 
 def _names(text: str | None) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip()) if text else ()
-
-
-def _setting(text: str) -> tuple[str, tuple[float, ...]]:
-    """``mass=0.2,0.5,1``."""
-    name, _, values = text.partition("=")
-    return name.strip(), numbers("--set", values, "mass=0.2,0.5,1")
 
 
 def _voltage(text: str) -> Any:
@@ -142,7 +134,4 @@ def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) ->
     if len(plan.alone or {}) > 1:
         alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
         console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
-    print_entry(console, "sheet", str(finished.folder / "sheet.txt"))
-    print_entry(console, "page", str(finished.folder / "plan.html"))
-    print_figures(console, finished.files)
-    say_next(console, after)
+    print_study(console, finished, after, sheet=finished.folder / "sheet.txt")

@@ -57,7 +57,7 @@ def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Co
         rows.append((name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))
     if not print_table(console, ("", "median", "95 % interval", "unit", "prior"), rows, fold=("",), spare=1):
         priors = (f"{n} {_prior(row['prior'])}" for n, row in unknowns.items() if row["prior"]["kind"] == "normal")
-        say(console, escape(f"Priors: {'; '.join(('the bounds of the project', *priors))}."), "", 0)
+        say(console, escape(f"Priors: {'; '.join(('the bounds of the project', *priors))}."), "")
     mark = "" if drawn.trusted else "[yellow]![/yellow] "
     console.print(f"{mark}{escape(drawn.sentence)}", soft_wrap=True)
     if (evidence := finished.result["log_evidence"]) is not None:

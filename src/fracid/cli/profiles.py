@@ -71,7 +71,7 @@ def _show(analysis: FinishedProfiles, after: tuple[str, str], console: Console) 
     for name, verdict in analysis.verdicts.items():
         if verdict.kind != "forgotten" and (verdict.kind != "identifiable" or verdict.reason):
             mark = "  " if verdict.kind == "identifiable" else "[yellow]![/yellow] "
-            say(console, escape(f"{GREEK.get(name, name)} {verdict.says}."), mark, 2)
+            say(console, escape(f"{GREEK.get(name, name)} {verdict.says}."), mark)
     print_study(console, analysis, after)
 
 

@@ -81,7 +81,7 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
         for heading, text in _start_lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         warn(console, *filter(None, (f.belief, *f.warnings)))
-    for note in results.notes:
+    for note in results.asked.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
     if out is not None:
         console.print(f"result   {escape(str(out / 'regression.json'))}", soft_wrap=True)
@@ -123,7 +123,7 @@ def _searched(f: Regression, name: str) -> str:
 
 def _start_lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
     """What of it a fit of the project would start from."""
-    if not results.of_project:
+    if results.asked.problem is None:
         return []
     changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
     return [("start", ", ".join(changes) or "the project's own: nothing that it frees was identified")]

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import io
-import os
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import chdir, contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import How, app, command, print_table
-from fracid.safety.environment import ignore_settings
+from fracid.cli.app import How, app, as_typed, command, print_table
 from fracid.safety.text import cut
 
 if TYPE_CHECKING:
@@ -51,21 +47,8 @@ def reproduce(
 
 def _typed_again(words: list[str], where: Path) -> None:
     """Do what the words say, in the folder where they were typed, and print nothing."""
-    with _as_typed(words, where), redirect_stdout(io.StringIO()):
+    with as_typed(words, where), redirect_stdout(io.StringIO()):
         app(args=words, prog_name="fracid", standalone_mode=False)
-
-
-@contextmanager
-def _as_typed(words: list[str], where: Path) -> Iterator[None]:
-    """In the folder where it was typed, if that is still there."""
-    before = sys.argv[1:]
-    sys.argv[1:] = words
-    ignore_settings(where)
-    try:
-        with chdir(where if where.is_dir() else os.curdir):
-            yield
-    finally:
-        sys.argv[1:] = before
 
 
 # ------------------------------------------------------------------ as text

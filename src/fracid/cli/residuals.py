@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import How, command, print_figures, print_table, say_next, typed, warn
+from fracid.cli.app import How, command, print_study, print_table, typed, warn
 from fracid.errors import DataError
 from fracid.units import with_unit
 
@@ -64,15 +64,14 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     for a in analysis.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
         console.print(_sentences(a, told))
-    console.print(f"\nresult   {escape(str(analysis.path))}", soft_wrap=True)
-    print_figures(console, analysis.figures)
+    console.print()
     from fracid.selection.ladder import has_friction
 
     project, trust = analysis.run.project, bool(analysis.run.project.own_code)
+    step = typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"
     if has_friction(project.problem.model):
-        say_next(console, (typed("compare", project.path, trust=trust), "would another model leave smaller residuals?"))
-    else:
-        say_next(console, (typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"))
+        step = typed("compare", project.path, trust=trust), "would another model leave smaller residuals?"
+    print_study(console, analysis, step)
 
 
 def _sizes(a: ResidualAnalysis) -> tuple[str, ...]:

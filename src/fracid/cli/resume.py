@@ -7,15 +7,12 @@ only from the caller.
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 
 import typer
 
-from fracid.cli.app import How, app, command, echo_json
+from fracid.cli.app import How, app, as_typed, command
 from fracid.cli.fit import tell_fit, watched
-from fracid.safety.environment import ignore_settings
 from fracid.safety.text import printable
 
 
@@ -41,11 +38,8 @@ def resume(
             finished = resume_run(run, **how.of(resume_run, observer=observer))
         tell_fit(finished, json_=how.json_)
         return
-    result = finished_result(run)
-    if how.json_:
-        echo_json(result)
-    else:
-        typer.echo(printable(f"{run} is finished; its result is {run / 'result.json'}."))
+    said = printable(f"{run} is finished; its result is {run / 'result.json'}.")
+    how.answer(finished_result(run), lambda _: typer.echo(said))
 
 
 def _typed_again(folder: Path, how: How) -> None:
@@ -57,9 +51,6 @@ def _typed_again(folder: Path, how: How) -> None:
     again = safe_words(folder, words, how.executor or how.scheduler, how.trust)
     options = {"out": folder.resolve(), "jobs": how.jobs, "json": how.json_, "executor": how.executor,
                "scheduler": how.scheduler, "trust": how.trust}  # fmt: skip
-    if where.is_dir():
-        ignore_settings(where)
-        os.chdir(where)
-    sys.argv[1:] = words  # a second resumption types the same
-    if code := app(args=[*again, *words_of(options)], prog_name="fracid", standalone_mode=False):
-        raise typer.Exit(code)
+    with as_typed(words, where):  # a second resumption types the same
+        if code := app(args=[*again, *words_of(options)], prog_name="fracid", standalone_mode=False):
+            raise typer.Exit(code)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import LONG, How, command, each_once, print_table, say_next, typed
+from fracid.cli.app import LONG, How, assigned, command, each_once, print_table, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
 
@@ -101,32 +100,20 @@ def quantity(text: str, option: str, *, of: str = "", bare: bool = True) -> floa
     if not match or match[2] not in ("", *sizes):
         raise InputError(f"{text!r} is not possible; expected a number with its unit, e.g. {option}.")
     if not bare and not match[2]:
-        raise InputError(f"{text!r} has no unit: deg or rad? Type for example {option}.")
+        typed = re.sub(r"[\d.]+deg$", f"{text.strip()}deg", option)
+        raise InputError(f"{text!r} has no unit: deg or rad? Type for example {typed}.")
     return float(match[1]) * sizes.get(match[2], 1.0)
-
-
-def _assigned(texts: list[str] | None, example: str, angles: Sequence[str] = ()) -> dict[str, float]:
-    """Parse ``NAME=VALUE`` of an option that may be given again; a state's name may hold blanks."""
-    values: list[tuple[str, float]] = []
-    for text in texts or ():
-        name, equals, value = text.rpartition("=")
-        if not equals or not name.strip():
-            raise InputError(f"{text!r} is not possible; expected NAME=VALUE, e.g. {example}.")
-        hint = f"{example.split()[0]} {name.strip()}={value}{'deg' if angles else ''}" if _is_number(value) else example
-        angle = name.strip() in angles
-        values.append((name.strip(), quantity(value, hint, of="rad" * angle, bare=not angle)))
-    return each_once(example.split()[0], values)
-
-
-def _is_number(text: str) -> bool:
-    return re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", text) is not None
 
 
 def _changed(
     twin: Twin, order: list[str] | None, parameter: list[str] | None, initial: list[str] | None, **more: Any
 ) -> Twin:
     """With what the options name."""
-    angles = _angles(twin)
+
+    def state(text: str, option: str) -> float:
+        angle = option.split()[1].partition("=")[0] in _angles(twin)
+        return quantity(text, option, of="rad" * angle, bare=not angle)
+
     fields: dict[str, Any] = {}
     for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
         if more[name] is not None:
@@ -137,8 +124,9 @@ def _changed(
         fields["end"] = twin.end + fields["hold"] - twin.hold
     fields |= {name: more[name] for name in ("method", "substeps") if more[name] is not None}
     return twin.changed(
-        orders=_assigned(order, "--order mu=0.91"), parameters=_assigned(parameter, "--set b_alpha=2e-4"),
-        initial=_assigned(initial, "--initial alpha=10deg", angles), **fields,
+        orders=assigned("--order", order, "mu=0.91", quantity),
+        parameters=assigned("--set", parameter, "b_alpha=2e-4", quantity),
+        initial=assigned("--initial", initial, "alpha=10deg", state), **fields,
     )  # fmt: skip
 
 

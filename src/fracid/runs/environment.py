@@ -5,12 +5,13 @@ from __future__ import annotations
 import platform
 from functools import cache
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 
+from fracid._version import __version__
 from fracid.safety.door import bytes_of, text_of
 
-_PACKAGES = ("fracid", "numpy", "scipy", "numba")
+_PACKAGES = ("numpy", "scipy", "numba")
 
 
 def versions() -> dict[str, str]:
@@ -21,13 +22,7 @@ def versions() -> dict[str, str]:
     >>> sorted(versions())
     ['fracid', 'numba', 'numpy', 'python', 'scipy']
     """
-    numbers = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            numbers[package] = version(package)
-        except PackageNotFoundError:
-            numbers[package] = "unknown"
-    return numbers
+    return {"python": platform.python_version(), "fracid": __version__, **{name: version(name) for name in _PACKAGES}}
 
 
 @cache

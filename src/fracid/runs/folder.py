@@ -207,14 +207,11 @@ def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapp
     >>> cut_short(folder, "fit", {"seed": 3}, {}), cut_short(folder, "fit", {"seed": 4}, {})
     (True, False)
     """
-    if not (folder / RUN).exists():
-        return False
     now = RunState(kind, json.loads(json.dumps(options)), dict(inputs))
-    try:
+    with suppress(InputError):
         before = run_state(folder)
-    except InputError:
-        return False
-    return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
+        return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
+    return False
 
 
 def moved_project(folder: Path, state: RunState) -> Path:

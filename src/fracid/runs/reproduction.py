@@ -28,16 +28,21 @@ from pydantic import Field, computed_field
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.runs.folder import CODE, VERSION, RunState
-from fracid.runs.saved import SavedRun
-from fracid.safety.schema import Infinite, Listed, Record, fault_of, read_as
+from fracid.runs.environment import code, machine
+from fracid.runs.folder import CODE, VERSION, inputs_of, result_of, run_state
+from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.schema import Infinite, Listed, Record, fault_of, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
+from fracid.tasks.job import one_blas_thread
 
 ELSEWHERE = 1e-9
 """How far what was found may be off with other versions or on another machine, of its size."""
 
 OF_INTERVAL = 1e-6
 """And an unknown, of half its interval: where zero lies within, its size says nothing."""
+
+MACHINE = {"platform": "the platform", "processor": "the processor", "code": f"{CODE}of fracid"}
+"""Of environment.json, in words."""
 
 PASSING = ("timing", "versions")
 """Blocks of a result that say how it was made: not compared."""
@@ -154,12 +159,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     fracid.errors.InputError: ... is no run folder: it has no result.json that can be read. Give one that fracid fit
     wrote.
     """
-    import scipy.linalg  # noqa: F401 (brings a library of its own, which must be there to be held)
-    from threadpoolctl import threadpool_limits
-
     from fracid.identification import identify
-    from fracid.runs.folder import result_of, run_state
-    from fracid.runs.saved import load_run
 
     run = load_run(folder, trust=trust)
     state = run_state(run.folder)
@@ -167,9 +167,12 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
         raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
     if fault := fault_of(state.options, FitOptions):
         raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
-    with threadpool_limits(1, "blas"):  # as on the command line: several threads add up in another order
+    there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
+    here = machine() | {"code": code()}
+    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here)
+    with one_blas_thread():  # as on the command line: several threads add up in another order
         fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
-    return compared(run.result, result_of(fit, run.project, {}), _changed(run, state))
+    return compared(run.result, result_of(fit, run.project, {}), changed)
 
 
 def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
@@ -182,27 +185,40 @@ def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _changed(run: SavedRun, state: RunState) -> dict[str, tuple[str, str]]:
-    """Versions, code and machine that are not as they were; the data cannot be others, :func:`load_run` looks."""
-    from fracid.runs.environment import code, machine
-    from fracid.runs.folder import inputs_of
+def not_as_before(
+    run: Path, before: Mapping[str, Any], after: Mapping[str, Any], there: Mapping[str, Any], here: Mapping[str, Any]
+) -> dict[str, tuple[str, str]]:
+    """Versions, own code and machine that are not as they were; data must be the same.
 
-    now, inputs = inputs_of(run.project), state.inputs
-    changes = {
-        what: (str(inputs[what]), now[what])
-        for what in now
-        if what in inputs and inputs[what] != now[what] and what.startswith((CODE, VERSION))
-    }
-    try:
-        there = read_as(run.folder / "environment.json", EnvironmentBlock, "fracid fit PROJECT")
-    except OSError:
-        there = {}
-    if state.code != code():
-        changes[f"{CODE}of fracid"] = state.code, code()
-    here = machine()
-    return changes | {
-        f"the {what}": (str(there[what]), here[what]) for what in here if what in there and there[what] != here[what]
-    }
+    Parameters
+    ----------
+    run : Path
+    before, after : mapping
+        What a result depends on, in words → its hash or version.
+    there, here : mapping
+        Both machines, and fracid's own code.
+
+    Raises
+    ------
+    InputError
+        If data are others, or their project.
+
+    Examples
+    --------
+    >>> machine = {"processor": "x86_64"}
+    >>> not_as_before(Path("run"), {"the version of numpy": "1.0"}, {"the version of numpy": "2.0"}, machine, machine)
+    {'the version of numpy': ('1.0', '2.0')}
+    """
+    changes = _differing(before, after)
+    for what in changes:
+        if not what.startswith((CODE, VERSION, "versions")):
+            raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
+    machine = _differing(there, here)
+    return changes | {words: machine[what] for what, words in MACHINE.items() if what in machine}
+
+
+def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    return {n: (str(before[n]), str(now)) for n, now in after.items() if before.get(n, now) != now}
 
 
 def _listed(changed: Mapping[str, tuple[str, str]]) -> str:

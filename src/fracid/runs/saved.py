@@ -18,6 +18,7 @@ values within their bounds.
 from __future__ import annotations
 
 import math
+from collections import UserDict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -36,9 +37,9 @@ from fracid.fit import Fit, ResultBlock, StartBlock
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
-from fracid.safety.json_files import json_of
+from fracid.safety.json_files import from_json, json_of
 from fracid.safety.paths import path_of, refuse_mistaken
-from fracid.safety.schema import fault_of, record_of
+from fracid.safety.schema import Block, fault_of, read_if_whole, record_of
 from fracid.safety.text import ascii_short
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
@@ -101,24 +102,15 @@ class SavedRun(Fit):
                     )
 
 
-class _Recordings(Mapping[str, RecordingFit]):
+class _Recordings(UserDict[str, RecordingFit]):
     """Each recording beside its simulation, made when the first is asked for; NaN where the run fails."""
 
     def __init__(self, make: Callable[[], dict[str, RecordingFit]]) -> None:
         self._make = make
 
     @cached_property
-    def made(self) -> dict[str, RecordingFit]:
+    def data(self) -> dict[str, RecordingFit]:  # type: ignore[override]
         return self._make()
-
-    def __getitem__(self, name: str) -> RecordingFit:
-        return self.made[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.made)
-
-    def __len__(self) -> int:
-        return len(self.made)
 
 
 def _simulated(
@@ -186,26 +178,22 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
 def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> SavedRun:
     """The fit that result.json describes: of the project, with the bounds that it opened and the step that it took."""
     block, values = record_of(ResultBlock, result), _values(result)
-    problem = reopened(project.problem, tuple(block.opened_bounds))
+    problem = reopened(project.problem, block.opened_bounds)
     if block.window is not None:
         problem = windowed(problem, block.window)
     if not project.fixed_step and block.substeps is not None:
         problem = replace(problem, substeps=block.substeps)
     x = _vector(problem, values)
-    alike: dict[str, Any] = {n: getattr(block, n) for n in (
-        "evaluations", "outcome", "optimiser", "seed", "timing", "discretisation", "alternative",
-        "claim_reasons", "claim_codes", "window",
-    )}  # fmt: skip
-    listed: dict[str, Any] = {n: tuple(getattr(block, n)) for n in ("warnings", "findings", "opened_bounds")}
-    return SavedRun(
-        folder=folder, result=result, project=project, values=values, problem=problem, x=x, **alike, **listed,
-        orders=Estimates({n: record_of(Estimate, entry) for n, entry in result["orders"].items()}),
-        parameters=Estimates(block.parameters),
-        recordings=_Recordings(partial(_simulated, problem, x, values, result, project)),
-        cost=math.inf if block.cost.value is None else block.cost.value, claim=block.claim or "undecided",
-        starts=tuple(_start(start, problem) for start in block.starts),
-        cut=CutCheck.of_json(result["cut"]) if block.cut else None, uncertainty=None,
-    )  # fmt: skip
+    own: dict[str, Any] = {
+        "folder": folder, "result": result, "project": project, "values": values, "problem": problem, "x": x,
+        "orders": Estimates({n: record_of(Estimate, entry) for n, entry in result["orders"].items()}),
+        "parameters": Estimates(block.parameters), "uncertainty": None, "spread": None,
+        "recordings": _Recordings(partial(_simulated, problem, x, values, result, project)),
+        "cost": from_json(block.cost.value, math.inf), "claim": block.claim or "undecided",
+        "starts": tuple(_start(start, problem) for start in block.starts),
+        "cut": CutCheck.of_json(result["cut"]) if block.cut else None,
+    }  # fmt: skip
+    return SavedRun(**{n: value for n, value in block if n in SavedRun.__dataclass_fields__} | own)
 
 
 def _strange(run: SavedRun) -> Iterator[str]:
@@ -316,10 +304,7 @@ def _places(folder: Path) -> Iterator[Path]:
 
 def _optional(path: Path, key: str, otherwise: Any) -> Any:
     """What a file says, where there is one."""
-    try:
-        value = json_of(text_of(path))[key]
-    except (OSError, ValueError, KeyError, TypeError):
-        return otherwise
+    value = read_if_whole(path, Block).get(key)
     return value if isinstance(value, type(otherwise)) else otherwise
 
 

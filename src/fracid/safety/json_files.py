@@ -15,6 +15,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import is_dataclass
 from typing import Any, TypeVar
 
+from fracid.safety.text import ascii_short, shortened
+
 _Value = TypeVar("_Value")
 
 LONGEST = 1 << 24
@@ -164,8 +166,7 @@ def place(path: tuple[str | int, ...]) -> str:
     >>> place(("orders", "mu", "value")), place(())
     ('orders.mu.value', 'it')
     """
-    names = (str(key) for key in path)
-    return ".".join(name if len(name) <= 60 else f"{name[:40]}..." for name in names) or "it"
+    return ".".join(shortened(str(key)) for key in path) or "it"
 
 
 def shown(value: Any) -> str:
@@ -185,5 +186,4 @@ def shown(value: Any) -> str:
 
 def short_text(value: object) -> str:
     """On a line that can be printed, and not long."""
-    text = str(value)
-    return repr(text if len(text) <= 60 else f"{text[:40]}...")[1:-1]
+    return ascii_short(str(value))[1:-1]

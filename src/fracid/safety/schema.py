@@ -284,7 +284,7 @@ def lacking(value: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> str
 # --- files -------------------------------------------------------------------------------------------
 
 
-def read_as(path: Path, kind: type[Block | Record], wrote: str) -> Any:
+def read_as(path: Path, kind: type[Block | Record], wrote: str, missing: str = "") -> Any:
     """Read a JSON file of a run folder; gives its content as it stands there.
 
     Parameters
@@ -294,11 +294,13 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str) -> Any:
         What it must be.
     wrote : str
         The command that writes it again.
+    missing : str, optional
+        What is said where it is not there, or cannot be read; `path` and `error` are filled in.
 
     Raises
     ------
     OSError
-        If it is not there, or cannot be read.
+        If it is not there, or cannot be read, and nothing is to be said.
     InputError
         If it is not so; says where.
 
@@ -317,6 +319,10 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str) -> Any:
     content, fault = None, ""
     try:
         content = json_of(text_of(path))
+    except OSError as error:
+        if not missing:
+            raise
+        raise InputError(missing.format(path=path, error=error.strerror or "it is no plain file")) from None
     except ValueError as error:
         fault = f"it cannot be read as JSON ({short_text(error)})"
     if fault := fault or fault_of(content, kind):

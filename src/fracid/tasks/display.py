@@ -96,9 +96,10 @@ class _Stage:
         if p.best is not None:
             yield with_unit(p.best, p.unit) if p.unit else f"lowest cost {p.best:.4g}"
 
-    @property
-    def worth_a_line(self) -> bool:
-        return self.progress is not None or time.monotonic() - self.began > SHORT
+    def line(self, mark: str) -> str:
+        """What it came to; empty where that is worth no line, or not to be said."""
+        worth = mark and (self.progress is not None or time.monotonic() - self.began > SHORT)
+        return self.text(ended=True) + " · interrupted" * (mark == "✗") if worth else ""
 
 
 def duration(seconds: float, *, fine: bool = False) -> str:
@@ -234,8 +235,8 @@ class _Terminal:
         from rich.text import Text
 
         self._clear()
-        if mark and stage.worth_a_line:
-            text = Text.assemble((mark, "green" if mark == "✓" else "yellow"), " ", printable(_ended(stage, mark)))
+        if line := stage.line(mark):
+            text = Text.assemble((mark, "green" if mark == "✓" else "yellow"), " ", printable(line))
             self._console.print(text, soft_wrap=True)
 
     def notice(self, sentence: str) -> None:
@@ -262,8 +263,8 @@ class _Notebook:
             self._show(f"… {stage.text()}")
 
     def end(self, stage: _Stage, mark: str) -> None:
-        if mark and stage.worth_a_line:
-            self._lines.append(f"{mark} {_ended(stage, mark)}")
+        if line := stage.line(mark):
+            self._lines.append(f"{mark} {line}")
         self._show("")
 
     def notice(self, sentence: str) -> None:
@@ -316,10 +317,6 @@ class _Events:
         self._stream.flush()
 
 
-def _ended(stage: _Stage, mark: str) -> str:
-    return stage.text(ended=True) + (" · interrupted" if mark == "✗" else "")
-
-
 # ------------------------------------------------------------------ who looks on
 
 
@@ -355,7 +352,7 @@ def shown(
 
 def _shown(stage: str, events: bool, stream: TextIO, result: Callable[[Any], None] | None) -> Iterator[Observer]:
     if not events and not stream.isatty():
-        yield Observer(notice=lambda sentence: _write_line(stream, sentence), result=result or SILENT.result)
+        yield Observer(notice=_Events(stream).notice, result=result or SILENT.result)
         return
     display = _Display(_Events(stream) if events else _Terminal(stream), result)
     display.stage(stage)
@@ -386,10 +383,6 @@ def _answering(stream: TextIO) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _write_line(stream: TextIO, sentence: str) -> None:
-    stream.write(printable(f"{sentence}\n"))
 
 
 def in_notebook() -> bool:

@@ -159,15 +159,8 @@ def perform_elsewhere(own: dict[int, Any], job: Job) -> Ended:
     return perform(job.work, tuple(arguments[i] for i in range(len(arguments))))
 
 
-def unpacked(packed: bytes) -> Job:
-    """The job that was packed."""
-    job: Job = pickle.loads(packed)
-    return job
-
-
-@cache
-def _settle() -> Any:
-    return one_blas_thread()
+unpacked: Callable[[bytes], Job] = pickle.loads
+"""The job that was packed."""
 
 
 def in_threads(jobs: int, work: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:
@@ -192,6 +185,9 @@ def one_blas_thread() -> Any:
     from threadpoolctl import threadpool_limits
 
     return threadpool_limits(1, "blas")
+
+
+_settle = cache(one_blas_thread)
 
 
 def failure_of(task: Task, outcome: Ended | BaseException) -> Stopped | None:

@@ -84,7 +84,8 @@ class Journal(AbstractContextManager["Journal"]):
         self.path = Path(path)
         with ExitStack() as opened:
             opened.enter_context(FolderLock(self.path.parent))
-            self._file = opened.enter_context(_opened(self.path))
+            with writing(str(self.path), "Give another folder: --out DIR."):
+                self._file = opened.enter_context(appended(self.path))
             self.done, self.notes, self._end = _read(self.path, dict(study), self._file, fault)
             self._synced = time.monotonic()
             if self._end == 0:
@@ -215,11 +216,6 @@ def _cut_short(path: Path, error: OSError) -> Unfinished:
         f"{path} cannot be written: {why}. What was done before is kept: make room, then type fracid resume "
         f"{resumable(path)}."
     )
-
-
-def _opened(path: Path) -> RawIOBase:
-    with writing(str(path), "Give another folder: --out DIR."):
-        return appended(path)
 
 
 def _read(

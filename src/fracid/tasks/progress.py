@@ -12,11 +12,7 @@ from fracid.tasks.job import Progress
 Tell = Callable[[Progress], None]
 
 
-def _unheard(_: Any) -> None:
-    pass
-
-
-def _unasked() -> None:
+def _unheard(*_: Any) -> None:
     pass
 
 
@@ -52,7 +48,7 @@ class Observer:
     counting, and in it the function that gets each progress, with ``done``, ``total``, ``seconds`` and ``best``."""
     stage: Callable[[str], None] = _unheard
     """Gets the name of each stage as it begins: ``search``, ``intervals``, ``figures``; the one before has ended."""
-    interrupted: Callable[[], None] = _unasked
+    interrupted: Callable[[], None] = _unheard
     """Called when Ctrl-C has ended the stage."""
     result: Callable[[Any], None] = _unheard
     """Gets the finished run as soon as its result is written, before its figures and its page."""

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -117,14 +118,20 @@ def run_tasks(
     at_least("jobs", jobs, 1)
     results = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
     backlog = [t for t in tasks if t.key not in results]
-    watch = _Watch(len(tasks), results, progress)
+    earlier, began = len(results), time.perf_counter()
+
+    def tell() -> None:
+        if progress is not None:
+            progress(Progress(len(results), len(tasks), earlier, time.perf_counter() - began))
+
+    tell()
     if backlog:
         try:
             for task, outcome in run(work, backlog, jobs):
                 results[task.key] = json.loads(outcome.text)
                 if journal is not None:
                     journal.append(task.key, results[task.key], outcome.seconds)
-                watch.tell()
+                tell()
         except KeyboardInterrupt:
             raise Unfinished(f"Interrupted. {_kept(part, len(results), len(tasks), journal)}") from None
         except Stopped as stopped:
@@ -156,10 +163,7 @@ class Execution:
 
     def run(self, work: Work, tasks: Sequence[Task]) -> dict[str, Json]:
         """Do the tasks; as :func:`run_tasks`."""
-        return run_tasks(
-            work, tasks, executor=self.executor, jobs=self.jobs, journal=self.journal, progress=self.progress,
-            part=self.part,
-        )  # fmt: skip
+        return run_tasks(work, tasks, **vars(self))
 
 
 def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:
@@ -169,29 +173,13 @@ def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:
     return f"{counted} are done and kept. To continue, type fracid resume {resumable(journal.path)}."
 
 
-class _Watch:
-    """Counts, and tells `progress`."""
-
-    def __init__(self, total: int, results: dict[str, Json], progress: Callable[[Progress], None] | None) -> None:
-        self._total, self._done, self._earlier, self._progress = total, results, len(results), progress
-        self._began = time.perf_counter()
-        self.tell()
-
-    def tell(self) -> None:
-        if self._progress is not None:
-            seconds = time.perf_counter() - self._began
-            self._progress(Progress(len(self._done), self._total, self._earlier, seconds))
-
-
 # --- what is refused ---------------------------------------------------------------------------------
 
 
 def _check(work: Work, tasks: Sequence[Task], executor: str) -> None:
-    keys: set[str] = set()
-    for task in tasks:
-        if task.key in keys:
-            raise InputError(f"Two tasks have the key {task.key!r}; a key names one repetition.")
-        keys.add(task.key)
+    for key, count in Counter(task.key for task in tasks).items():
+        if count > 1:
+            raise InputError(f"Two tasks have the key {key!r}; a key names one repetition.")
     name = getattr(work, "__qualname__", "")
     if executor != "threads" and (not name or "<" in name or not hasattr(work, "__module__")):
         raise InputError(f"{work!r} cannot be sent to other processes: give a function of a module, or threads.")

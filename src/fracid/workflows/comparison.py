@@ -14,6 +14,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from pydantic import Field
+
 from fracid.bayes.evidence import require_evidence
 from fracid.estimation.long_records import to_compare
 from fracid.models.friction import RUNGS
@@ -23,7 +25,7 @@ from fracid.problem.project import Project
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
-from fracid.safety.schema import as_json, fault_of
+from fracid.safety.schema import Block, Record, as_json, fault_of
 from fracid.safety.user_code import is_own
 from fracid.selection.amplitude import AmplitudeTest
 from fracid.selection.comparison import GIVEN, compare
@@ -51,6 +53,21 @@ TABLE, CURVES, BEST = "compare.csv", "curves.json", "best.toml"
 
 MOST_RECORDINGS = 12
 """Whose curves are kept, held out ones first."""
+
+
+class _Step(Block):
+    substeps: int = Field(ge=1)
+
+
+class _Rival(Block):
+    alternative: Alternative | None = None
+
+
+BESIDE: dict[str, type[Block | Record]] = {
+    "amplitude |": AmplitudeTest, "evidence |": EvidenceBlock, GIVEN: GivenBlock, "alternatives |": _Rival,
+    "step |": _Step,
+}  # fmt: skip
+"""How the keys of a journal begin that are no fits, and what they have."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,16 +245,9 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
     fitted, validation = ({e.name for e in those} for those in (problem.experiments, project.validation))
 
     def fault(key: str, result: Any) -> str:
-        if key.startswith("amplitude |"):
-            return fault_of(result, AmplitudeTest)
-        if key.startswith("evidence |"):
-            return fault_of(result, EvidenceBlock)
-        if key.startswith(GIVEN):
-            return fault_of(result, GivenBlock)
-        if key.startswith("alternatives |"):
-            return "" if result.get("alternative") is None else fault_of(result["alternative"], Alternative)
-        if key.startswith("step |"):
-            return "" if isinstance(result.get("substeps"), int) and result["substeps"] >= 1 else "no steps a sample"
+        for start, kind in BESIDE.items():
+            if key.startswith(start):
+                return fault_of(result, kind)
         there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there

@@ -18,7 +18,6 @@ from fracid.recording.readers.numpy_files import read_npz
 from fracid.report.scene import scene_moving
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import load_run
-from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of
 from fracid.schemas.feedback import Trial
 from fracid.tasks.display import unless_given
@@ -27,7 +26,7 @@ from fracid.tasks.progress import Observer
 from fracid.workflows.figures import plotted
 from fracid.workflows.posterior_draws import DRAWN, header_of_run
 from fracid.workflows.records import command_of, write_files
-from fracid.workflows.study import Finished, begun, folder_of
+from fracid.workflows.study import Finished, folder_of, journal_of
 
 CODE = "controller.c"
 
@@ -87,7 +86,6 @@ def run_control(
     fracid.errors.InputError: There is no nowhere/rig. ...
     """
     run, watching = Path(run), unless_given(observer)
-    refuse_mistaken(run, "run")
     with one_blas_thread():
         fit = load_run(run, trust=trust)
         folder, points = folder_of(out, run, "control"), None
@@ -100,7 +98,7 @@ def run_control(
         options = {"draws": draws, "posterior": posterior, "trust": trust, "seed": seed, **loop}
         words = command_of("control", run, {"out": out, **options}) if command is None else command
         header = header_of_run(fit, "control")
-        with begun(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
+        with journal_of(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}

@@ -245,12 +245,11 @@ def of_search(fit: Fit, style: str = "screen") -> Figures:
         yield "cut", fit.cut.plot(style=style)
 
 
-def of_plane(plane: CostPlane, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
+def of_plane(plane: CostPlane | None, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
     """The cost over two orders, and where the search has been."""
     from fracid.runs.evaluations import tried
 
-    evaluations, (first, second) = tried(folder, plane.names), best.tolist()
-    yield (
-        "cost-over-orders",
-        plane.plot(best=(first, second), evaluations=evaluations, cost_name=cost_name, style=style),
-    )
+    if plane is not None:
+        first, second = best.tolist()
+        yield "cost-over-orders", plane.plot(best=(first, second), evaluations=tried(folder, plane.names),
+                                             cost_name=cost_name, style=style)  # fmt: skip

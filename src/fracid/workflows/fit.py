@@ -199,7 +199,7 @@ def run(
         _nothing_left(folder, lambda: searching and not resume),
         open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
         drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
-        drawing(project, folder, jobs, watching, beside) if figures else nullcontext(_undrawn) as draw,
+        drawing(project, folder, jobs, watching, beside) if figures else nullcontext(lambda _: ()) as draw,
     ):
         heard = _drawn_too(watching, draw) if isinstance(draw, Drawing) else watching
         fit = _identified(project, opened, jobs, heard, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
@@ -297,10 +297,6 @@ def _drawn_too(observer: Observer, drawing: Drawing) -> Observer:
             observer.recordings(found)
 
     return replace(observer, recordings=recordings)
-
-
-def _undrawn(_fit: Fit) -> tuple[Path, ...]:
-    return ()
 
 
 def _checked(project: Project, jobs: int, observer: Observer) -> tuple[Finding, ...]:

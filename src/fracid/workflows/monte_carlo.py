@@ -16,6 +16,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.search import searched
 from fracid.problem import Problem
+from fracid.problem.project import Project
 from fracid.runs.environment import versions
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
@@ -26,7 +27,7 @@ from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.validation.study_records import fault_of_repetition
 from fracid.workflows.figures import of_study
 from fracid.workflows.records import command_of, csv_text
-from fracid.workflows.study import Finished, begun, digest_of, folder_of, run_or_project
+from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, run_or_project
 
 TABLE = "noise.csv"
 
@@ -117,20 +118,27 @@ def run_noise_study(
     Traceback (most recent call last):
     fracid.errors.InputError: There is no nowhere/rig.toml. ...
     """
+
+    def fault(_key: str, said: Any) -> str:
+        return fault_of_repetition(said, truth.problem.names)
+
     source = Path(source)
     options = {"seeds": seeds, "cost": cost, "optimiser": optimiser, "executor": executor, "seed": seed}
     watching = unless_given(observer)
     with one_blas_thread():
-        truth = _truth_of(source, jobs, trust, watching)
+        truth, project, x = _truth_of(source, jobs, trust, watching)
         grid = _grid(truth.problem, levels, resolutions, relative, angles)
         words = _command(source, out, grid, options | {"trust": trust}) if command is None else command
         folder = folder_of(out, source, "noise")
         plan = planned(
-            truth.problem, truth.x, **grid, seeds=seeds, seed=seed, cost=cost,
-            optimiser=optimiser or truth.optimiser, starts=truth.starts,
+            truth.problem, x, **grid, seeds=seeds, seed=seed, cost=cost,
+            optimiser=optimiser or truth.optimiser, starts=project.starts,
         )  # fmt: skip
         watching.stage("repetitions")
-        study = _studied(plan, truth, folder, executor, jobs, watching, words)
+        with journal_of(folder, _header(plan, project), fault, watching, "repetitions", words) as kept:
+            for finding in plan.findings:
+                watching.notice(str(finding))
+            study = plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
     return FinishedNoiseStudy.written(folder, study.to_json() | {"source": str(source)}, of_study(study), watching,
                                       {TABLE: csv_text(study.lines())}, study=study)  # fmt: skip
 
@@ -177,52 +185,25 @@ def _decimal(value: float, there: Callable[[float], float], back: Callable[[floa
 # ------------------------------------------------------------------ the truth
 
 
-@dataclass(frozen=True)
-class _Truth:
-    """A model with the values that are the truth."""
-
-    problem: Problem
-    x: FloatArray
-    optimiser: str
-    starts: int
-    digest: str
-    """Of the project file, with its own code."""
-
-
-def _truth_of(source: Path, jobs: int, trust: bool, observer: Observer) -> _Truth:
-    """Values of a run; those that the search of a project comes to."""
+def _truth_of(
+    source: Path, jobs: int, trust: bool, observer: Observer
+) -> tuple[SavedRun | Project, Project, FloatArray]:
+    """A run with its project and its values; a project with those that its search comes to."""
     found = run_or_project(source, trust, observer)
     if isinstance(found, SavedRun):
-        project, x = found.project, found.x
-    else:
-        observer.stage("search")
-        project, x = found, searched(found, "simulate", jobs)
-    return _Truth(found.problem, x, found.optimiser, project.starts, digest_of(project))
+        return found, found.project, found.x
+    observer.stage("search")
+    return found, found, searched(found, "simulate", jobs)
 
 
 # ------------------------------------------------------------------ the study
 
 
-def _studied(
-    plan: Plan, truth: _Truth, folder: Path, executor: str | None, jobs: int, observer: Observer,
-    command: Sequence[str],
-) -> NoiseStudy:  # fmt: skip
-    """Run it, going on with what the journal in the folder has."""
-
-    def fault(_key: str, said: Any) -> str:
-        return fault_of_repetition(said, plan.problem.names)
-
-    with begun(folder, _header(plan, truth), fault, observer, "repetitions", command) as kept:
-        for finding in plan.findings:
-            observer.notice(str(finding))
-        return plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
-
-
-def _header(plan: Plan, truth: _Truth) -> dict[str, Any]:
+def _header(plan: Plan, project: Project) -> dict[str, Any]:
     """All that a repetition depends on beside its key, so that more levels or seeds go on from what there is."""
     return {
         "kind": "noise",
-        "project": truth.digest,
+        "project": digest_of(project),
         "truth": plan.problem.named(plan.truth),
         "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
         "cost": plan.problem.cost_function.name,

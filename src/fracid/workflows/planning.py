@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fracid.cards import Card, CardDisplay
 from fracid.experiments.choice import design
 from fracid.experiments.excitation import Multisine
 from fracid.experiments.plan import Plan
@@ -23,28 +22,19 @@ from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.study import folder_of, run_or_project
+from fracid.workflows.study import Finished, folder_of, run_or_project
 
 MOST_SAMPLES = 20_000
 """Of a planned experiment whose rate nobody gave."""
 
 
 @dataclass(frozen=True, repr=False)
-class FinishedDesign(CardDisplay):
-    """A plan with its folder."""
+class FinishedDesign(Finished):
+    """A plan with its folder; its figures are all its files, which its result names too."""
+
+    FILE, FOUND = "plan.json", "plan"
 
     plan: Plan
-    folder: Path
-    files: tuple[Path, ...]
-    """What was written."""
-
-    def _card(self) -> Card:
-        return self.plan._card().of_folder(self.folder)
-
-    @property
-    def result(self) -> dict[str, Any]:
-        """The content of plan.json, and the files."""
-        return self.plan.to_json() | {"files": [str(path) for path in self.files]}
 
 
 def run_design(
@@ -113,8 +103,8 @@ def run_design(
             robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
         )  # fmt: skip
     folder = folder_of(out, Path(source), "design")
-    files = plan.write(folder)
-    return FinishedDesign(plan, folder, (*files, write_study_page(folder, "plan.json")))
+    files = (*plan.write(folder), write_study_page(folder, FinishedDesign.FILE))
+    return FinishedDesign(folder, files, plan.to_json() | {"files": [str(path) for path in files]}, plan)
 
 
 def _as_recorded(space: DesignSpace, problem: Problem, unsaid: Collection[str]) -> DesignSpace:

@@ -19,13 +19,12 @@ from fracid.errors import InputError, unknown_name
 from fracid.optimise.base import Outcome
 from fracid.runs.environment import versions
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.paths import refuse_mistaken
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.figures import of_posterior
 from fracid.workflows.records import command_of
-from fracid.workflows.study import Finished, begun, digest_of, folder_of
+from fracid.workflows.study import Finished, digest_of, folder_of, journal_of
 
 DRAWN = "draws.npz"
 
@@ -93,7 +92,6 @@ def run_posterior(
     fracid.errors.InputError: There is no nowhere/rig. ...
     """
     run, watching = Path(run), unless_given(observer)
-    refuse_mistaken(run, "run")
     if method not in METHODS:
         raise unknown_name("method", method, METHODS)
     with one_blas_thread():
@@ -106,7 +104,7 @@ def run_posterior(
         folder = folder_of(out, run, "posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
-        with begun(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations", words) as kept:
+        with journal_of(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations", words) as kept:
             drawn = posterior(
                 saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
             )

@@ -92,12 +92,15 @@ def words_of(options: Mapping[str, object]) -> Iterator[str]:
 
     Examples
     --------
-    >>> [*words_of({"jobs": 2, "json": True, "trust": False})]
-    ['--jobs', '2', '--json']
+    >>> [*words_of({"jobs": 2, "json": True, "rate": 1000.0, "trust": False})]
+    ['--jobs', '2', '--json', '--rate', '1000']
     """
     for name, value in options.items():
         option = f"--{name.rstrip('_').replace('_', '-')}"
         pairs = [f"{n}={v}" for n, v in value.items()] if isinstance(value, Mapping) else value
         values: Iterable[object] = pairs if isinstance(pairs, list | tuple) else [pairs]
         for v in values:
-            yield from [option] if v is True else [] if v is None or v is False else [option, str(v)]
+            if v is not None and v is not False:
+                yield option
+            if not isinstance(v, bool | None):
+                yield f"{v}".removesuffix(".0" * isinstance(v, float))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from fracid.errors import InputError
 from fracid.estimation.cost_profile import Profiles
@@ -17,7 +16,7 @@ from fracid.problem.project import load_project
 from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Block, Record, read_as, record_of
+from fracid.safety.schema import read_as, record_of
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
@@ -36,6 +35,8 @@ from fracid.workflows.figures import (
 )
 
 FORMATS = ("pdf", "svg", "png")
+
+UNREAD = "{path} cannot be read: {error}."
 
 
 def redraw(
@@ -81,7 +82,9 @@ def redraw(
     fracid.errors.InputError: 'srv03' is neither a run, nor a project, nor a rig. ...
     """
     style_named(style)
-    folder, suffixes = Path(source), _known(formats)
+    if unknown := [name for name in formats if name not in FORMATS]:
+        raise InputError(f"Figures cannot be written as {unknown[0]!r}; give --format {', '.join(FORMATS)}.")
+    folder = Path(source)
     if zero is not None and (folder.is_dir() or source.endswith(".toml")):
         raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")
     home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
@@ -89,14 +92,7 @@ def redraw(
     with one_blas_thread():
         of_a_rig = _of_named_rig(source, zero or "hanging", style, trust)
         figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else of_a_rig
-        return saved(figures, folder, suffixes, where)
-
-
-def _known(formats: Sequence[str]) -> tuple[str, ...]:
-    for name in formats:
-        if name not in FORMATS:
-            raise InputError(f"Figures cannot be written as {name!r}; give --format {', '.join(FORMATS)}.")
-    return tuple(dict.fromkeys(formats))
+        return saved(figures, folder, tuple(dict.fromkeys(formats)), where)
 
 
 def _of_named_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
@@ -116,23 +112,21 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
     """All that can be drawn of what lies there."""
     refuse_links(folder)
     if (folder / "compare.json").exists():
-        content = _read(folder / "compare.json", Comparison, "fracid compare PROJECT")
+        content = read_as(folder / "compare.json", Comparison, "fracid compare PROJECT", UNREAD)
         return of_comparison(Comparison.of_json(content), style)
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
-        content = _read(folder / "noise.json", StudyBlock, "fracid noise RUN")
+        content = read_as(folder / "noise.json", StudyBlock, "fracid noise RUN", UNREAD)
         return of_study(record_of(StudyBlock, content), style)
     return _of_run(load_run(folder, trust=trust), style, jobs)
 
 
 def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
-    found, best = plane_of(run, jobs), run.x[list(run.problem.order_indices[:2])]
-    plane: Figures = iter(())
-    if found is not None:
-        plane = of_plane(found, best, run.folder, run.problem.cost_function.name, style)
+    best, cost_name = run.x[list(run.problem.order_indices[:2])], run.problem.cost_function.name
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters), style),
         of_recordings(run.recordings, run.resolutions, style),
-        of_tests(run.recordings, run.resolutions, style=style), plane,
+        of_tests(run.recordings, run.resolutions, style=style),
+        of_plane(plane_of(run, jobs), best, run.folder, cost_name, style),
         of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
     )  # fmt: skip
 
@@ -140,7 +134,7 @@ def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
 def _of_profiles(run: SavedRun, style: str) -> Figures:
     path = run.folder / "profiles.json"
     if path.exists():
-        content = _read(path, ProfilesBlock, "fracid profile RUN")
+        content = read_as(path, ProfilesBlock, "fracid profile RUN", UNREAD)
         if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
         yield "profiles", Profiles.of_json(content, run.problem).plot(style=style)
@@ -155,11 +149,3 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
     for posture, linear in system.linear.items():
         if linear.inputs and linear.outputs and linear.G.any():
             yield f"linear-{posture}", system.plot(posture, style=style)
-
-
-def _read(path: Path, kind: type[Block | Record], wrote: str) -> Any:
-    """A JSON file of the folder, which must be there."""
-    try:
-        return read_as(path, kind, wrote)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or 'it is no plain file'}.") from None

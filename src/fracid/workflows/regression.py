@@ -56,16 +56,6 @@ class FinishedRegression(CardDisplay):
             rows = next(iter(self.regressions.values()))._card().rows
         return Card(f"Regression of {', '.join(self.regressions)}", rows)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was taken for granted, in sentences."""
-        return self.asked.notes
-
-    @property
-    def of_project(self) -> bool:
-        """Whether there is a project, to whose fit it gives a start."""
-        return self.asked.problem is not None
-
     def starts(self, regression: Regression) -> dict[str, tuple[float, float]]:
         """Unknown of the project → its start there, and the one that a regression gives, where that is another."""
         problem = self.asked.problem
@@ -77,7 +67,7 @@ class FinishedRegression(CardDisplay):
     @property
     def result(self) -> dict[str, Any]:
         """The content of regression.json: one regression as it is, several by name."""
-        head = {"notes": self.notes, "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
+        head = {"notes": self.asked.notes, "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
         records = {
             name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
             for name, f in self.regressions.items()
@@ -145,7 +135,15 @@ def run_regression(
         if request is None:
             estimate = _of_equations(project)
         else:
-            estimate = _regressed(_as_said(request, known, orders, terms), estimator, cutoff, each)
+            said = _as_said(request, known, orders, terms)
+            groups = [[r] for r in said.recordings] if each else [list(said.recordings)]
+            estimate = FinishedRegression(said, {
+                ", ".join(r.name for r in group): regress(
+                    group, said.model, orders=said.orders, known=said.known, terms=said.terms, cutoff=cutoff,
+                    estimator=estimator,  # type: ignore[arg-type]
+                )
+                for group in groups
+            })  # fmt: skip
     if out is not None:
         write_files(out, {REGRESSION: json_document(estimate.result)})
     return estimate
@@ -238,17 +236,3 @@ def _with_gauge(request: _Asked) -> _Asked:
     owner = "project" if request.problem else "rig"
     note = SAYS("gauge", gauge=gauge, owner=owner)
     return replace(request, terms=terms, known={gauge.name: gauge.value}, notes=(*request.notes, note))
-
-
-# ------------------------------------------------------------------ the regression
-
-
-def _regressed(request: _Asked, estimator: str, cutoff: float | None, each: bool) -> FinishedRegression:
-    groups = [[r] for r in request.recordings] if each else [list(request.recordings)]
-    return FinishedRegression(request, {
-        ", ".join(r.name for r in group): regress(
-            group, request.model, orders=request.orders, known=request.known, terms=request.terms,
-            estimator=estimator, cutoff=cutoff,  # type: ignore[arg-type]
-        )
-        for group in groups
-    })  # fmt: skip

@@ -12,20 +12,16 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.runs.folder import CODE, JOURNAL, VERSION, open_folder, refuse_used
-from fracid.runs.reproduction import Reproduction, compared, reproduce
-from fracid.safety.paths import kind_of, refuse_mistaken
+from fracid.runs.folder import JOURNAL, open_folder, refuse_used
+from fracid.runs.reproduction import Reproduction, compared, not_as_before, reproduce
+from fracid.safety.paths import STUDIES, kind_of, refuse_mistaken
 from fracid.safety.schema import Block, read_as
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
-from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of, json_document, words_of, write_files
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of
-
-STUDIES = ("compare.json", "noise.json", "posterior.json", "control.json")
-"""What a study leaves, of which its command is done again."""
 
 Typed = Callable[[list[str], Path], None]
 """Does what the words of a command say, in the folder where they were typed."""
@@ -77,16 +73,11 @@ def reproduce_run(
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is not None and not (run / "result.json").exists():
         return _study_again(run, study, typed, trust, out, jobs)
-    rerun = _fit_again(run, trust, jobs, unless_given(observer))
+    rerun = reproduce(run, trust=trust, jobs=jobs, observer=unless_given(observer))
     if out is not None:
         words = command_of("reproduce", run, {"out": out})
         write_files(open_folder(out, words), {"result.json": json_document(rerun.result)})
     return rerun
-
-
-def _fit_again(run: Path, trust: bool, jobs: int, observer: Observer) -> Reproduction:
-    with one_blas_thread():
-        return reproduce(run, trust=trust, jobs=jobs, observer=observer)
 
 
 def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | None, jobs: int) -> Reproduction:
@@ -97,25 +88,9 @@ def _study_again(run: Path, name: str, typed: Typed, trust: bool, out: Path | No
     with TemporaryDirectory() as place:
         folder = Path(place) / "run" if out is None else out.resolve()
         typed([*again, *words_of({"out": folder, "jobs": jobs, "trust": trust})], where)
-        return compared(_read(run / name), _read(folder / name), _changed(run, folder))
-
-
-def _changed(run: Path, again: Path) -> dict[str, tuple[str, str]]:
-    """What is not as it was, by both journals' first lines and both environments; data must be the same."""
-    before, after = (_header(folder / JOURNAL) for folder in (run, again))
-    changes = {
-        what: (str(before[what]), str(after[what])) for what in after if before.get(what, after[what]) != after[what]
-    }
-    for what in changes:
-        if not what.startswith((CODE, VERSION, "versions")):
-            raise InputError(f"{run} cannot be done again: {what} has changed since. Put it back.")
-    machines = [_read(folder / "environment.json") for folder in (run, again)]
-    named = {"platform": "the platform", "processor": "the processor", "code": f"{CODE}of fracid"}
-    return changes | {
-        words: (str(machines[0].get(what)), str(machines[1][what]))
-        for what, words in named.items()
-        if machines[0].get(what) != machines[1][what] and (what in machines[0] or what == "code")
-    }
+        headers = (_header(place / JOURNAL) for place in (run, folder))
+        machines = (_read(place / "environment.json") for place in (run, folder))
+        return compared(_read(run / name), _read(folder / name), not_as_before(run, *headers, *machines))
 
 
 def _header(journal: Path) -> dict[str, Any]:
@@ -125,7 +100,4 @@ def _header(journal: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return dict(read_as(path, Block, "the command itself"))
-    except OSError:
-        raise InputError(f"{path} cannot be read: there is nothing to compare.") from None
+    return dict(read_as(path, Block, "the command itself", "{path} cannot be read: there is nothing to compare."))

@@ -16,8 +16,7 @@ from fracid.tasks.progress import Observer
 from fracid.validation.residual_analyses import Analyses, first_part
 from fracid.validation.residual_records import ResidualAnalysis, ResidualsBlock
 from fracid.validation.residuals import residual_analysis
-from fracid.workflows.figures import of_tests, saved
-from fracid.workflows.records import json_document, write_files
+from fracid.workflows.figures import of_tests
 from fracid.workflows.study import Written
 
 
@@ -99,10 +98,7 @@ def run_residuals(
                    for n in loaded_run.problem.outputs if not outputs or n in outputs}
             for name, r in tested.items()
         }  # fmt: skip
-    folder = source if out is None else Path(out)
-    watching.stage("figures")
     record = as_json(ResidualsBlock, {"notes": loaded_run.notes, "recordings": analyses})
-    write_files(folder, {FinishedResiduals.FILE: json_document(record)})
-    figures = saved(of_tests(tested, loaded_run.resolutions, analyses), folder)
-    watching.stage("")
-    return FinishedResiduals(folder, figures, record, loaded_run, analyses)
+    figures = of_tests(tested, loaded_run.resolutions, analyses)
+    return FinishedResiduals.written(source if out is None else Path(out), record, figures, watching, run=loaded_run,
+                                     analyses=analyses)  # fmt: skip

@@ -125,16 +125,12 @@ def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
     """Where a fit goes on: where it was; on a scheduler only if the caller says its address again."""
     there = state.options.get("executor")
     if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
-        return _said_by_hand(folder, str(there), executor)
+        if executor is None:
+            raise InputError(SAYS("scheduler", folder=folder, there=there))
+        return executor
     if executor:
         raise InputError(f"{folder} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
     return there
-
-
-def _said_by_hand(folder: Path, there: str, executor: str | None) -> str:
-    if executor is None:
-        raise InputError(SAYS("scheduler", folder=folder, there=there))
-    return executor
 
 
 def finished_result(folder: Path) -> Any:
@@ -151,11 +147,8 @@ def finished_result(folder: Path) -> Any:
     Traceback (most recent call last):
     fracid.errors.InputError: The fit in nowhere/rig was finished, but ...
     """
-    path = folder / "result.json"
-    try:
-        return read_as(path, ResultBlock, "fracid fit PROJECT")
-    except OSError:
-        raise InputError(f"The fit in {folder} was finished, but {path} cannot be read; fit it again.") from None
+    missing = "The fit in {path.parent} was finished, but {path} cannot be read; fit it again."
+    return read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT", missing)
 
 
 # ------------------------------------------------------------------ studies
@@ -204,7 +197,7 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
     if any(".py:" in word for word in words) and not trust:
         raise NotTrusted(SAYS("own-code", folder=folder, words=shlex.join(["fracid", *words])))
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
-        _said_by_hand(folder, address.removeprefix("--scheduler="), None)
+        raise InputError(SAYS("scheduler", folder=folder, there=address.removeprefix("--scheduler=")))
     return [word for word in _without_address(words) if word != "--trust"]
 
 

@@ -14,16 +14,13 @@ from typing import Any
 import numpy as np
 
 from fracid._version import __version__
-from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, unknown_name
 from fracid.findings import Words
 from fracid.models import RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
-from fracid.problem import Experiment, Problem
-from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
-from fracid.runs.saved import load_run
+from fracid.runs.saved import SavedRun
 from fracid.safety.paths import default_folder, kind_of, refuse_mistaken
 from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
@@ -31,6 +28,7 @@ from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
 from fracid.workflows.records import json_document, write_files
+from fracid.workflows.study import run_or_project
 
 SAYS = Words("workflows/simulation.toml")
 
@@ -84,7 +82,7 @@ def twin_of(
         for option, value in (("--zero", zero), ("--friction", friction)):
             if value:
                 raise InputError(f"{option} is for a rig; {source} says its own. Change a value: --set NAME=VALUE.")
-        return _of_run(path, recording, trust) if path.is_dir() else _of_project(path, recording, trust)
+        return _of_fit(path, recording, trust)
     if recording is not None:
         raise InputError(f"--recording is for a project or a run, and {source} is a model: leave it out.")
     return _of_model(source, zero, friction, RELEASE if released else {})
@@ -114,30 +112,18 @@ def _no_source(source: str, known: tuple[str, ...]) -> InputError:
     return InputError(f"{hint}. It is no project and no run either; e.g. fracid simulate srv02-rotpen.")
 
 
-def _of_project(path: Path, recording: str | None, trust: bool) -> Twin:
-    project = load_project(path, trust=trust)
-    problem, experiment = _with_one(project, project.problem, project.problem.start, recording, path)
-    return Twin.of_problem(problem, problem.start, experiment)
-
-
-def _of_run(folder: Path, recording: str | None, trust: bool) -> Twin:
-    run = load_run(folder, trust=trust)
-    problem, experiment = _with_one(run.project, run.problem, run.x, recording, folder)
-    values = [run.values.get(u.name, u.range.start) for u in problem.unknowns]
-    return Twin.of_problem(problem, np.array(values), experiment)
-
-
-def _with_one(
-    project: Project, problem: Problem, x: FloatArray, recording: str | None, where: Path
-) -> tuple[Problem, Experiment]:
-    """The recording that is named, or the first, and the problem that it is of."""
+def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
+    """A run with its values, or a project with its start; of the recording that is named, or the first."""
+    found = run_or_project(path, trust)
+    problem, known = found.problem, found.values if isinstance(found, SavedRun) else {}
+    project, x = (found.project, found.x) if isinstance(found, SavedRun) else (found, problem.start)
     there = {e.name: e for e in (*problem.experiments, *project.validation)}
     if recording is not None and recording not in there:
-        raise unknown_name(f"recording of {where}", recording, tuple(there))
+        raise unknown_name(f"recording of {path}", recording, tuple(there))
     experiment = there[recording or next(iter(there))]
     if experiment in project.validation:
         problem = problem.with_shared(x, (experiment,))
-    return problem, experiment
+    return Twin.of_problem(problem, np.array([known.get(u.name, u.range.start) for u in problem.unknowns]), experiment)
 
 
 def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:

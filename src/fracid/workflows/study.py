@@ -37,6 +37,7 @@ class Written(CardDisplay):
     """What a command wrote into a folder."""
 
     FILE: ClassVar[str]
+    PAGED: ClassVar[bool] = False
 
     folder: Path
     figures: tuple[Path, ...]
@@ -49,30 +50,32 @@ class Written(CardDisplay):
         """Path of the JSON file."""
         return self.folder / self.FILE
 
+    @classmethod
+    def written(
+        cls, folder: Path, record: Mapping[str, Any], figures: Figures, observer: Observer,
+        contents: Mapping[str, str | bytes] | None = None, **found: Any,
+    ) -> Self:  # fmt: skip
+        """Write what was found: the JSON file and `contents` beside it, the figures, the page if it has one."""
+        observer.stage("figures")
+        write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
+        drawn = saved(figures, folder)
+        if cls.PAGED:
+            write_study_page(folder, cls.FILE)
+        observer.stage("")
+        return cls(folder, drawn, record, **found)
+
 
 @dataclass(frozen=True, repr=False)
 class Finished(Written):
     """What a study found, with its folder and a page."""
 
+    PAGED = True
     FOUND: ClassVar[str]
     """The attribute with the result itself."""
 
     def _card(self) -> Card:
         card: Card = getattr(self, self.FOUND)._card()
         return card.of_folder(self.folder)
-
-    @classmethod
-    def written(
-        cls, folder: Path, record: Mapping[str, Any], figures: Figures, observer: Observer,
-        contents: Mapping[str, str | bytes] | None = None, **found: Any,
-    ) -> Self:  # fmt: skip
-        """Write what was found: the JSON file and `contents` beside it, the figures, the page."""
-        observer.stage("figures")
-        write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
-        drawn = saved(figures, folder)
-        write_study_page(folder, cls.FILE)
-        observer.stage("")
-        return cls(folder, drawn, record, **found)
 
     @property
     def page(self) -> Path:
@@ -134,27 +137,16 @@ def digest_of(project: Project) -> str:
 
 
 @contextmanager
-def begun(
-    folder: Path, study: Mapping[str, Any], fault: Callable[[str, Any], str], observer: Observer, counted: str,
-    command: Sequence[str],
-) -> Iterator[dict[str, Any]]:  # fmt: skip
-    """Make the folder of a study, which must hold no fit, and open its journal; see :func:`journal_of`."""
-    refuse_fit(folder, f"the {CALLED.get(study['kind'], study['kind'])}")
-    open_folder(folder, command)
-    with journal_of(folder, study, fault, observer, counted) as kept:
-        yield kept
-
-
-@contextmanager
 def journal_of(
-    folder: Path, study: Mapping[str, Any], fault: Callable[[str, Any], str], observer: Observer, counted: str
-) -> Iterator[dict[str, Any]]:
+    folder: Path, study: Mapping[str, Any], fault: Callable[[str, Any], str], observer: Observer, counted: str,
+    command: Sequence[str] | None = None,
+) -> Iterator[dict[str, Any]]:  # fmt: skip
     """Open the journal of a study's folder; gives how the work is kept and told: ``journal`` and ``progress``.
 
     Parameters
     ----------
     folder : Path
-        As :func:`fracid.runs.folder.open_folder` made it.
+        It must hold no fit.
     study : mapping
         All that a result depends on beside its key.
     fault : function (key, result) -> str
@@ -162,7 +154,12 @@ def journal_of(
     observer : Observer
     counted : str
         What there are many of: ``repetitions``.
+    command : sequence of str, optional
+        With which the folder is made; it is there, if left out.
     """
+    if command is not None:
+        refuse_fit(folder, f"the {CALLED.get(study['kind'], study['kind'])}")
+        open_folder(folder, command)
     with Journal(folder / JOURNAL, study, fault) as journal, observer.progress(counted) as tell:
         for note in journal.notes:
             observer.notice(note)
