@@ -24,14 +24,14 @@ Nothing is written outside of the folder that is given.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from fracid.errors import InputError, unknown_name, writing
+from fracid.errors import InputError, at_least, unknown_name, writing
+from fracid.export.compilers import PLATFORMS
 from fracid.safety.door import write_text, write_whole
 
 if TYPE_CHECKING:
@@ -126,12 +126,15 @@ def export_run(
     >>> list(FORMATS)
     ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'observer', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
-    for name in formats:
-        if name not in FORMATS:
-            raise unknown_name("format", name, FORMATS)
-    for what, value, known in (("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))):
+    named: list[tuple[str, str, Collection[str]]]
+    named = [("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))]
+    named += [("format", n, FORMATS) for n in formats]
+    named += [("platform", n, PLATFORMS) for n in platforms]
+    for what, value, known in named:
         if value not in known:
             raise unknown_name(what, value, known)
+    if steps is not None:
+        at_least("steps", steps, 1)
     folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms), actuator, dict(slow or {}))
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
@@ -141,13 +144,13 @@ def export_run(
         for name in wanted:
             before = len(files)
             try:
-                for thing in FORMATS[name](run, folder, options):
+                for thing in FORMATS[name].write(run, folder, options):
                     if isinstance(thing, str):
                         notes.append(thing)
                     else:
                         files.append(thing if isinstance(thing, Path) else _file(folder, *thing))
-            except _NotThere as error:
-                notes.append(str(error))
+            except InputError as error:  # what cannot be is no error of the export: there is no such file then
+                notes.append(f"{error} There is no {FORMATS[name].file}.")
             if formats and len(files) == before:  # nothing of what was asked for
                 raise InputError(notes[-1])
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
@@ -155,24 +158,6 @@ def export_run(
 
 Written = Iterator[Path | tuple[str, str | bytes] | str]
 """Files that are there, names and contents of those to be written, and sentences."""
-
-
-class _NotThere(Exception):
-    """Why a format cannot be written."""
-
-
-@contextmanager
-def _needed_for(what: str) -> Iterator[None]:
-    """What cannot be is no error of the export: there is no such file then."""
-    try:
-        yield
-    except InputError as error:
-        raise _NotThere(f"{error} There is no {what}.") from None
-
-
-def _refuse(reason: str, what: str) -> None:
-    if reason:
-        raise _NotThere(f"{reason} There is no {what}.")
 
 
 def _file(folder: Path, name: str, content: str | bytes) -> Path:
@@ -203,31 +188,25 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
 
 
 def _matlab(run: SavedRun, folder: Path, options: Options) -> Written:
-    from fracid.export.matlab import matlab_model, matlab_results, no_program, of_recording, write_results
-    from fracid.export.recursion import Recursion
+    from fracid.export.identified import Identified
+    from fracid.export.matlab import matlab_model, matlab_results, write_results
     from fracid.export.state_space import integer_model
 
     write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
     yield folder / "results.mat"
-    _refuse(no_program(run, "matlab"), "model.m; results.mat has values and curves")
-    case = of_recording(run, run.problem.experiments[0].name)
-    yield "model.m", matlab_model(Recursion.of(run.problem, run.x, options.steps), case, run.folder.name)
+    model = Identified.of_run(run, options.steps)
+    yield "model.m", matlab_model(model.tables, model.case, run.folder.name)
     if run.problem.per_recording:
-        yield f"model.m has the constants of the recording {case.name!r}; each other's are in results.mat."
+        yield f"model.m has the constants of the recording {model.case.name!r}; each other's are in results.mat."
 
 
 def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c import c_model, error_of_single
-    from fracid.export.matlab import no_program, of_recording
-    from fracid.export.recursion import Recursion
+    from fracid.export.identified import Identified
 
-    _refuse(no_program(run, "c"), "C function")
-    first = run.problem.experiments[0]
-    case = of_recording(run, first.name)
-    tables = Recursion.of(run.problem, run.x, options.steps or HOURS)
-    single = options.precision == "single"
-    error = error_of_single(tables, case) if single else ""
-    yield from c_model(tables, case, run.folder.name, single=single, error=error).items()
+    model, single = Identified.of_run(run, options.steps or HOURS), options.precision == "single"
+    error = error_of_single(model.tables, model.case) if single else ""
+    yield from c_model(model.tables, model.case, run.folder.name, single=single, error=error).items()
     yield from filter(None, [error])
     yield from _of_first(run, "fracid_model.c")
 
@@ -244,9 +223,7 @@ def _of_first(run: SavedRun, file: str) -> Iterator[str]:
 def _fmu(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.fmu import fmu
     from fracid.export.identified import Identified
-    from fracid.export.matlab import no_program
 
-    _refuse(no_program(run, "c"), "FMU")
     model = Identified.of_run(run, options.steps or HOURS)
     archive, notes = fmu(model, options.fmi, options.platforms)
     name = f"{model.identifier}.fmu"
@@ -260,8 +237,7 @@ def _rigid(target: str, run: SavedRun, _folder: Path, _options: Options) -> Writ
     from fracid.export.identified import Identified
 
     model = Identified.of_run(run)
-    with _needed_for(f"file for {target}"):
-        rig = simulators.rig_of(model, target)
+    rig = simulators.rig_of(model, target)
     said = list(rig.lost)
     if target == "MuJoCo":
         name, write = f"{model.identifier}.xml", simulators.mjcf
@@ -280,8 +256,7 @@ def _bam(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.simulators import bam
 
     model = Identified.of_run(run)
-    with _needed_for("file for BAM"):
-        values, lost = bam(model, options.actuator)
+    values, lost = bam(model, options.actuator)
     name = f"{model.identifier}.json"
     yield name, json.dumps(values, indent=2, allow_nan=False) + "\n"
     yield from lost
@@ -295,32 +270,28 @@ def _observer(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c_observer import c_observer, error_of_observer
     from fracid.filtering import first_samples, observer
 
-    with _needed_for("observer.c"):
-        watch, single = observer(run, slow=options.slow), options.precision == "single"
-        samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
-        text = c_observer(watch, *samples, run.folder.name, single=single)
+    watch, single = observer(run, slow=options.slow), options.precision == "single"
+    samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
+    text = c_observer(watch, *samples, run.folder.name, single=single)
     yield "observer.c", text
     yield error_of_observer(text, watch, *samples, single=single)
 
 
 def _javascript(run: SavedRun, _folder: Path, _options: Options) -> Written:
-    from fracid.export.javascript import javascript_model, no_javascript
+    from fracid.export.javascript import javascript_model
 
-    _refuse(no_javascript(run.problem), "fracid_model.mjs")
     yield "fracid_model.mjs", javascript_model(run.problem, run.x, run.problem.experiments[0], run.folder.name)
     yield from _of_first(run, "fracid_model.mjs")
 
 
 def _toml(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.equations import toml_model
-    from fracid.export.matlab import of_recording
+    from fracid.export.identified import Identified
 
-    first, model = run.problem.experiments[0], run.problem.model
-    values = dict(zip(model.parameter_names, of_recording(run, first.name).parameters.tolist(), strict=True))
+    model = run.problem.model
+    values = {n: q.value for n, q in Identified.of_run(run).constants.items()}
     orders = {n: run.result["orders"][n]["value"] for n in model.order_names}
-    with _needed_for("model.toml"):
-        text = toml_model(model, values, orders, run.folder.name)
-    yield "model.toml", text
+    yield "model.toml", toml_model(model, values, orders, run.folder.name)
 
 
 def _csv(run: SavedRun, _folder: Path, _options: Options) -> Written:
@@ -350,9 +321,27 @@ def _state_space(run: SavedRun, folder: Path, _options: Options) -> Written:
     yield from sentences(run, system)
 
 
-FORMATS: dict[str, Callable[[SavedRun, Path, Options], Written]] = {
-    "matlab": _matlab, "c": _c, "fmu": _fmu, "mjcf": partial(_rigid, "MuJoCo"), "urdf": partial(_rigid, "URDF"),
-    "bam": _bam, "observer": _observer, "javascript": _javascript, "toml": _toml, "csv": _csv, "json": _json,
-    "state-space": _state_space,
-}  # fmt: skip
-"""(run, folder, options) → the files that it wrote, and sentences."""
+class Format(NamedTuple):
+    """One of the table above."""
+
+    write: Callable[[SavedRun, Path, Options], Written]
+    """(run, folder, options) → the files that it wrote, and sentences."""
+    file: str
+    """What there is not where it cannot be written."""
+
+
+FORMATS = {
+    "matlab": Format(_matlab, "model.m"),
+    "c": Format(_c, "C function"),
+    "fmu": Format(_fmu, "FMU"),
+    "mjcf": Format(partial(_rigid, "MuJoCo"), "file for MuJoCo"),
+    "urdf": Format(partial(_rigid, "URDF"), "file for URDF"),
+    "bam": Format(_bam, "file for BAM"),
+    "observer": Format(_observer, "observer.c"),
+    "javascript": Format(_javascript, "fracid_model.mjs"),
+    "toml": Format(_toml, "model.toml"),
+    "csv": Format(_csv, "CSV file"),
+    "json": Format(_json, "export.json"),
+    "state-space": Format(_state_space, "model of integer order"),
+}
+"""By name."""

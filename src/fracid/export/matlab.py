@@ -18,29 +18,11 @@ from fracid._version import __version__
 from fracid.arrays import FloatArray
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
-from fracid.export.whole import not_written, words_of, written
+from fracid.export.whole import words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text, write_whole
 from fracid.safety.text import printable
-
-
-def no_program(run: SavedRun, language: str) -> str:
-    """Why a run's model cannot be written in ``matlab`` or ``c``; empty if it can.
-
-    Examples
-    --------
-    >>> no_program.__name__
-    'no_program'
-    """
-    model, own = run.problem.model, run.problem.parametrisation.own_parameters
-    for order in (model.parameter_names[k] for _, k in model.complements):
-        if order in own and len(run.problem.experiments) > 1:
-            return (
-                f"Each recording has its own {order}, and a program has one memory, of one order. Fit the recordings "
-                "apart, or with one order."
-            )
-    return not_written(model, language)
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:

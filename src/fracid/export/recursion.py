@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, at_least
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
 from fracid.solver.memory import compressed
@@ -185,7 +185,7 @@ class Recursion:
         Raises
         ------
         InputError
-            If `steps` is no whole number above 0.
+            If `steps` is no whole number above 0, or recordings have an order each: a program has one memory.
 
         Examples
         --------
@@ -196,9 +196,15 @@ class Recursion:
         >>> tables.row, tables.lags, tables.together
         ((0, 0, 1, 1), 8, 1)
         """
-        if steps is not None and not (isinstance(steps, int | np.integer) and steps >= 1):
-            raise InputError(f"steps = {steps!r}: give the longest run that the memory must hold, a number of steps.")
-        first = problem.experiments[0]
+        if steps is not None:
+            at_least("steps", steps, 1)
+        own, first = problem.parametrisation.own_parameters, problem.experiments[0]
+        for order in (problem.model.parameter_names[k] for _, k in problem.model.complements):
+            if order in own and len(problem.experiments) > 1:
+                raise InputError(
+                    f"Each recording has its own {order}, and a program has one memory, of one order. Fit the "
+                    "recordings apart, or with one order."
+                )
         cases = [Case.of(problem, x, e) for e in problem.experiments]
         orders, parameters, _ = problem.unpack(x, first)
         longest = max(steps or max(c.steps + len(c.past) for c in cases), SHORTEST)
