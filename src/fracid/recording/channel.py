@@ -165,6 +165,10 @@ class Channel:
         return value - (_rest(value, name) if self.zero == "rest" else float(self.zero))
 
 
+Specs = Mapping[str, Channel | Mapping[str, Any] | int | str]
+"""Signal → its channel, the fields of one, or a column alone."""
+
+
 def header_unit(word: str) -> str | None:
     """Return the unit that a header's word means, None if it means none of ``UNITS``."""
     unit = SPELLINGS.get(word, word)

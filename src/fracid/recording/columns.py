@@ -14,7 +14,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import takewhile
 from operator import eq
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Note, Words
-from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, header_unit, unit_in_name
+from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, Specs, header_unit, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -37,10 +36,7 @@ MOST_SIGNALS = 200
 
 
 def choose_channels(
-    table: Table,
-    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None,
-    time: int | None,
-    rows: NDArray[np.bool_],
+    table: Table, columns: Specs | None, time: int | None, rows: NDArray[np.bool_]
 ) -> tuple[dict[str, Channel], list[str]]:
     """Return the channels asked for, or all columns that vary, and what was guessed."""
     if columns is not None:

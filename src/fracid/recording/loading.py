@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, header_unit, measurable, unit_in_name
+from fracid.recording.channel import COUNTING, Channel, Specs, header_unit, measurable, unit_in_name
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
 from fracid.recording.faults import still
@@ -39,7 +39,7 @@ SAYS = Words("recording/recording.toml")
 
 def load_recording(
     path: str | Path,
-    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    columns: Specs | None = None,
     *,
     time: Mapping[str, Any] | int | str | None = None,
     start: float | str | None = None,
@@ -122,7 +122,7 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
 
 def inspect_recording(
     path: str | Path,
-    columns: Mapping[str, Channel | Mapping[str, Any] | int | str] | None = None,
+    columns: Specs | None = None,
     *,
     time: Mapping[str, Any] | int | str | None = None,
     start: float | str | None = None,
