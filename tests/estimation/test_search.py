@@ -27,7 +27,7 @@ from fracid.optimise import (
 )
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
-from fracid.problem.costs import COSTS
+from fracid.problem.costs import cost_from_name
 from fracid.safety.schema import as_json
 from fracid.tasks.journal import Journal
 from twins import release
@@ -349,9 +349,9 @@ def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum
     assert again.best.point.tolist() == found[1][1]
 
 
-def test_a_cost_of_ones_own_is_not_sent_to_other_processes():
-    own = replace(COSTS["rmse"], name="mine")
-    p = stiff(swing(end=2.0), parameters=TRUE, cost_function=own)
+def test_a_cost_of_ones_own_is_not_sent_to_other_processes(tmp_path):
+    (tmp_path / "own.py").write_text("def mine(t, r):\n    return float(abs(r).max())\n", encoding="utf-8")
+    p = stiff(swing(end=2.0), parameters=TRUE, cost_function=cost_from_name(f"{tmp_path / 'own.py'}:mine"))
     with pytest.raises(InputError, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
         search(p, MULTISTART, np.random.default_rng(1), starts=2, executor="processes")
 

@@ -1,6 +1,7 @@
 """The costs against closed forms and an independent quadrature; their rows against the costs; users' own."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -207,6 +208,12 @@ OWN = "import numpy as np\n\nLIMIT = 3\n\ndef peak(time, residual):\n    return 
 def test_every_cost_is_found_by_its_own_name():
     assert {name: cost_from_name(name) for name in COSTS} == COSTS
     assert all(cost.name == name for name, cost in COSTS.items())
+
+
+def test_code_of_a_file_does_not_travel(tmp_path):
+    (tmp_path / "my.py").write_text("def peak(t, r):\n    return abs(r).max()\n", encoding="utf-8")
+    with pytest.raises(InputError, match="which other processes do not have: type --executor threads"):
+        pickle.dumps(cost_from_name(f"{tmp_path / 'my.py'}:peak"))
 
 
 def test_a_users_function_is_a_cost_like_any_other_but_has_no_rows(tmp_path):

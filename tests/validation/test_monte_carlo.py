@@ -15,7 +15,6 @@ from fracid.models import Model, Parameter
 from fracid.plots import noise_levels
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS, Cost
-from fracid.problem.portable import Portable
 from fracid.solver.memory import compressed, full, short
 from fracid.tasks.tasks import run_tasks
 from fracid.twins.encoder import encoder, simulated
@@ -141,7 +140,7 @@ def test_processes_and_threads_find_the_same_to_the_bit():
 @pytest.mark.parametrize("memory", [compressed(), compressed(1e-8, lags=16), short(300), full()], ids=lambda m: m.name)
 def test_a_problem_travels_with_every_cost_and_memory(cost, memory):
     problem = simulated(release(cost_function=COSTS[cost], memory=memory, end=1.0), TRUTH)
-    carried = pickle.loads(pickle.dumps(Portable(problem))).problem
+    carried = pickle.loads(pickle.dumps(problem))
     assert carried.cost(np.array([1.0, 0.9])) == problem.cost(np.array([1.0, 0.9]))
     assert (carried.cost_function.name, carried.memory.name) == (cost, memory.name)
 

@@ -63,7 +63,6 @@ from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
-from fracid.problem.portable import Portable
 from fracid.problem.unknowns import Free, Prior
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import effective_samples
@@ -146,8 +145,8 @@ class BoxPrior:
 class RecordedLikelihood:
     """The tempered likelihood of recordings; it can go to another process."""
 
-    portable: Portable
-    """The problem without its priors."""
+    problem: Problem
+    """Without its priors."""
     centre: FloatArray
     """x̂, the minimum of the cost, shape (n,)."""
     cost: float
@@ -171,7 +170,7 @@ class RecordedLikelihood:
 
     def log_likelihood(self, x: FloatArray) -> float:
         """See the top of this module."""
-        problem = self.portable.problem
+        problem = self.problem
         errors = problem.errors(x)
         if isinstance(errors, Failure):
             return -math.inf
@@ -289,7 +288,7 @@ def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int
     scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
     gradient = sum((np.einsum("to,toi->i", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)),
                    np.zeros(len(x)))  # fmt: skip
-    return RecordedLikelihood(Portable(problem), x, best.cost, scale, effective_samples(errors), curvature, precision,
+    return RecordedLikelihood(problem, x, best.cost, scale, effective_samples(errors), curvature, precision,
                               degrees, tuple(errors), projection, gradient)  # fmt: skip
 
 

@@ -42,7 +42,6 @@ from fracid.estimation.covariance import METHODS, residual_bandwidth, sandwich, 
 from fracid.estimation.derivatives import jacobian, rows_and_scores
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Problem
-from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import BootstrapBlock
 from fracid.solver.trajectory import vector
@@ -253,16 +252,14 @@ def _refitted(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], execution: Execution
 ) -> list[FloatArray | None]:
     """A few steps of least squares for each draw; None where every run fails."""
-    same = Portable(problem)
-    tasks = [Task(f"draw {i}", (same, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
+    tasks = [Task(f"draw {i}", (problem, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
     return [None if point is None else np.array(point) for point in execution.run(_redrawn, tasks).values()]
 
 
 def _redrawn(
-    portable: Portable, x: FloatArray, errors: list[FloatArray], length: int, rng: np.random.Generator
+    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, rng: np.random.Generator
 ) -> list[float] | None:
     """One draw."""
-    problem = portable.problem
     median = _rests_on_median(problem)
     records = tuple(
         replace(e, measured=e.measured + e.in_units(resampled(error, length, rng, median=median) - error))

@@ -52,7 +52,6 @@ from fracid.optimise import (
 )
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
-from fracid.problem.portable import Portable
 from fracid.problem.project import Project
 from fracid.safety.schema import as_json
 from fracid.schemas.run_record import EndBlock
@@ -218,9 +217,8 @@ def _scattered(
     problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
     journal: Journal | None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
-    """One task a start, judged by the problem as it travels."""
-    portable = Portable(problem)
-    tasks = [Task(origin, (portable, origin, x)) for origin, x in points]
+    """One task a start."""
+    tasks = [Task(origin, (problem, origin, x)) for origin, x in points]
     results = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
     ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
@@ -230,10 +228,10 @@ def _scattered(
     watch.count += sum(s.evaluations for s in starts)
     watch.work += sum(s.evaluations for s in starts) * problem.simulator.work
     best = min(ends, key=lambda e: e.cost)
-    return Result(portable.problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
+    return Result(problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
 
 
-def _one_start(portable: Portable, origin: str, x: FloatArray) -> dict[str, Any]:
+def _one_start(problem: Problem, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
-    result, (start,) = grown_horizon(portable.problem, [(origin, x)], 1, Watch())
+    result, (start,) = grown_horizon(problem, [(origin, x)], 1, Watch())
     return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": result.outcome.value})

@@ -17,7 +17,6 @@ file                     holds
 :mod:`.presets`          what a preset puts into it
 :mod:`.paper`            what the paper's fixes, and in what a project still differs from the paper
 :mod:`.draft`            a commented project file, drafted from a recording
-:mod:`.portable`         a problem that can be sent to another process
 =======================  ==================================================================================
 
 Who only asks for the names of the costs must not wait for the solver, so the names below are fetched when asked for.

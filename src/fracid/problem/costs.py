@@ -38,9 +38,9 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,9 @@ from fracid.findings import Words
 from fracid.safety.user_code import run_file
 
 SAYS = Words("problem/checks.toml")
+
+OF_A_FILE = "fracid_user_cost_"
+"""So the modules of costs begin whose code is a file of one's own."""
 
 Scored = NDArray[np.bool_] | None
 """Which samples count, shape (n_samples,); None for all."""
@@ -144,6 +147,12 @@ class Cost:
     """Whether the square root is taken in the end."""
     function: Callable[[FloatArray, FloatArray], float] | None = None
     """A user's own, in place of weight and loss: (time, residual of shape (n, n_outputs)) → cost."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle: the fields, but no code of a file of one's own, which other processes do not have."""
+        if str(getattr(self.function, "__module__", "")).startswith(OF_A_FILE):
+            raise InputError(SAYS("cost-of-a-file", cost=self))
+        return Cost, tuple(getattr(self, f.name) for f in fields(self))
 
     def value(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> float:
         """Evaluate; infinite, never NaN, for a residual that is not finite.
@@ -260,7 +269,7 @@ def cost_from_name(name: str) -> Cost:
     if not Path(file).is_file():
         raise InputError(f"cost = {name!r}: there is no file {file}.")
     try:
-        module = run_file(Path(file), f"fracid_user_cost_{Path(file).stem}")
+        module = run_file(Path(file), f"{OF_A_FILE}{Path(file).stem}")
     except Exception as error:
         raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
     own = getattr(module, function, None)

@@ -60,7 +60,6 @@ from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Experiment, Problem
 from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
-from fracid.problem.portable import Portable
 from fracid.safety.schema import as_json
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import gain_over, integer_rival, is_off
@@ -357,7 +356,7 @@ class Plan:
     @property
     def tasks(self) -> list[Task]:
         """One for each repetition, of the function :func:`repetition`."""
-        twin = Portable(simulated(self.problem, self.truth))
+        twin = simulated(self.problem, self.truth)
         return [Task(key, (twin, self.truth.tolist(), *cell, (self.seed, k), self.how)) for cell, k, key in self._keys]
 
     @cached_property
@@ -420,7 +419,6 @@ def planned(
     '0.0572958° of noise, 4096 counts, repetition 2'
     """
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
-    problem = Portable(problem).problem  # the same numbers wherever a repetition runs
     cells, true = _cells(levels, resolutions, relative), _checked_truth(problem, x)
     at_least("seeds", seeds, 1)
     if optimiser != "multistart":
@@ -434,7 +432,7 @@ def planned(
 
 
 def repetition(
-    twin: Portable, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
+    twin: Problem, truth: list[float], level: float, resolution: float, seed: tuple[int, int],
     how: Mapping[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """Read the truth with noise, identify it, and tell what was found: the work of one task.
@@ -465,8 +463,8 @@ def repetition(
     own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
     noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
     read = tuple(replace(e, measured=_read(e, level, resolution, noise, how["sizes"]))
-                 for e in twin.problem.experiments)  # fmt: skip
-    problem, true = replace(twin.problem, experiments=read), np.array(truth)
+                 for e in twin.experiments)  # fmt: skip
+    problem, true = replace(twin, experiments=read), np.array(truth)
     optimiser = optimiser_from_name(how["optimiser"])
     result, _ = search(problem, optimiser, luck, starts=how["starts"], options=dict(how["options"]))
     best, at_truth = result.best, problem.cost(true)
