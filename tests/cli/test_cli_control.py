@@ -25,7 +25,9 @@ def folder(plain, tmp_path_factory):
 def test_the_terminal_shows_designs_share_and_margins_with_their_bands(capsys, folder):
     code, out, err = run(capsys, "control", folder, *HOW)
     assert (code, err) == (0, "")
-    assert len([line for line in out.splitlines() if line.startswith("LQR ") and " of 3 " in line]) == 7
+    assert (
+        len([line for line in out.splitlines() if line.startswith("LQR ") and " of 3 draws " in line]) == 8
+    )  # six, the chosen one on all draws, and the answer
     assert "LQR holds upright in 3 of 3 draws (95 % interval" in out
     assert "in 95 % of the draws" in out
     assert "control.json" in out

@@ -38,7 +38,7 @@ def folder(tmp_path_factory):
 def test_of_a_run_it_writes_table_figure_and_record_beside_it(capsys, folder):
     code, out, err = run(capsys, "noise", folder / "run", "--seeds", "3", *QUICK)
     assert (code, err) == (0, "")
-    (row,) = [line for line in out.splitlines() if line.startswith("mu ")]
+    (row,) = [line for line in out.splitlines() if line.startswith("μ ")]
     assert row.split()[1] == "0.95"
     assert "0.1° of noise, 4096 counts" in out
     assert "intervals of 95 % contain the true value" in out

@@ -63,7 +63,7 @@ def test_the_terminal_shows_interval_prior_verdict_and_evidence(capsys, drawn):
     (row,) = [line for line in out.splitlines() if line.startswith("mu ")]
     assert "0.9 … 1.1" in row
     assert "The draws can be trusted" in out
-    assert "log evidence −" in out.replace("-", "−")
+    assert "Log evidence, relative to the greatest likelihood: −" in out.replace("-", "−")
     assert "draws.npz" in out
 
 

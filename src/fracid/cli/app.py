@@ -401,6 +401,28 @@ def print_study(console: Any, finished: Any, *steps: tuple[str, str], **more: Pa
     say_next(console, *steps)
 
 
+def print_found(console: Any, finished: Any, *steps: tuple[str, str], **more: Path | None) -> None:
+    """Print what a study found, in the words of its page, where it left that, and what to type next."""
+    from rich.markup import escape
+
+    from fracid.report.sentences import digits, interval
+    from fracid.report.study import read_study
+
+    found = read_study(finished.folder, finished.FILE)[1]
+    say(console, f"[bold]{escape(found.answer)}[/bold]", "" if found.good else "[yellow]![/yellow] ")
+    warn(console, *found.said, mark="")
+    for caption, rows in found.tables.items():
+        say(console, f"[bold]{escape(caption)}[/bold]")
+        print_table(console, [*rows[0]], ([*row.values()] for row in rows), fold=[*rows[0]][:1])
+    for caption, values in found.values.items():
+        say(console, f"[bold]{escape(caption)}[/bold]")
+        cells = ((e["name"], digits(e), interval(e), e["unit"], e["reason"] or e["says"]) for e in values)
+        print_table(console, ("name", "value", "95 % interval", "unit", ""), cells, fold=("name", ""))
+    say(console, f"[dim]{escape(' · '.join(found.facts))}[/dim]")
+    warn(console, *found.notes)
+    print_study(console, finished, *steps, **more)
+
+
 def warn(console: Any, *sentences: str, mark: str = "[yellow]![/yellow] ") -> None:
     """Print sentences, each with a mark."""
     from rich.markup import escape
@@ -449,16 +471,6 @@ def open_page(page: Path, choice: bool | None) -> bool:
     return webbrowser.open(page.resolve().as_uri())
 
 
-def table(*headings: str, fold: Collection[str] | None = None) -> Any:
-    """Make a table without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
-    from rich.table import Table
-
-    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading in headings:
-        grid.add_column(heading, overflow="fold", no_wrap=fold is not None and heading not in fold)
-    return grid
-
-
 def print_table(
     console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], *, fold: Collection[str] | None = None,
     spare: int = 0,
@@ -481,9 +493,13 @@ def print_table(
 
 
 def _filled(headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collection[str] | None) -> Any:
+    """A table without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
     from rich.markup import escape
+    from rich.table import Table
 
-    grid = table(*headings, fold=fold)
+    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in headings:
+        grid.add_column(escape(heading), overflow="fold", no_wrap=fold is not None and heading not in fold)
     for row in rows:
         grid.add_row(*map(escape, row))
     return grid

@@ -2,23 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from fracid.cli.app import LONG, How, command, numbers, print_study, say, typed
-from fracid.cli.app import table as new_table
+from fracid.cli.app import LONG, How, command, numbers, print_found, typed
 from fracid.errors import InputError
-from fracid.units import with_unit
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fracid.validation.study_records import Statistics
-    from fracid.workflows.monte_carlo import FinishedNoiseStudy
-
-HEADINGS = ("", "truth", "bias", "spread", "claimed", "coverage")
 
 
 @command("executor", "scheduler", *LONG)
@@ -52,48 +39,4 @@ def noise(
                         optimiser=optimiser)  # fmt: skip
     verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
     after = typed(verb, source, trust=how.trust), f"{what} of the measured data"
-    how.answer(finished.result, partial(_show, finished, after))
-
-
-# ------------------------------------------------------------------ from results to text
-
-
-def _show(finished: FinishedNoiseStudy, after: tuple[str, str], console: Console) -> None:
-    from rich.markup import escape
-
-    from fracid.findings import with_code
-
-    study = finished.study
-    units = {o: e.units.get(o, "rad") for e in study.problem.experiments for o in study.problem.outputs}
-    residuals = ", ".join(f"{with_unit(size, units[o])} of {o}" for o, size in (study.sizes or {}).items())
-    noise = f"noise in multiples of the residual's RMS, {residuals}" if residuals else "angles in degrees"
-    say(
-        console,
-        f"{study.seeds} repetitions a cell; {study.optimiser}, {study.problem.cost_function.name}, "
-        f"{study.problem.method}; {noise}. Coverage is the share of 95 % intervals that contain the true value.",
-    )
-    for cell in study.cells:
-        console.print(f"[bold]{escape(cell.label)}[/bold]")
-        table = new_table(*HEADINGS, fold=("",))
-        table.columns[0].min_width = max(len(word) for name in cell.unknowns for word in name.split())
-        for name, s in cell.unknowns.items():
-            table.add_row(*map(escape, _row(name, s)))
-        console.print(table)
-    for sentence in study.sentences():
-        mark = "" if with_code([sentence], "believed") else "[yellow]![/yellow] "
-        say(console, escape(sentence), mark)
-    print_study(console, finished, after, table=finished.table)
-
-
-def _row(name: str, s: Statistics) -> tuple[str, ...]:
-    """An unknown's line: truth, bias, spread, claimed, coverage."""
-    factor = degrees(1.0) if s.unit in ("rad", "rad/s") else 1.0
-
-    def cell(value: float | None, form: str) -> str:
-        return "–" if value is None else f"{factor * value:{form}}"
-
-    coverage = "–"
-    if s.coverage95 is not None and s.coverage is not None:
-        low, high = s.coverage95
-        coverage = f"{100 * s.coverage:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
-    return (name, cell(s.truth, ".4g"), cell(s.bias, "+.1e"), cell(s.spread, ".1e"), cell(s.claimed, ".1e"), coverage)
+    how.answer(finished.result, lambda at: print_found(at, finished, after, table=finished.table))

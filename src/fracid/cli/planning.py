@@ -2,28 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from fracid.cli.app import (
-    LONG,
-    How,
-    assigned,
-    command,
-    numbers,
-    print_study,
-    print_table,
-    typed,
-)
+from fracid.cli.app import LONG, How, assigned, command, numbers, print_found, typed
 from fracid.errors import InputError
-from fracid.units import half_of, half_width, to_second_digit
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fracid.workflows.planning import FinishedDesign
-
 
 SWING = (5.0, 150.0)
 """Angles from which a pendulum is released if none are given [°]."""
@@ -79,7 +61,7 @@ def design(
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
     after = typed("fit", project, trust=how.trust), "when the recordings are there"
-    how.answer(finished.result, partial(_show, finished, after))
+    how.answer(finished.result, lambda at: print_found(at, finished, after, sheet=finished.folder / "sheet.txt"))
 
 
 # ------------------------------------------------------------------ from text to a space
@@ -101,37 +83,3 @@ def _voltage(text: str) -> Any:
                          "chirp,0.3,4,6 or pulses,0.1,1,6 (shortest s, longest s, peak).")  # fmt: skip
     low, high, peak = values
     return kinds[kind](low, high, peak)
-
-
-# ------------------------------------------------------------------ from results to text
-
-
-def _show(finished: FinishedDesign, after: tuple[str, str], console: Console) -> None:
-    from rich.markup import escape
-
-    plan = finished.plan
-    excluded = f", {plan.excluded} more are excluded" if plan.excluded else ""
-    count = len(plan.experiments)
-    console.print(f"[bold]{count} experiment{'s' * (count > 1)}[/bold] of {plan.candidates} candidates{excluded}; "
-                  f"criterion {plan.criterion}", soft_wrap=True)  # fmt: skip
-    for c, count in plan.repetitions.items():
-        console.print(f"  {count} × {escape(str(c))}", soft_wrap=True)
-    gains, rows = plan.gain_over(), []
-    for name, v in plan.expected.items():
-        half = half_of(v.interval95)
-        value = to_second_digit(v.value, half) if half else f"{v.value:.5g}"
-        ends = f"± {half_width(half, v.value)}" if half else "not shown"
-        gain = gains.get(name)
-        narrower = "–" if gain is None or not isfinite(gain) else f"{gain:.2g}"
-        mark = "*" if name in plan.of else ""
-        rows.append((f"{name}{mark}", value, ends, narrower, v.unit))
-    print_table(console, ("", "value", "expected 95 %", "narrower by", "unit"), rows)
-    star = "* The plan is chosen to narrow these. " if plan.of else ""
-    console.print(f"[dim]{star}Narrower by: today's 95 % interval divided by the expected one.[/dim]", soft_wrap=True)
-    for name, distance in sorted((plan.distances or {}).items(), key=lambda item: item[1])[:1]:
-        console.print(f"The nearest integer-order alternative, with {escape(name)}, stays {distance:.3g} standard "
-                      "deviations away.", soft_wrap=True)  # fmt: skip
-    if len(plan.alone or {}) > 1:
-        alone = ", ".join(f"{order} {distance:.3g}" for order, distance in (plan.alone or {}).items())
-        console.print(f"Where one order alone is fractional: {escape(alone)}.", soft_wrap=True)
-    print_study(console, finished, after, sheet=finished.folder / "sheet.txt")

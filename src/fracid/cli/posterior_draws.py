@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import LONG, How, command, print_study, print_table, say, typed, warn
-from fracid.errors import SMALLEST
-from fracid.units import half_of, to_second_digit
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from fracid.workflows.posterior_draws import FinishedPosterior
+from fracid.cli.app import LONG, How, command, print_found, typed
 
 
 @command("executor", "scheduler", *LONG)
@@ -40,35 +31,4 @@ def posterior(
     else:
         again = typed("posterior", run, "--method", "nested", trust=how.trust)
         after = [(again, "draws from the whole prior; minutes")] * (method == "laplace")
-    how.answer(finished.result, partial(_show, finished, after))
-
-
-# ------------------------------------------------------------------ from results to text
-
-
-def _show(finished: FinishedPosterior, after: list[tuple[str, str]], console: Console) -> None:
-    from rich.markup import escape
-
-    drawn, unknowns = finished.posterior, finished.result["unknowns"]
-    rows = []
-    for name, row in unknowns.items():
-        half = max(half_of(row["interval95"]), SMALLEST)
-        median, low, high = (to_second_digit(v, half) for v in (row["median"], *row["interval95"]))
-        rows.append((name, median, f"{low} … {high}", row["unit"], _prior(row["prior"])))
-    if not print_table(console, ("", "median", "95 % interval", "unit", "prior"), rows, fold=("",), spare=1):
-        priors = (f"{n} {_prior(row['prior'])}" for n, row in unknowns.items() if row["prior"]["kind"] == "normal")
-        say(console, escape(f"Priors: {'; '.join(('the bounds of the project', *priors))}."), "")
-    mark = "" if drawn.trusted else "[yellow]![/yellow] "
-    console.print(f"{mark}{escape(drawn.sentence)}", soft_wrap=True)
-    if (evidence := finished.result["log_evidence"]) is not None:
-        error = finished.result["evidence_error"]
-        console.print(f"log evidence {evidence:.2f} ± {error:.2g} nats, relative to the greatest likelihood.")
-    warn(console, *drawn.notes)
-    print_study(console, finished, *after, draws=finished.draws)
-
-
-def _prior(prior: dict[str, Any]) -> str:
-    low, high = (("−∞", "∞")[i] if v is None else f"{v:.3g}" for i, v in enumerate((prior["lower"], prior["upper"])))
-    if prior["kind"] == "normal":
-        return f"{prior['mean']:.3g} ± {prior['sd']:.2g}, {low} … {high}"
-    return f"{low} … {high}"
+    how.answer(finished.result, lambda at: print_found(at, finished, *after, draws=finished.draws))

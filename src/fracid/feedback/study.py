@@ -33,7 +33,7 @@ from fracid.problem.simulator import LIMIT
 from fracid.quantiles import NORMAL_95
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
-from fracid.schemas.feedback import SECONDS, Conditions, Controller, ControlRecord, Design, Trial
+from fracid.schemas.feedback import SECONDS, Conditions, Controller, ControlRecord, Design, Trial, margin_text
 from fracid.signals.noise import noise_floor
 from fracid.signals.resolution import resolution
 from fracid.solver.arguments import Equation, InitialCondition, Options
@@ -100,18 +100,6 @@ class Control(ControlRecord, CardDisplay):
             ("phase margin", margin_text(d.phase_margin, self.phase_margin95, "°")),
             *(("note", n) for n in self.notes),
         ))  # fmt: skip
-
-
-def margin_text(value: float | None, band: tuple[float | None, float | None], unit: str) -> str:
-    """A margin and its band.
-
-    Examples
-    --------
-    >>> margin_text(12.345, (10.0, None), "dB")
-    '12.3 dB, in 95 % of the draws 10 to ∞ dB'
-    """
-    best, low, high = ("∞" if v is None else f"{v:.3g}" for v in (value, *band))
-    return f"{best} {unit}, in 95 % of the draws {low} to {high} {unit}"
 
 
 # --- the loop as it is found ----------------------------------------------------------------------------

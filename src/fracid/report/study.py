@@ -33,7 +33,7 @@ from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
-from fracid.schemas.feedback import ControlRecord
+from fracid.schemas.feedback import ControlRecord, margin_text
 from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
@@ -109,29 +109,38 @@ def _planned(record: Mapping[str, Any]) -> Found:
     gains = record["gain"]
     narrower = {n: f"95 % interval {number(g, '.2g')} times narrower than today" for n, g in gains.items() if g}
     rows = [_row(n, v, says=narrower.get(n, "")) for n, v in record["expected"].items()]
-    plan = [{"experiment": str(k), "what to do": str(c["text"])} for k, c in enumerate(record["experiments"], 1)]
     away = {"Distance of the integer-order alternatives": [
         {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
     ]} if record.get("distances") else {}  # fmt: skip
-    todo = "; ".join(f"{times} × {text}" for text, times in Counter(row["what to do"] for row in plan).items())
+    plan = Counter(str(c["text"]) for c in record["experiments"])
+    todo = "; ".join(f"{times} × {text}" for text, times in plan.items())
     aims = (f"{letter(n)} {interval(record['expected'][n])}, {number(gains[n], '.2g')} times narrower than today"
             for n in record["of"] if gains.get(n))  # fmt: skip
+    each = ", ".join(f"{letter(n)} {distance:.3g}" for n, distance in (record["alone"] or {}).items())
+    more = f", {record['excluded']} more excluded" * bool(record["excluded"])
+    alone = [f"Where one order alone is fractional: {each}."] * ("," in each)
     return Found(
         f"{count} experiment{'s' * (count > 1)} for {record['for']}: {todo}.",
-        said=tuple(f"Expected 95 % interval of {aim}." for aim in aims),
-        facts=(f"{record['candidates']} candidates", f"criterion {record['criterion']}"),
-        values={"Expected values after the plan": rows}, tables={"Experiments": plan} | away,
+        said=(*(f"Expected 95 % interval of {aim}." for aim in aims), *alone),
+        facts=(f"{record['candidates']} candidates{more}", f"criterion {record['criterion']}"),
+        values={"Expected values after the plan": rows}, tables=away,
     )  # fmt: skip
 
 
 def _drawn(record: Mapping[str, Any]) -> Found:
-    rows = [_row(n, {**v, "value": v["median"]}, f"{v['prior']['kind']} prior") for n, v in record["unknowns"].items()]
+    rows = [_row(n, {**v, "value": v["median"]}, f"prior {_prior(v['prior'])}") for n, v in record["unknowns"].items()]
     evidence = record["log_evidence"]
     facts = (record["method"], f"{counted(record['effective_draws'])} effective draws", f"seed {record['seed']}")
     said = () if evidence is None else (f"Log evidence, relative to the greatest likelihood: {number(evidence)} ± "
                                         f"{number(record['evidence_error'], '.2g')} nats.",)  # fmt: skip
     return Found(record["sentence"], record["trusted"], said=said, facts=facts, notes=tuple(record["notes"]),
                  values={"Posterior: medians and central 95 % intervals": rows})  # fmt: skip
+
+
+def _prior(prior: Mapping[str, Any]) -> str:
+    low, high = (word if v is None else f"{v:.3g}" for word, v in (("−∞", prior["lower"]), ("∞", prior["upper"])))
+    about = f"{number(prior['mean'], '.3g')} ± {number(prior['sd'], '.2g')}, " if prior["kind"] == "normal" else ""
+    return f"{about}{low} … {high}"
 
 
 def _profiled(record: Mapping[str, Any]) -> Found:
@@ -155,18 +164,24 @@ def _profiled(record: Mapping[str, Any]) -> Found:
 
 
 def _disturbed(record: Mapping[str, Any]) -> Found:
-    rows = [
-        {"noise and encoder": label_of(c["level"], c["resolution"], c.get("unit", "rad")), "parameter": letter(n),
-         "truth": number(s["truth"]), "bias": number(s["bias"], ".2g"), "spread": number(s["spread"], ".2g"),
-         "standard error": number(s["claimed"], ".2g"), "unit": typeset_unit(s["unit"]),
-         "intervals with the truth": f"{s['held']} of {s['intervals']}"}
-        for c in record["cells"] for n, s in c["unknowns"].items()
-    ]  # fmt: skip
+    tables = {
+        label_of(c["level"], c["resolution"], c.get("unit", "rad")): [_error(n, s) for n, s in c["unknowns"].items()]
+        for c in record["cells"] if c["unknowns"]
+    }  # fmt: skip
     first, *others = record["sentences"] or ["No parameter was estimated."]
     good = not record["findings"] and record["seeds"] >= ENOUGH
-    facts = (record["optimiser"], f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
-    return Found(first, good, model=record["model"], said=tuple(others), facts=facts,
-                 tables={"Bias, spread and coverage": rows})  # fmt: skip
+    how = ", ".join(filter(None, (record["optimiser"], record["cost"], record["method"])))
+    facts = (how, f"{record['seeds']} repetitions a level", f"seed {record['seed']}")
+    return Found(first, good, model=record["model"], said=tuple(others), facts=facts, tables=tables)
+
+
+def _error(name: str, s: Mapping[str, Any]) -> dict[str, str]:
+    unit = f" [{typeset_unit(s['unit'])}]" if s["unit"] else ""
+    ends = s.get("coverage95")
+    share = "" if ends is None else " ({:.0f}–{:.0f} %)".format(*(100 * v for v in ends))
+    return {"parameter": f"{letter(name)}{unit}", "truth": number(s["truth"]), "bias": number(s["bias"], ".2g"),
+            "spread": number(s["spread"], ".2g"), "standard error": number(s["claimed"], ".2g"),
+            "coverage": f"{s['held']} of {s['intervals']}{share}"}  # fmt: skip
 
 
 def _controlled(record: Mapping[str, Any]) -> Found:
@@ -178,7 +193,12 @@ def _controlled(record: Mapping[str, Any]) -> Found:
     ]  # fmt: skip
     facts = (f"{1 / c['period']:.4g} Hz", f"{c['input']} up to {with_unit(c['most'], c['unit'])}",
              f"delay {1e3 * c['delay']:.3g} ms", f"seed {record['seed']}")  # fmt: skip
-    return Found(record["sentence"], record["share"] == 1.0, model=record["model"], facts=facts,
+    d, lost = record["design"], [t for t in record["trials"][record["worst_draw"] :][:1] if not t["holds"]]
+    values = ", ".join(f"{letter(n)} = {number(v)}" for n, v in record["worst"].items())
+    said = (f"Gain margin {margin_text(d['gain_margin'], record['gain_margin95'], 'dB')}.",
+            f"Phase margin {margin_text(d['phase_margin'], record['phase_margin95'], '°')}.",
+            *(f"The worst draw is lost after {t['until']:.3g} s: {values}." for t in lost))  # fmt: skip
+    return Found(record["sentence"], record["share"] == 1.0, model=record["model"], said=said, facts=facts,
                  notes=tuple(record["notes"]), tables={"Controllers, the last over all draws": rows})  # fmt: skip
 
 

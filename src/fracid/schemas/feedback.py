@@ -227,6 +227,18 @@ class ControlRecord(Record):
         )
 
 
+def margin_text(value: float | None, band: tuple[float | None, float | None], unit: str) -> str:
+    """A margin and its band.
+
+    Examples
+    --------
+    >>> margin_text(12.345, (10.0, None), "dB")
+    '12.3 dB, in 95 % of the draws 10 to ∞ dB'
+    """
+    best, low, high = ("∞" if v is None else f"{v:.3g}" for v in (value, *band))
+    return f"{best} {unit}, in 95 % of the draws {low} to {high} {unit}"
+
+
 def _band(values: list[float]) -> tuple[float, float]:
     low, high = np.quantile(values, (0.025, 0.975), method="nearest").tolist()
     return low, high
