@@ -46,11 +46,11 @@ def folder(tmp_path_factory):
 def test_a_run_is_profiled_into_its_own_folder_with_a_table_and_a_figure(capsys, folder):
     code, out, err = run(capsys, "profile", folder / "run")
     assert (code, err) == (0, "")
-    assert "95 % by profile" in out
+    assert "Every 95 % interval is closed." in out
     for line in ("lambda", "mu"):
         (row,) = [text for text in out.splitlines() if text.startswith(line + " ")]
-        assert "two-sided" in row
-        assert row.count("±") == 2
+        assert row.count("±") == 3
+        assert "sandwich ±" in row
     assert "profiles.json" in out
     record = json.loads((folder / "run" / "profiles.json").read_text(encoding="utf-8"))
     assert list(record["profiles"]) == ["lambda", "mu"]
@@ -126,7 +126,7 @@ def test_what_cannot_be_told_is_said_below_the_table(capsys, folder, tmp_path):
     )
     assert code == 0
     assert "θ hardly moves" in out
-    assert "flat" in out
+    assert "Without a closed 95 % interval: λ" in out
 
 
 @pytest.mark.broad

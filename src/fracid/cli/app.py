@@ -416,11 +416,15 @@ def print_found(console: Any, finished: Any, *steps: tuple[str, str], **more: Pa
         print_table(console, [*rows[0]], ([*row.values()] for row in rows), fold=[*rows[0]][:1])
     for caption, values in found.values.items():
         say(console, f"[bold]{escape(caption)}[/bold]")
-        cells = ((e["name"], digits(e), interval(e), e["unit"], e["reason"] or e["says"]) for e in values)
+        cells = ((e["name"], digits(e), interval(e), e["unit"], _aside(e)) for e in values)
         print_table(console, ("name", "value", "95 % interval", "unit", ""), cells, fold=("name", ""))
     say(console, f"[dim]{escape(' · '.join(found.facts))}[/dim]")
     warn(console, *found.notes)
     print_study(console, finished, *steps, **more)
+
+
+def _aside(e: Mapping[str, Any]) -> str:
+    return "; ".join(filter(None, (e["says"], e["reason"])))
 
 
 def warn(console: Any, *sentences: str, mark: str = "[yellow]![/yellow] ") -> None:

@@ -31,10 +31,10 @@ from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, in_unit, interval, letter
 from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
-from fracid.safety.schema import Block, Record, as_json, read_as, read_if_whole
+from fracid.safety.schema import Block, Record, as_json, fault_of, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord, margin_text
-from fracid.schemas.profiles import ProfilesBlock
+from fracid.schemas.profiles import LikelihoodBlock, ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
 from fracid.units import GREEK, half_of, number, shown_unit, to_second_digit, typeset_unit, with_unit
@@ -144,7 +144,8 @@ def _prior(prior: Mapping[str, Any]) -> str:
 
 
 def _profiled(record: Mapping[str, Any]) -> Found:
-    rows = []
+    beside = {} if fault_of(record, LikelihoodBlock) else record  # of what fracid profile wrote, and nobody else
+    rows, found = [], beside.get("intervals", {}).get("unknowns", {})
     for name, p in record["profiles"].items():
         low, high = p["interval95"]
         ends = ((f"above {number(low, '.2g')}", low), (f"below {number(high, '.2g')}", high))
@@ -154,13 +155,26 @@ def _profiled(record: Mapping[str, Any]) -> Found:
             value = float(to_second_digit(p["value"], half)) if half > 0 else p["value"]
             sentence = "; it lies ".join((p["sentence"], *sides))
             p = {**p, "interval95": None, "value": value, "sentence": sentence}
-        known = p["verdict"] == "two-sided"
-        rows.append(_row(name, p, reason="" if known else p["sentence"],
+        known, others = p["verdict"] == "two-sided", {m: found.get(name, {}).get(m) for m in ("sandwich", "bootstrap")}
+        halves = {m: half_of(both) for m, both in others.items() if isinstance(both, list) and None not in both}
+        says = ", ".join(f"{m} ± {number(half, '.2g')}" for m, half in halves.items())
+        rows.append(_row(name, p, says, reason="" if known else p["sentence"],
                          verdict="identifiable" if known else p["verdict"]))  # fmt: skip
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
     answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else "Every 95 % interval is closed."
-    return Found(answer, not open_, facts=(f"cost {record['cost']['name']}",), notes=tuple(record["notes"]),
+    return Found(answer, not open_, facts=(f"cost {record['cost']['name']}",),
+                 notes=(*record["notes"], *_beside(beside)),
                  values={"Profile likelihood: values and 95 % intervals": rows})  # fmt: skip
+
+
+def _beside(record: Mapping[str, Any]) -> Iterator[str]:
+    """What else is to be known of profiles: of the bootstrap, of each recording alone, of what is not identifiable."""
+    bootstrap = record.get("bootstrap")
+    yield from [bootstrap["warning"]] if isinstance(bootstrap, Mapping) and bootstrap["warning"] else ()
+    yield from (record.get("spread") or {}).get("sentences", ())
+    for name, v in record.get("identifiability", {}).items():
+        if v["verdict"] not in ("identifiable", "forgotten"):
+            yield f"{letter(name)}: {v['sentence']}."
 
 
 def _disturbed(record: Mapping[str, Any]) -> Found:
