@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from fracid.cli.app import How, command, print_study, print_table, typed, warn
+from fracid.cli.app import How, command, print_study, print_table, say, typed, warn
 from fracid.errors import DataError
 from fracid.units import with_unit
 
@@ -46,10 +45,6 @@ def resid(
 # ------------------------------------------------------------------ as text
 
 
-ADVICE = 80
-"""Sentences of so many letters are printed once, though more residuals call for them."""
-
-
 def _show(analysis: FinishedResiduals, console: Console) -> None:
     from rich.markup import escape
 
@@ -60,10 +55,10 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     print_table(console, headings, map(_sizes, analysis.all), fold=("recording",))
     partial = [PARTIAL] if analysis.run.outcome is Outcome.INTERRUPTED else []
     warn(console, *partial, *analysis.run.notes)
-    told: set[str] = set()
     for a in analysis.all:
         console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
-        console.print(_sentences(a, told))
+        for effect, sentence in a.sentences.items():
+            say(console, escape(sentence), f"  [dim]{effect:10}[/dim]  ")
     console.print()
     from fracid.selection.ladder import has_friction
 
@@ -92,20 +87,3 @@ def _not_fitted(a: ResidualAnalysis) -> str:
     parts = ["held out"] if a.use == "validate" else []
     parts += [a.tested] if a.missing else []
     return f" ({'; '.join(parts)})" if parts else ""
-
-
-def _sentences(a: ResidualAnalysis, told: set[str]) -> Any:
-    """What is said of a residual; advice that stands above already is left out."""
-    from rich.markup import escape
-    from rich.padding import Padding
-    from rich.table import Table
-
-    table = Table.grid(padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True, style="dim")
-    table.add_column(overflow="fold")
-    for name, text in a.sentences.items():
-        parts = re.split(r"(?<=[.:]) (?=[A-Z])", text)
-        new = [part for part in parts if part not in told or len(part) < ADVICE]
-        told.update(parts)
-        table.add_row(name, escape(" ".join(new) or "as above"))
-    return Padding(table, (0, 0, 0, 2))
