@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from math import cos, hypot, sin
 from typing import Any
 
@@ -77,6 +78,11 @@ class Scene:
         used = {int(e.index.value) for e in entries if isinstance(e.index, Number)}
         return tuple(n for i, n in enumerate(self.outputs) if i in used)
 
+    @cached_property
+    def _places(self) -> Formula:
+        """The program, to be called; written anew each time it would take longer than what it says."""
+        return Formula(self.program)
+
     def at(self, values: Mapping[str, float], parameters: Sequence[float]) -> FloatArray:
         """Where the bodies begin and end, shape (n_bodies, 2, dimension); an output that is missing is 0.
 
@@ -91,7 +97,7 @@ class Scene:
         """
         out = np.full(2 * self.dimension * len(self.bodies), np.nan)
         with suppress(ArithmeticError, ValueError):  # a length that a constant of 0 makes infinite
-            Formula(self.program)(0.0, [values.get(n, 0.0) for n in self.outputs], [], parameters, out)
+            self._places(0.0, [values.get(n, 0.0) for n in self.outputs], [], parameters, out)
         return out.reshape(-1, 2, self.dimension)
 
     def drawn(self, values: Mapping[str, float], parameters: Sequence[float]) -> list[tuple[Body, FloatArray]]:

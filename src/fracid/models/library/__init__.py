@@ -104,7 +104,7 @@ def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
     """
     texts = table_of(name)["twin"].get("inputs", {})
     trees = {n: Function(n, ("t",), (Return(formula(text, {"t": Name("t")})),)) for n, text in texts.items()}
-    return {n: np.array([float(Formula(tree)(t)) for t in time.tolist()]) for n, tree in trees.items()}
+    return {n: np.array([*map(Formula(tree).py_func, time.tolist())], np.float64) for n, tree in trees.items()}
 
 
 def _equations(table: Mapping[str, Any]) -> dict[str, Equation]:
