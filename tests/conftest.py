@@ -3,9 +3,11 @@
 Property tests repeat themselves, unless asked to explore (make fuzz).
 """
 
+import ctypes
 import os
 import shutil
 import signal
+import sys
 from collections import defaultdict
 from pathlib import Path
 
@@ -14,8 +16,9 @@ from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 
 import folders
+import program
 
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=30)
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # Constants of what has been imported by then would not be the same from session to session, and take seconds to read.
@@ -107,6 +110,29 @@ def plain(tmp_path_factory):
 def two_recordings(tmp_path_factory):
     """The same of a recording that is fitted and one, driven, that is not."""
     return folders.made_once(folders.two_recordings, tmp_path_factory)
+
+
+@pytest.fixture
+def without_rivals():
+    """Fits without the models of integer order beside them, in tests that ask for other things."""
+    with program.no_rivals():
+        yield
+
+
+@pytest.fixture
+def heeding_modes():
+    """Root obeys the modes of files as all do: without CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH, bits 1 and 2."""
+    if sys.platform != "linux" or os.geteuid() != 0:
+        yield
+        return
+    libc, header, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+    assert libc.capget(header, sets) == 0
+    all_of_them = sets[0]
+    sets[0] &= ~0b110
+    assert libc.capset(header, sets) == 0
+    yield
+    sets[0] = all_of_them
+    assert libc.capset(header, sets) == 0
 
 
 @pytest.fixture

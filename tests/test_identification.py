@@ -14,13 +14,13 @@ from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.search import search
 from fracid.estimation.tangent import tangent
-from fracid.identification import identify
 from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.limits import opened
 from fracid.selection.opened_bounds import open_bounds
 from fracid.validation import discretisation
+from program import no_rivals
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -31,6 +31,12 @@ STEP = 4e-3
 def twin(name="swing", **changes):
     """A release from 0.4 rad, known."""
     return release(name, **{"end": 3.0, "alpha": 0.4, "step": STEP} | changes)
+
+
+def identify(*given, **options):
+    """A fit with no models of integer order beside it; fracid.identify has them."""
+    with no_rivals():
+        return fracid.identify(*given, **options)
 
 
 def problem(*experiments, **options):
@@ -67,7 +73,7 @@ def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from
         identification, "walked", lambda here, known, *_, **__: replace(known, walked=np.zeros(2, bool))
     )
     heard = []
-    fit = identify(problem(swing), observer=fracid.Observer(recordings=heard.append))
+    fit = fracid.identify(problem(swing), observer=fracid.Observer(recordings=heard.append))
     assert fit.cost == pytest.approx(1e-3, rel=0.1)
     assert fit.cost < 0.1 * problem(swing).cost(np.array([0.8, 0.9]))
     assert (fit.claim, fit.alternative) == ("integer", None)  # all is said of where it ended
@@ -76,6 +82,7 @@ def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from
     assert (last.cost, last.rmse) == (fit.recordings["swing"].cost, fit.recordings["swing"].rmse)
 
 
+@pytest.mark.broad
 def test_orders_and_constants_are_found_together():
     constants = free(0.3, 3.0, 1.3, "C1", "J_theta", "b_theta", "b_alpha")
     fit = identify(problem(parameters=constants))
@@ -111,6 +118,7 @@ def test_a_bound_that_stops_a_search_is_opened_and_the_fit_says_so(dragging):
     assert fit.problem.parameters["b_alpha"].upper == 5e-3
 
 
+@pytest.mark.broad
 def test_a_hard_bound_is_not_opened(dragging):
     fit = identify(bounded(dragging, hard=True))
     assert fit.opened_bounds == ()
@@ -185,7 +193,9 @@ def test_a_growing_horizon_and_the_integer_orders_leave_a_local_minimum_in_which
     p = problem(orders={"lambda": Free(0.6, 0.5, 1.2), "mu": Free(1.15, 0.5, 1.2)})
     searched, _ = search(p, optimiser_from_name("least-squares"), np.random.default_rng(1))
     assert searched.best.cost > 0.1
-    assert identify(p, optimiser="least-squares").x == pytest.approx([0.9, 0.95], abs=1e-6)  # from orders 1, nested
+    assert fracid.identify(p, optimiser="least-squares").x == pytest.approx(
+        [0.9, 0.95], abs=1e-6
+    )  # from orders 1, nested
     for starts in (1, 4):
         searched, _ = search(p, optimiser_from_name("multistart"), np.random.default_rng(1), starts=starts)
         assert searched.best.point == pytest.approx([0.9, 0.95], abs=1e-6)
@@ -211,7 +221,9 @@ def test_the_result_is_the_same_for_any_number_of_threads(optimiser):
     p = problem(twin(noise=1e-3, end=1.0))
     options = {"generations": 3} if optimiser == "genetic" else {}
     one, three = (
-        identify(p, optimiser=optimiser, validation=(twin("other", end=1.0),), jobs=jobs, starts=2, options=options)
+        fracid.identify(
+            p, optimiser=optimiser, validation=(twin("other", end=1.0),), jobs=jobs, starts=2, options=options
+        )
         for jobs in (1, 3)
     )
     assert json.dumps(one.to_json()) == json.dumps(three.to_json())
@@ -295,6 +307,7 @@ def interrupt_after(evaluations):
     return callback
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("optimiser", ["multistart", "genetic", "differential-evolution"])
 def test_ctrl_c_keeps_the_best_so_far(optimiser):
     p = problem(twin(noise=1e-3, end=3.0), parameters=free(0.3, 3.0, 1.3, "C1"))
@@ -306,6 +319,7 @@ def test_ctrl_c_keeps_the_best_so_far(optimiser):
     json.dumps(fit.to_json(), allow_nan=False)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("stage", ["uncertainty", "_validate", "discretisation_check", "refined"])
 def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     def interrupted(*args, **options):
@@ -398,8 +412,9 @@ def test_a_first_order_fit_of_a_twin_carries_its_check_into_the_result(method):
     assert check["warning"].endswith(f'artefact of the step of {method}. Type method = "pi2" in [fit].')
 
 
+@pytest.mark.broad
 def test_the_second_order_method_finds_integer_orders_and_the_check_is_silent():
-    fit = identify(problem(twin(noise=1e-3, seed=2, **INTEGER)))
+    fit = fracid.identify(problem(twin(noise=1e-3, seed=2, **INTEGER)))
     for order in fit.orders.values():
         assert order.interval95[0] <= 1.0 <= order.interval95[1]
     assert fit.discretisation.warning == ""

@@ -1,11 +1,10 @@
 """Words are for people: no decision hangs on them, so that a sentence can be changed or translated."""
 
 import ast
-from pathlib import Path
 
 import pytest
 
-SOURCES = Path(__file__).resolve().parents[1] / "src" / "fracid"
+from sources import nodes
 
 WORDS_OF_OTHERS = {
     "cli/app.py": "the words of Python's own errors",
@@ -36,11 +35,11 @@ def elements(node):
     return node.elts if isinstance(node, ast.Tuple | ast.Set | ast.List) else [node]
 
 
-def names_of_sentences(tree):
+def names_of_sentences(nodes_):
     """Names that stand for sentences: of a tuple of them, and of one of it in a loop."""
     names = set()
-    pairs = [*((n.value, n.targets) for n in ast.walk(tree) if isinstance(n, ast.Assign)),
-             *((n.iter, [n.target]) for n in ast.walk(tree) if isinstance(n, ast.For | ast.comprehension))]  # fmt: skip
+    pairs = [*((n.value, n.targets) for n in nodes_ if isinstance(n, ast.Assign)),
+             *((n.iter, [n.target]) for n in nodes_ if isinstance(n, ast.For | ast.comprehension))]  # fmt: skip
     for value, targets in pairs:
         if any(map(is_sentence, elements(value))) or (isinstance(value, ast.Name) and value.id in names):
             names |= {t.id for t in targets if isinstance(t, ast.Name)}
@@ -55,11 +54,10 @@ def is_word(node):
     return isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value not in CODES | {""}
 
 
-def comparisons(source):
+def comparisons(nodes_):
     """Lines of code that ask what a text says in words."""
-    tree = ast.parse(source)
-    named = names_of_sentences(tree)
-    for node in ast.walk(tree):
+    named = names_of_sentences(nodes_)
+    for node in nodes_:
         match node:
             case ast.Compare(left=left, ops=ops, comparators=others):
                 asked = any(isinstance(op, ast.Eq | ast.NotEq | ast.In | ast.NotIn) for op in ops)
@@ -77,12 +75,11 @@ def comparisons(source):
                                     'kinds = "known", "not excited"; [k for k in kinds if text.startswith(k)]',
                                     'any(text.startswith(k) for k in ("known", "not excited"))'])  # fmt: skip
 def test_a_comparison_with_words_is_seen(source):
-    assert [*comparisons(source)] == [1]
+    assert [*comparisons([*ast.walk(ast.parse(source))])] == [1]
 
 
 def test_no_decision_compares_a_sentence():
-    files = {path.relative_to(SOURCES).as_posix(): path for path in SOURCES.rglob("*.py")}
-    assert files.keys() >= WORDS_OF_OTHERS.keys()
-    found = {f"{name}:{line}" for name, path in files.items() if name not in WORDS_OF_OTHERS
-             for line in comparisons(path.read_text(encoding="utf-8"))}  # fmt: skip
+    assert nodes().keys() >= WORDS_OF_OTHERS.keys()
+    found = {f"{name}:{line}" for name, of_file in nodes().items() if name not in WORDS_OF_OTHERS
+             for line in comparisons(of_file)}  # fmt: skip
     assert found == set()

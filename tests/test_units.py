@@ -14,6 +14,8 @@ from fracid.units import shown_unit, with_unit
 from fracid.validation.monte_carlo import _read, planned
 from fracid.workflows.monte_carlo import _grid
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 TIME = np.arange(0, 10, 0.01)
 
 

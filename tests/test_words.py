@@ -50,20 +50,23 @@ def said():
     return calls, open_
 
 
-CALLS, OPEN = said()
-FILES = {file: tomllib.loads((PACKAGE / file).read_text(encoding="utf-8")) for file in CALLS}
+@pytest.fixture(scope="module")
+def words():
+    """What is called and open, and each file's sentences."""
+    calls, open_ = said()
+    return calls, open_, {file: tomllib.loads((PACKAGE / file).read_text(encoding="utf-8")) for file in calls}
 
 
-@pytest.mark.parametrize("file", CALLS)
-def test_a_sentence_gets_the_values_that_it_names_and_no_others(file):
-    for name, calls in CALLS[file].items():
-        entry = FILES[file][name]
+def test_a_sentence_gets_the_values_that_it_names_and_no_others(words):
+    calls, _, files = words
+    for file, name, given, alone in ((f, n, *call) for f, names in calls.items() for n in names for call in names[n]):
+        entry = files[file][name]
         texts = entry.values() if isinstance(entry, dict) else [entry]
         fields = {field for text in texts for field in named(text)}
-        for given, alone in calls:  # of two sentences one may need less than the other
-            assert (name, fields - OWN - given, given - fields if alone else set()) == (name, set(), set())
+        # of two sentences one may need less than the other
+        assert (name, fields - OWN - given, given - fields if alone else set()) == (name, set(), set()), file
 
 
-@pytest.mark.parametrize("file", sorted({*CALLS} - OPEN))
-def test_every_sentence_is_said(file):
-    assert {*FILES[file]} - {*CALLS[file]} == set()
+def test_every_sentence_is_said(words):
+    calls, open_, files = words
+    assert {file: unsaid for file in {*calls} - open_ if (unsaid := {*files[file]} - {*calls[file]})} == {}

@@ -132,8 +132,8 @@ def test_a_second_proposal_that_promises_nothing_costs_its_first_draws_alone():
 def test_draws_are_the_same_to_the_bit_for_any_number_of_workers(executor):
     samples = [
         importance_sample(Normal(), box(3, 20.0), GaussianApproximation(np.zeros(3), 2 * COVARIANCE), draws=600, seed=3,
-                          execution=Execution(executor, jobs))
-        for jobs in (1, 2)
+                          execution=execution)
+        for execution in (Execution("threads", 1), Execution(executor, 2))
     ]  # fmt: skip
     np.testing.assert_array_equal(samples[0].points, samples[1].points)
     np.testing.assert_array_equal(samples[0].log_weights, samples[1].log_weights)

@@ -43,18 +43,6 @@ def test_a_bent_valley_is_followed_to_both_ends(fast):
 
 
 @pytest.mark.broad
-def test_another_sampler_finds_the_same_evidence_of_a_bent_valley(fast):
-    dynesty = pytest.importorskip("dynesty")
-    prior = BoxPrior(np.array([-5.0, -1.0]), np.array([5.0, 30.0]), {})
-    other = dynesty.NestedSampler(
-        Banana().log_likelihood, prior.from_unit, 2, nlive=250, rstate=np.random.default_rng(1)
-    )
-    other.run_nested(dlogz=0.01, print_progress=False)
-    found = nested_sample(Banana(), prior, draws=1000, seed=1).log_evidence
-    assert found == pytest.approx(other.results.logz[-1], abs=4 * other.results.logzerr[-1])
-
-
-@pytest.mark.broad
 def test_nested_draws_are_the_same_to_the_bit_for_any_number_of_threads(fast):
     samples = [
         nested_sample(Normal(np.eye(2)), box(2, 5.0), draws=300, seed=1, execution=Execution(jobs=jobs))

@@ -30,6 +30,7 @@ def linear(rng, samples=2000, **more):
     return problem, np.column_stack([truth[:, 0], np.ones(len(truth))])
 
 
+@pytest.mark.broad
 def test_the_evidence_of_a_linear_model_with_normal_noise_is_the_closed_form():
     problem, regressors = linear(np.random.default_rng(1))
     drawn = fracid.posterior(problem, draws=800, seed=1)

@@ -112,6 +112,7 @@ def test_set_valued_friction_of_a_linear_swing_takes_2f_over_k_a_half_swing(rigs
     assert x[-1, 0] == pytest.approx(0.02, abs=1e-8)
 
 
+@pytest.mark.broad
 def test_fractional_relaxation_is_the_mittag_leffler_function(rigs):
     """D^½ v = −v, v(0) = 1: v = exp(t)·erfc(√t)."""
     p = bare(rigs, b_theta=1.0)

@@ -34,6 +34,7 @@ def test_the_terminal_shows_designs_share_and_margins_with_their_bands(capsys, f
     assert "Nothing drove the recordings" in out
 
 
+@pytest.mark.broad
 def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(capsys, folder):
     code, out, err = run(capsys, "control", folder, *HOW, "--json")
     assert code == 0
@@ -55,6 +56,7 @@ def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(caps
     assert all(line["earlier"] == line["done"] for line in progress)
 
 
+@pytest.mark.broad
 def test_a_swing_up_is_shown_kept_and_read_again(capsys, folder):
     how = ("--kind", "swing", "--limit", 10, "--draws", 2, "--seconds", 6, "--out", folder.parent / "swing")
     code, out, err = run(capsys, "control", folder, *how)
@@ -92,6 +94,7 @@ def stopped_after(count):
     return fracid.Observer(progress=lambda what: nullcontext(tell))
 
 
+@pytest.mark.broad
 def test_what_python_began_is_resumed_as_the_same_study(capsys, folder):
     drawn = {"points": np.linspace(0.94, 0.96, 9)[:, None], "log_weights": np.full(9, -np.log(9.0))}
     (folder / "posterior").mkdir()

@@ -10,6 +10,8 @@ from program import fit_in, run
 from twins import write_release
 
 PROJECT = """
+[model]
+rig = "srv02-rotpen"
 [model.parameters]
 b_alpha = { start = 3e-4, lower = 0.0, upper = 1e-2 }
 [model.orders]
@@ -45,6 +47,7 @@ def test_of_a_run_it_prints_the_plan_and_writes_the_sheet_beside_it(capsys, fold
     assert float(row.partition("95 % interval ")[2].split()[0]) > 1.5  # times narrower
     assert "release from 100°" in out
     assert {"sheet.txt", "next.toml", "plan.json"} <= {p.name for p in (folder / "run" / "design").iterdir()}
+    assert '[model]\nrig = "srv02-rotpen"\n' in (folder / "run" / "design" / "next.toml").read_text(encoding="utf-8")
 
 
 def test_a_plan_compares_with_the_intervals_that_the_run_states(folder):

@@ -15,6 +15,8 @@ from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Sco
 from program import fit_in, run
 from twins import RIG, write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 PROJECT = """
 [model]
 zero = "hanging"

@@ -41,7 +41,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def project(folder):
+def project(folder, without_rivals):
     """A function that writes a project file beside the twin."""
 
     def write(text):
@@ -52,8 +52,8 @@ def project(folder):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
-    """Leave out the figures, which take longer than all the rest."""
+def undrawn(monkeypatch, without_rivals):
+    """Leave out the figures, and the models of integer order, which take longer than all the rest."""
     monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
 
 
@@ -229,7 +229,7 @@ def test_help_has_an_example(capsys, command):
 # --- what cannot be: exit code 2 or 3, a sentence, no traceback -----------------------------------------
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [

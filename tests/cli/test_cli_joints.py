@@ -11,6 +11,8 @@ import fracid
 from program import fit_in, run
 from twins import write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 TRUTH = {"coulomb_theta": 1e-2, "coulomb_alpha": 3e-4, "presliding_theta": 0.02, "presliding_alpha": 0.02,
          "springpot_alpha": 3e-4}  # fmt: skip
 

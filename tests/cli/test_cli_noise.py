@@ -8,6 +8,8 @@ import pytest
 from program import fit_in, run
 from twins import write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 PROJECT = """
 [model.orders]
 lambda = 0.9

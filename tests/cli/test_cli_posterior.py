@@ -67,6 +67,7 @@ def test_the_terminal_shows_interval_prior_verdict_and_evidence(capsys, drawn):
     assert "draws.npz" in out
 
 
+@pytest.mark.broad
 def test_a_saved_run_and_its_posterior_are_cards(drawn):
     folder, finished = drawn
     assert "The draws can be trusted" in repr(finished.posterior)

@@ -12,6 +12,8 @@ from fracid.tasks.simulation_cache import Memo
 from program import fit_in, run
 from twins import write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 PROJECT = """
 [model.parameters]
 b_alpha = { start = 2e-4, lower = 0.0, upper = 1e-2 }

@@ -132,12 +132,14 @@ def test_a_recording_needs_its_columns_and_one_known_constant(capsys, folder):
     assert note.endswith("type --known C4=VALUE.")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("estimator", ["tls", "huber", "tukey", "ols"])
 def test_the_estimator_is_the_one_asked_for(capsys, folder, estimator):
     found = record(capsys, folder / "rig.toml", *GIVEN, "--estimator", estimator)
     assert found["estimator"] == estimator
 
 
+@pytest.mark.broad
 def test_terms_take_the_place_of_what_is_free_and_a_known_constant_scales_all(capsys, folder):
     terms = [word for n in LUMPED if n != "J_theta" for word in ("--term", n)]
     one, two = (
@@ -154,6 +156,7 @@ def test_where_a_project_frees_no_constant_the_nine_are_looked_for(capsys, folde
     assert "is taken from the project" in found["notes"][0]
 
 
+@pytest.mark.broad
 def test_a_start_in_motion_is_not_searched_for_orders_and_the_release_mends_it(capsys, folder):
     moving = record(capsys, folder / "moving.toml")
     assert moving["notes"][-1].startswith("swing: starts in motion, so lambda and mu are not searched. Type --from rel")

@@ -17,6 +17,8 @@ from program import fit_in
 from recordings import from_there, needs
 from twins import RIG, write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 PROJECT = """
 [model.orders]
 lambda = 1.0

@@ -40,6 +40,7 @@ def test_a_rig_is_let_go_from_10_degrees_and_leaves_recording_truth_and_figure(c
     assert np.array_equal(np.column_stack([theta, alpha]), direct.states[:, [0, 2]])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ending", ["csv", "mat", "npz"])
 def test_every_format_is_read_again_to_the_last_digit_and_says_that_nothing_was_measured(capsys, tmp_path, ending):
     file = tmp_path / f"twin.{ending}"
@@ -81,6 +82,7 @@ def test_an_exercise_holds_none_of_its_true_values(capsys, tmp_path, ending):
     assert "truth.json is there already" in err
 
 
+@pytest.mark.broad
 def test_a_twin_is_ready_for_check_init_and_fit(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(capsys, "simulate", "srv02-rotpen", "--initial", "alpha=40deg", "--hold", "1", "--noise", "0.05deg", "--end",
@@ -96,6 +98,7 @@ def test_a_twin_is_ready_for_check_init_and_fit(capsys, tmp_path, monkeypatch):
     assert fracid.load_project("twin.toml").problem.outputs == ("theta", "alpha")
 
 
+@pytest.mark.broad
 def test_noise_has_the_size_that_was_asked_for_and_a_seed_of_its_own(capsys, tmp_path):
     def recorded(name, *options):
         file = tmp_path / f"{name}.npz"

@@ -36,6 +36,7 @@ def beside(code):
     return re.findall(r"^print\((?:.*|\n(?:    .*\n)+)\)(?:  |\n)# (.*)$", code, re.MULTILINE)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("page", PAGES)
 def test_what_a_page_prints_is_what_stands_beside_it(page):
     code = "\n".join(blocks(page))

@@ -131,6 +131,7 @@ def test_the_truth_is_in_32_of_36_intervals(rho):
     assert inside >= 32
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("cost", ["rmse", "huber", "iae", "itae"])
 def test_a_pendulums_profile_agrees_with_the_sandwich_under_every_cost(cost):
     # the threshold of |e| rests on a density at 0, a profile on all of its rise: they agree to some 10 %

@@ -19,6 +19,8 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.validation.discretisation import discretisation_check
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 
 def recordings(count, samples, step=2e-2):
     """A pendulum that is let go from elsewhere each time, in motion."""
@@ -118,6 +120,7 @@ def minimum(thirty):
         yield made, refined(made, made.start, 1, Watch()).best.point
 
 
+@pytest.mark.broad
 def test_the_check_of_the_step_shifts_the_orders_as_a_search_at_half_the_step_does(minimum, monkeypatch):
     made, x = minimum
     known = uncertainty(made, x)
@@ -185,7 +188,7 @@ def test_one_recording_whose_difference_fails_leaves_the_others_their_columns(th
 
 @pytest.mark.broad
 def test_many_recordings_with_starts_of_their_own_end_with_intervals():
-    many = problem(recordings(40, 200), parameters={"b_alpha": Free(3e-4, 0.0, 1e-2)})
+    many = problem(recordings(40, 80), parameters={"b_alpha": Free(3e-4, 0.0, 1e-2)})
     assert isinstance(many.blocks, Blocks)
     found = fracid.identify(many, jobs=2)
     mu = found.orders["mu"]

@@ -62,6 +62,7 @@ def test_the_modes_are_the_kernel_of_the_order_and_their_slopes_that_of_its_chan
         np.testing.assert_allclose(dc, (more - c) / 1e-3, rtol=0.02, atol=1e-4 * np.abs(dc).max())
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("mu", [0.93, 1.0])
 def test_without_a_sensor_it_goes_as_the_model_goes(mu):
     states, measured = twin(1, mu, force=0.0)

@@ -30,7 +30,10 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import cost_from_name
 from fracid.safety.schema import as_json
 from fracid.tasks.journal import Journal
+from program import no_rivals
 from twins import release
+
+pytestmark = pytest.mark.usefixtures("without_rivals")
 
 MULTISTART = OPTIMISERS["multistart"]
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -57,7 +60,8 @@ def stiff(twin=None, **options):
 
 @pytest.fixture(scope="module")
 def eight():
-    return identify(stiff(), starts=8, jobs=2)
+    with no_rivals():
+        return identify(stiff(), starts=8, jobs=2)
 
 
 # --- the starts -----------------------------------------------------------------------------------------

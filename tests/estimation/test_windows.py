@@ -26,6 +26,8 @@ from fracid.problem import Free
 from fracid.quantiles import NORMAL_95
 from fracid.validation.discretisation import Discretisation
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 STEP, SPAN = 0.01, 20.0
 TRUTH = {"gravity": 0.147, "J": 3e-3, "b_angle": 2e-3, "coulomb_angle": 2e-3}
 COUNT = 2 * math.pi / 4096
@@ -186,6 +188,7 @@ def test_a_torque_that_a_controller_makes_closes_a_loop_and_one_that_is_played_d
     assert closes_a_loop(fracid.Experiment("held", STEP, angle, made))
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("drift", [0.0, 1.5])
 def test_friction_that_changes_while_a_rod_stands_is_said_with_its_rate(drift):
     problem = windowed(upright(*balanced(1, 3 * SPAN, drift)), 0.5)
@@ -202,7 +205,7 @@ def test_friction_that_changes_while_a_rod_stands_is_said_with_its_rate(drift):
 @pytest.mark.broad
 def test_a_rod_that_stands_is_identified_and_the_answer_improves_with_the_record():
     held, widths = [], []
-    for seed, end in ((1, SPAN), (2, SPAN), (3, 3 * SPAN)):
+    for seed, end in ((1, SPAN / 2), (3, 2 * SPAN)):
         fit = fracid.identify(upright(*balanced(seed, end)), fixed_step=False)
         assert fit.window is not None
         assert any("No simulation follows stand for longer than" in w for w in fit.warnings)
@@ -213,10 +216,10 @@ def test_a_rod_that_stands_is_identified_and_the_answer_improves_with_the_record
         widths.append((high - low) / TRUTH[n])
         assert math.isfinite(prediction_of(fit.problem, fit.x).seconds)
     assert sum(held) >= len(held) - 1
-    assert max(widths[:2]) < 0.1
-    assert widths[2] < 0.8 * min(widths[:2])
+    assert 0.8 * widths[0] > widths[1] < 0.1
 
 
+@pytest.mark.broad
 def test_an_interval_allows_for_what_the_step_moves_unless_that_is_little(stand):
     problem = windowed(stand, 0.6)
     x = problem.start

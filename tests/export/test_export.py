@@ -26,6 +26,8 @@ from fracid.runs.saved import load_run
 from fracid.solver.memory import compressed, full, short
 from program import run
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 octave = pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 
 FRICTION = {"coulomb_theta": 2e-3, "coulomb_alpha": 1e-5, "drag_alpha": 1e-5, "cable_stiffness": 1e-3,
@@ -206,6 +208,7 @@ def test_in_single_precision_the_c_function_is_off_by_little(tmp_path, name):
     np.testing.assert_allclose(found[:, [0, 2]], exact[:, [0, 2]], atol=2e-5)
 
 
+@pytest.mark.broad
 @compiler
 def test_single_precision_says_how_far_it_is_off_along_the_recording(tmp_path):
     problem = VARIANTS["elastic arm"]

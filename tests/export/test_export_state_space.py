@@ -40,7 +40,7 @@ CASES = {
 # --- operators -------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("band", [(0.3, 3000.0), (6.0, 600.0), (0.01, 1e5)])
 @pytest.mark.parametrize("order", [0.1, 0.5, 0.86, 0.95, 0.999, 1.05, 1.5, 1.9])
 def test_an_operator_is_right_where_the_data_can_tell(order, band):
@@ -303,6 +303,7 @@ def test_an_order_above_1_is_1_over_s_and_a_sum_of_lags(order):
     assert np.abs(operator.response(s.imag) * s**order - 1).max() < 2e-3
 
 
+@pytest.mark.broad
 def test_an_order_next_to_0_is_no_sum_of_lags():
     with pytest.raises(InputError, match=r"1/s\^0.005 is no sum of 100 lags"):
         positive_sum(0.005, (0.3, 3000.0))

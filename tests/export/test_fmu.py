@@ -90,7 +90,7 @@ def states(problem):
     return [f"state.{n}" for n in problem.model.states]
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("version", ["2", "3"])
 @pytest.mark.parametrize("name", CASES)
 def test_with_inputs_that_are_held_it_steps_as_fracid_does(tmp_path, name, version):
@@ -137,7 +137,7 @@ class Unit:
         return np.array(rows)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CASES)
 def test_with_the_slopes_of_its_inputs_its_outputs_are_those_of_fracid(tmp_path, name):
     problem = problem_of(name)
@@ -157,6 +157,7 @@ def test_a_state_that_is_saved_is_gone_on_from_and_survives_as_bytes(tmp_path):
     np.testing.assert_array_equal(unit.along(problem, ["angle"], range(150, STEPS)), first)
 
 
+@pytest.mark.broad
 def test_two_instances_with_parameters_and_starts_of_their_own_do_not_disturb_each_other(tmp_path):
     problem = problem_of("rotary-pendulum")
     path = archive(tmp_path, problem)
@@ -170,6 +171,7 @@ def test_two_instances_with_parameters_and_starts_of_their_own_do_not_disturb_ea
     agree(np.array(rows), np.column_stack(ours))
 
 
+@pytest.mark.broad
 def test_between_its_own_steps_it_is_read_from_the_line_between_them_and_longer_ones_are_many(tmp_path):
     problem = problem_of("oscillator")
     e = replace(problem.experiments[0], inputs=np.zeros((1, 1)), initial={"displacement": 0.1})
@@ -207,6 +209,7 @@ def test_the_archive_is_the_same_to_the_byte_and_its_description_has_units_and_i
     assert (described["order.q"].variability, described["voltage"].unit) == ("constant", "V")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_the_sources_agree_with_the_headers_of_the_standard_and_compile_without_a_warning(tmp_path, version):
     for name in ("pendulum", "joint"):
@@ -219,6 +222,7 @@ def test_the_sources_agree_with_the_headers_of_the_standard_and_compile_without_
             assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("version", ["2", "3"])
 def test_every_function_of_the_standard_is_in_the_library(tmp_path, version):
     header = (Path(fmpy.__file__).parent / "c-code" / f"fmi{version}Functions.h").read_text(encoding="utf-8")

@@ -60,6 +60,7 @@ def case(name):
     return watch, measured, inputs
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", CASES)
 def test_along_a_recording_it_estimates_what_python_does(name):
     watch, y, u = case(name)
@@ -71,6 +72,7 @@ def test_along_a_recording_it_estimates_what_python_does(name):
     np.testing.assert_allclose(found / np.abs(ours).max(axis=0), ours / np.abs(ours).max(axis=0), atol=1e-8)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["friction and order are estimated", "inputs in lines, a finer step"])
 def test_it_compiles_without_a_warning_and_passes_its_own_test_unless_it_is_wrong(tmp_path, name):
     text = c_observer(*case(name), "a run */ int evil;")

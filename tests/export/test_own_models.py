@@ -95,6 +95,7 @@ def test_in_c_they_step_as_fracid_does(problems, tmp_path):
         same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
 def test_in_javascript_they_simulate_as_fracid_does(problems, tmp_path):
     for k, (p, _) in enumerate(problems.values()):

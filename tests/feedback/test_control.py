@@ -114,6 +114,7 @@ def test_a_delay_of_samples_and_a_part_is_that_of_a_finer_grid(upright):
     np.testing.assert_allclose(coarse, grid[::2], atol=1e-9 * np.abs(grid).max())
 
 
+@pytest.mark.broad
 def test_presliding_joints_are_held_too():
     joint = fracid.model("joint", gravity=0.1, coulomb_angle=0.02, presliding_angle=0.01)
     torque = np.sin(np.arange(500))[:, None] * (np.arange(len(joint.inputs)) == 0)
@@ -198,6 +199,7 @@ def test_what_the_acceleration_of_a_cart_takes_is_lagranges_equations(swung):
     assert swing.omega == pytest.approx(held ** (1 / 0.97), rel=0.01)
 
 
+@pytest.mark.broad
 def test_a_swing_that_friction_ends_names_the_limit_that_would_do():
     rig = fracid.rotary_pendulum("qube-servo2", b_theta=1e-3, coulomb_theta=2e-4)
     problem = twin(rig, 2, {"lambda": 1.0, "mu": 0.97})
@@ -205,6 +207,7 @@ def test_a_swing_that_friction_ends_names_the_limit_that_would_do():
         fracid.control(fit_of(problem), kind="swing", limit=4.0, rate=200.0, points=np.empty((1, 0)))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("problem", "how", "words"),
     [

@@ -1,10 +1,11 @@
 """What tests of the commands share: the program called in this process, and a folder with a run in it."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 
 import pytest
 
+from fracid import identification
 from fracid.cli.app import main
 
 RELEASE = """
@@ -22,6 +23,15 @@ initial = { theta = 0.0, alpha = 0.35 }
 """The project of a release whose recording, swing.csv, stands beside it: mu is free."""
 
 
+@contextmanager
+def no_rivals():
+    """Fits end before models of integer order are tried beside them, which takes seconds: unless asked for."""
+    kept = tuple(step for step in identification.STEPS if step[1] not in ("alternative", "nested"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identification, "STEPS", kept)
+        yield
+
+
 def run(capsys, *arguments):
     """Return exit code, standard output and standard error of the program."""
     with pytest.raises(SystemExit) as stop:
@@ -34,7 +44,7 @@ def fit_in(folder, text, drawn=lambda fit: ()):
     """Write a project into a folder and fit it there, as a person would; what draws its figures gets the fit."""
     (folder / "rig.toml").write_text(text, encoding="utf-8")
     words = ["fit", "rig.toml", "--out", "run", "--json"]
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, no_rivals():
         patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
         patch.chdir(folder)
         patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(drawn))

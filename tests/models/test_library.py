@@ -365,7 +365,7 @@ def recorded(name, seconds=1.0):
     )
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", LIBRARY)
 def test_a_problem_of_it_is_a_twin_again_with_every_order(name):
     twin, problem = recorded(name)

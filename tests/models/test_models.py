@@ -132,7 +132,7 @@ def test_a_mass_further_out_along_the_arm_raises_the_coupling():
     assert bent["C3"] == pytest.approx(0.1 * 0.3 * 0.2 + 1e-3)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=60)
 @given(
     mass=st.floats(0.01, 5), com=st.floats(0.01, 1), arm=st.floats(0, 1), hub=st.floats(1e-5, 1),
     own=st.floats(1e-6, 0.1), slim=st.floats(0, 1), alpha=st.floats(-10, 10),
@@ -156,7 +156,7 @@ def test_energy_is_conserved_without_friction(zero):
     assert end > 0.0
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=60)
 @given(
     rates=st.tuples(st.floats(-30, 30), st.floats(-30, 30)), alpha=st.floats(-4, 4), zero=st.sampled_from(ZEROS),
     friction=st.tuples(*[st.floats(0, 1)] * 6), slip=st.floats(1e-3, 1),

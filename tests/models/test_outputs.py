@@ -11,6 +11,8 @@ from fracid import Experiment, Free, InputError, Problem, Sensor
 from fracid.export import export_run
 from helpers import program
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 STEP, SAMPLES = 5e-3, 800
 T = STEP * np.arange(SAMPLES)
 FILE = """

@@ -446,7 +446,7 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
         save(Figure(), tmp_path / "file", "figure")
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("name", ["$x_1", "a\nb", "50 % {x} \\alpha ^2", "Masse 振子", "long " * 60, ""])
 def test_any_name_of_a_recording_can_be_drawn(name, tmp_path):
     recording = twin(50, name=name)

@@ -207,6 +207,7 @@ QUICK = {"fitted_over_time", "cost_plane", "ladder", "waterfall", "rig_drawing",
 """Figures whose data cost nothing to make."""
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("name", "style"),
     [pytest.param(name, style, marks=[] if name in QUICK and style == "journal" else pytest.mark.broad)
@@ -216,6 +217,7 @@ def test_no_text_leaves_the_sheet_or_lies_on_another(name, style):
     assert not [*faults_of_lettering(drawn(name, style))]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[] if n == "cost_plane" else pytest.mark.broad) for n in FIGURES]
 )
@@ -314,6 +316,7 @@ def test_every_axis_of_the_pendulums_angle_says_where_it_is_zero(name):
                 assert any(word in label for word in ("hanging", "upright", "as recorded")), label
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("name", [n for n in FIGURES if n != "rig_drawing"])
 def test_every_axis_has_its_unit(name):
     axes = drawn(name).axes

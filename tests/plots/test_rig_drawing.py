@@ -161,6 +161,7 @@ def test_the_rig_is_seen_from_above_and_not_mirrored():
     assert z[1] > 0
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("name", [*MODELS, *(n for n in MODEL if fracid.model(n).scene is not None)])
 def test_each_arrow_leads_from_where_the_output_is_zero_to_where_it_is_positive(name):
     model = model_of(name) if name in MODELS else fracid.model(name)
@@ -177,6 +178,7 @@ def test_each_arrow_leads_from_where_the_output_is_zero_to_where_it_is_positive(
         assert np.hypot(*(path[-1] - path[0])) > 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("rig", "zero", "said"),
     [("srv02-rotpen", "hanging", "A positive voltage drives θ negative"),

@@ -8,6 +8,8 @@ from fracid.errors import InputError
 from fracid.problem.model_draft import draft_of_model
 from fracid.recording.loading import inspect_recording
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 SENSORS = {"gyro": "gyro_z [rad/s]", "accelerometer": "acc_x [m/s^2]", "potentiometer": "pot [V]"}
 RADIUS, GAIN, BIAS = 0.25, 0.6, 2.5
 
@@ -47,6 +49,7 @@ substeps = 5
     return fracid.load_project(folder / "rig.toml")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("sensor", "signal", "more"),
     [
@@ -120,6 +123,7 @@ def test_a_draft_knows_a_sensor_by_its_unit(tmp_path, swing, sensor, signal, fre
     assert {"angle(0) [" + sensor + "]", "rate(0) [" + sensor + "]"} <= {*problem.names}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("header", "outputs", "free"),
     [

@@ -20,6 +20,8 @@ from fracid.problem.past import release_in_past, smooth_past
 from fracid.recording import Recording
 from twins import release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 TRUE = {"lambda": 0.9, "mu": 0.95}
 FREE = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -338,6 +340,7 @@ def test_orders_of_one_need_no_past():
     assert np.max(np.abs(half.fitted(x0, p.experiments[0]) - p.fitted(x0, p.experiments[0]))) > 0.1
 
 
+@pytest.mark.broad
 def test_the_past_begins_with_its_release_and_holds_the_states():
     e = from_mid_swing()
     assert abs(release_in_past(e) - 100) <= 1

@@ -14,6 +14,8 @@ from fracid.estimation.windows import in_windows
 from fracid.problem.costs import COSTS
 from fracid.solver.inputs import low_passed
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 STEP, SAMPLES = 5e-3, 1201
 T = STEP * np.arange(SAMPLES)
 NOISE = 2e-4
@@ -57,7 +59,7 @@ def noisy(measured, seed=1):
     return measured + NOISE * np.random.default_rng(seed).standard_normal(len(measured))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("truth", "sensor"),
     [
@@ -86,6 +88,7 @@ def test_what_the_channel_of_a_twin_does_is_found_within_its_interval(truth, sen
     assert fit.recordings["twin"].rmse["alpha"] == pytest.approx(NOISE, rel=0.05)
 
 
+@pytest.mark.broad
 def test_a_delay_that_nobody_looks_for_moves_the_order():
     late = noisy(swing(T - 5e-3))
     blind = fracid.identify(problem(late, order=Free(0.97, 0.8, 1.1)))
@@ -116,6 +119,7 @@ def test_a_low_pass_of_lines_is_exact():
     assert low_passed(y, h, 1e-12) == pytest.approx(y)
 
 
+@pytest.mark.broad
 def test_recordings_share_a_delay_or_have_their_own():
     delays, sensor = (0.002, 0.009), Sensor(delay=Free(0.0, -0.02, 0.02))
     records = tuple(

@@ -14,6 +14,8 @@ from fracid.problem import Free, Problem
 from fracid.problem.project import load_project
 from fracid.workflows.draft import write_draft
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 RECORDINGS = Path(__file__).parents[2] / "examples" / "real" / "xl330"
 
 TRUE = {"J": 2e-3, "torque_constant": 0.3, "resistance": 2.0, "b_angle": 0.012, "load_angle": 0.15}
@@ -112,6 +114,7 @@ def test_a_gain_that_a_log_does_not_say_is_free(tmp_path, beside):
     assert problem.parameters["mass"] == 0.49
 
 
+@pytest.mark.broad
 def test_a_recorded_torque_drives_a_joint_whose_gain_nobody_says(tmp_path):
     t = STEP * np.arange(400)
     np.savez(tmp_path / "log.npz", time=t, q_ref=np.sin(t), q=np.sin(t - 0.1), tau=0.1 * np.cos(5 * t))

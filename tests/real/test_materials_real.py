@@ -82,6 +82,7 @@ def test_a_quarter_of_the_creep_of_spruce_determines_no_order():
     assert low < 0.2 < 1.0 < high
 
 
+@pytest.mark.broad
 def test_the_project_of_the_page_reads_a_table_of_length_and_force(tmp_path):
     page = (ROOT / "docs" / "relaxation.md").read_text(encoding="utf-8")
     text = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1].replace("180.0", "20.0")

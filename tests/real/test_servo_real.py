@@ -33,6 +33,7 @@ def test_the_servos_friction_grows_with_its_load():
     assert problem.cost(none) > 2 * problem.cost(at)
 
 
+@pytest.mark.broad
 def test_a_servo_is_compared_by_the_frictions_of_servos_and_on_the_gain_that_is_held_out():
     project = fracid.load_project(PROJECT)
     assert {e.name[:6] for e in project.validation} == {"kp 400"}

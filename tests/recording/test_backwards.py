@@ -41,6 +41,7 @@ def test_a_pendulum_whose_arm_hardly_moves_does_not_say_which_way_it_is_counted(
     assert "counted-backwards" not in codes(1e-3 * np.random.default_rng(4).standard_normal(len(alpha)), alpha)
 
 
+@pytest.mark.broad
 def test_init_says_it_and_the_sign_that_it_names_mends_it(swung, tmp_path):
     table = np.column_stack([STEP * np.arange(len(swung[0])), *swung])
     table[:, 2] *= -1

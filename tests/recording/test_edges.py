@@ -1,5 +1,7 @@
 """Logs with a row for each edge of an encoder."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -14,13 +16,20 @@ def angle(t):
     return 0.8 * np.exp(-0.2 * t) * np.cos(7 * t)
 
 
-def logged(path, jitter=0.0, other=False):
-    """Stamps of a microsecond, as an interrupt takes them; the end in microseconds, too."""
+@cache
+def edges():
+    """When the count is another, to a microsecond, and which."""
     t = np.arange(0, 8, 1e-6)
     count = np.round(angle(t) / COUNT).astype(int)
     rows = np.flatnonzero(np.diff(count)) + 1
-    stamps = t[rows] + jitter * np.random.default_rng(1).uniform(-1, 1, len(rows))
-    columns = [np.sort(stamps), count[rows], *([np.round(300 * np.sin(t[rows]), 3)] if other else [])]
+    return t[rows], count[rows]
+
+
+def logged(path, jitter=0.0, other=False):
+    """Stamps of a microsecond, as an interrupt takes them; the end in microseconds, too."""
+    time, count = edges()
+    stamps = time + jitter * np.random.default_rng(1).uniform(-1, 1, len(time))
+    columns = [np.sort(stamps), count, *([np.round(300 * np.sin(time), 3)] if other else [])]
     header = "t [s],pendulum [counts]" + ",tension [N]" * other
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
     return path

@@ -87,6 +87,7 @@ def test_without_noise_all_constants_come_out(name):
     assert np.abs(errors(found, ("C6", "b_theta", "coulomb_theta", "b_alpha"))).max() < 0.05
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("estimator", ["ols", "huber", "tukey", "tls", "iv"])
 def test_a_free_response_gives_ratios_all_constants_scale_with_the_known_one(estimator):
     swing = release(60, seed=1)

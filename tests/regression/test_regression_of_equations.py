@@ -31,6 +31,7 @@ def problem_of(name, free, orders, initial=None, force=None, outputs=None, off=1
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "free", "options"),
     [
@@ -61,6 +62,7 @@ def test_what_is_not_linear_is_named_and_held():
     assert found.warnings[0] == "slip_speed: the equations are not linear in it; held at the project's start."
 
 
+@pytest.mark.broad
 def test_equations_that_do_not_fit_identify_nothing():
     """The cart-pole's masses multiply each other in its determinant: one is held, at a start that is far off."""
     problem = problem_of("cart-pole", ("M", "ml", "g"), {"lambda": 1.0, "mu": 1.0}, {"angle": 0.5}, force=1.0)

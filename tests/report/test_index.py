@@ -63,6 +63,7 @@ def put(kind: str, path: Path) -> None:
             file.truncate(6 << 30)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("kind", ["a pipe", "a link", "a folder", "six gigabytes"])
 @pytest.mark.parametrize("name", ["index.html", "first/report.html", "first/result.json", "first/environment.json"])
 def test_whatever_stands_in_place_of_a_file_of_a_strangers_runs_hangs_nothing_and_leads_nowhere(runs, kind, name):

@@ -608,6 +608,7 @@ ELEMENTS = {
 }
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("elements", ELEMENTS)

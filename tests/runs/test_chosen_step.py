@@ -12,6 +12,8 @@ from fracid.validation.discretisation import Discretisation, _helps
 from program import fit_in
 from twins import write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 STEEP = """
 [model.parameters]
 slip_speed = 5e-3
@@ -83,6 +85,7 @@ def test_a_project_that_says_its_substeps_keeps_them_and_is_told(folder, chosen)
     (run / "project.toml").write_text(free, encoding="utf-8")
 
 
+@pytest.mark.broad
 def test_a_quiet_step_is_left_alone_to_the_last_bit(tmp_path):
     write_release(tmp_path / "quiet.csv", orders={"lambda": 1.0, "mu": 0.95}, alpha=0.3, step=5e-3, end=2.0, noise=1e-3)
     text = STEEP.replace("steep.csv", "quiet.csv").replace("slip_speed = 5e-3\n", "").replace("mu = 1.0", "mu = 0.97")

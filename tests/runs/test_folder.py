@@ -17,7 +17,7 @@ from fracid.runs.environment import versions
 from fracid.runs.folder import EVALUATIONS, FIGURE, FIGURES, JOURNAL, RUN, inputs_of, open_folder, open_run, run_state
 from fracid.safety.door import write_text
 
-ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+pytestmark = pytest.mark.usefixtures("without_rivals")
 
 
 def test_a_new_folder_is_made_with_its_environment(tmp_path):
@@ -58,7 +58,7 @@ def test_a_file_in_the_place_of_the_folder_is_told(tmp_path, below):
         open_folder(Path(tmp_path / "file", *below))
 
 
-@pytest.mark.skipif(ROOT, reason="root may write anywhere")
+@pytest.mark.usefixtures("heeding_modes")
 def test_a_folder_that_cannot_be_written_is_told(tmp_path):
     tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
     with pytest.raises(InputError, match=r"cannot be written: Permission denied. Give another: --out DIR"):

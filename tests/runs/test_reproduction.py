@@ -16,6 +16,8 @@ from fracid.runs import environment
 from fracid.runs.reproduction import ELSEWHERE, compared
 from program import RELEASE, run
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 
 def edited(path, change):
     """A JSON file with something changed."""

@@ -17,6 +17,9 @@ from fracid.cli.app import main
 from fracid.errors import InputError, Unfinished
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, Run, run_state
 from fracid.tasks.simulation_cache import Memo
+from program import no_rivals
+
+pytestmark = pytest.mark.usefixtures("without_rivals")
 
 PROJECT = """
 [model]
@@ -112,7 +115,8 @@ def whole(project, tmp_path_factory):
     patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     patch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"the same program")
     patch.setattr("fracid.runs.folder.Run.finish", copy)
-    fitted(project, folder)
+    with no_rivals():
+        fitted(project, folder)
     patch.undo()
     return result(folder), kept, folder
 
@@ -188,12 +192,12 @@ def test_a_fit_ended_by_ctrl_c_can_be_gone_on_with(project, whole, tmp_path, eva
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
 def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tmp_path, monkeypatch):
     rng = np.random.default_rng(5)
-    folders = [tmp_path / f"run{i}" for i in range(3)]
+    folders = [tmp_path / f"run{i}" for i in range(2)]
     started = []
     for folder in folders:
         words = [project, folder, rng.integers(3, 120), rng.integers(1, 4000)]
         started.append(subprocess.Popen([sys.executable, "-c", DRIVER, *map(str, words)]))
-    assert [process.wait() for process in started] == [-signal.SIGKILL] * 3
+    assert [process.wait() for process in started] == [-signal.SIGKILL] * 2
     monkeypatch.undo()
     monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
     for folder in folders:

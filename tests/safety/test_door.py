@@ -109,7 +109,7 @@ def hear(event, words):
         frame = sys._getframe()
         while frame and not frame.f_code.co_filename.startswith(str(PACKAGE)):
             frame = frame.f_back
-        if frame and isinstance(words[0], str | Path) and Path(words[0]).absolute().is_relative_to(Path.cwd()):
+        if frame and isinstance(words[0], str | Path) and Path(os.path.abspath(words[0])).is_relative_to(Path.cwd()):
             HEARD.append((Path(frame.f_code.co_filename).relative_to(PACKAGE).parts[0], words[0]))
 
 

@@ -114,6 +114,7 @@ def test_no_figure_is_set_by_latex_whatever_matplotlib_is_told():
 # --- a terminal --------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
                     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=8))  # fmt: skip
 @example({TERMINAL: [TERMINAL, "λ", "\U000e0001"]})

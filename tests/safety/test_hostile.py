@@ -17,6 +17,8 @@ from fracid.tasks.local import deaf_to_ctrl_c
 from program import run
 from twins import write_release
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 # --- recordings that are mangled as real ones are ------------------------------------------------------
 
 T = np.arange(0, 8, 0.004)
@@ -245,6 +247,7 @@ def _blocked():
     return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
+@pytest.mark.broad
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no masks of signals here")
 def test_a_process_beside_does_not_hear_ctrl_c_from_its_first_moment_on():
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
@@ -391,6 +394,7 @@ def test_what_is_reproduced_does_not_take_the_place_of_a_result(project, tmp_pat
     assert (folder / "result.json").read_bytes() == kept
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("words", "says"),
     [

@@ -184,7 +184,7 @@ def test_options_that_nobody_could_have_typed_are_refused(capsys, sent, option, 
 # --- what lies beside ----------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["profiles.json", "compare.json", "environment.json"])
 @pytest.mark.parametrize("content", ["{", "[]", '{"profiles": {}}', '{"command": [1]}'])
 def test_a_report_leaves_out_what_is_damaged_beside_it_and_says_so(sent, name, content):

@@ -22,7 +22,7 @@ from fracid.cli import main
 from fracid.errors import InputError
 from fracid.safety.text import LONGEST_STEM, csv_cell, file_stems, printable, refuse_unseen
 from fracid.workflows.resumption import ASKED
-from program import run
+from program import no_rivals, run
 from sources import PACKAGE, nodes
 from twins import angles, write
 
@@ -229,7 +229,7 @@ COMMANDS = (
 def fitted(hostile):
     """What fit, resid and export print, and all files that were there before."""
     before = {path: path.read_bytes() for path in hostile.rglob("*") if path.is_file()}
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, no_rivals():
         patch.chdir(hostile / "a" / "b")
         told = [called(words) for words in COMMANDS]
     return before, told
@@ -303,7 +303,7 @@ def test_a_column_is_shown_without_what_commands_a_terminal(capsys, inside):
     assert "\\x1b[31malpha\\u202e<b>" in out
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("unseen", UNSEEN, ids=ascii)
 def test_a_project_of_names_that_cannot_be_seen_is_refused(capsys, inside, tmp_path, unseen):
     project = tmp_path / "rig.toml"
@@ -366,7 +366,7 @@ WRITERS = {"fit": ["fit", "rig.toml", "--out", "run"], "compare": ["compare", "r
            "resume": ["resume", "run"]}  # fmt: skip
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("words", "link"),
     [*(([command, "run"], "figures") for command in READERS), *((WRITERS["fit"], link) for link in LINKS),
@@ -398,6 +398,7 @@ def test_a_link_in_a_run_folder_leads_nowhere(capsys, hostile, tmp_path, monkeyp
     assert f"run/{link} is a link, and what is written to a run folder stays in it" in err
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("command", "link"),
     [("fit", "runs"), ("fit", "runs/rig"), ("compare", "runs/rig-compare"), ("simulate", "runs/rig-simulated")],

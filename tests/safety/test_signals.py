@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-import fracid
 from fracid.tasks import ending
 from program import RELEASE
+from twins import write_release
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGHUP")
 
@@ -100,15 +100,10 @@ def test_a_signal_that_is_ignored_stays_ignored(heard):
 @pytest.mark.broad
 @pytest.mark.parametrize(
     ("name", "stage"),
-    [("SIGTERM", "start of a process"), ("SIGTERM", "search"), ("SIGHUP", "intervals"), ("SIGTERM", "figures"),
-     ("SIGHUP", "figures")],
-)  # fmt: skip
+    [("SIGTERM", "start of a process"), ("SIGTERM", "search"), ("SIGHUP", "intervals"), ("SIGHUP", "figures")],
+)
 def test_a_fit_ended_at_any_stage_says_so_in_a_sentence_and_goes_on(name, stage, tmp_path):
-    rig = fracid.rotary_pendulum("srv02-rotpen")
-    run = fracid.simulate(rig, orders={"lambda": 0.9, "mu": 0.95}, initial={"alpha": 0.3}, step=0.01, end=3.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((301, 2))
-    theta, alpha = (run.states[:, [0, 2]] + noise).T
-    np.savez(tmp_path / "swing.npz", time=0.01 * np.arange(301), theta=theta, alpha=alpha)
+    write_release(tmp_path / "swing.npz", orders={"lambda": 1.0, "mu": 1.0}, alpha=0.3, step=0.01, end=2.0, noise=1e-3)
     (tmp_path / "rig.toml").write_text(PROJECT)
     (tmp_path / "ended.py").write_text(ENDED)
     ended = subprocess.run(

@@ -21,6 +21,8 @@ from fracid.selection.comparison import _origin
 from fracid.workflows.resumption import safe_words
 from program import run
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 RIG = """
 from pathlib import Path
 from fracid import Model, Parameter
@@ -107,6 +109,7 @@ def test_a_project_runs_no_code_of_its_own_unless_it_is_trusted(capsys, folder, 
     assert not Path("a folder").exists()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("command", ["resid", "profile", "noise", "report", "export", "simulate"])
 def test_a_run_runs_no_code_of_its_projects_either(capsys, fitted, monkeypatch, command):
     monkeypatch.chdir(fitted)

@@ -42,6 +42,7 @@ def model(*swings, dry=None, order=1.0, **options):
 # --- theory -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("dry", [5e-6, 1e-5, 2e-5])
 def test_dry_friction_takes_as_much_from_the_order_as_its_energy_says(dry):
     problem = model(swing(dry=dry, noise=1e-4, end=12.0))
@@ -51,6 +52,7 @@ def test_dry_friction_takes_as_much_from_the_order_as_its_energy_says(dry):
     assert 1 - np.array(drift.values) == pytest.approx(4 * dry / (np.pi**2 * STIFFNESS * A), rel=0.06)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("drag", [3e-6, 1e-5])
 def test_drag_takes_as_much_from_the_order_as_its_energy_says(drag):
     problem = model(swing(drag=drag, noise=1e-4, end=20.0))
@@ -96,7 +98,7 @@ def test_an_order_that_imitates_friction_drifts_and_is_flagged(case):
     assert list(drift.amplitudes) == sorted(drift.amplitudes, reverse=True)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", HONEST)
 def test_an_order_that_is_real_does_not_drift(case):
     test = fitted(**HONEST[case])
@@ -115,6 +117,7 @@ def test_the_flag_is_seldom_false():
     assert flagged <= 1  # a probability of 1 % each
 
 
+@pytest.mark.broad
 def test_releases_from_different_heights_are_compared_as_wholes():
     high, low = swing(0.6, dry=1e-5, name="high"), swing(0.15, dry=1e-5, name="low")
     problem = model(high)

@@ -156,6 +156,7 @@ def test_which_orders_are_free(orders, free):
     assert [n for n in found["viscous, orders free"].problem.names if n in orders] == free
 
 
+@pytest.mark.broad
 def test_tied_orders_stay_tied():
     rig = fracid.rotary_pendulum("srv02-rotpen")
     run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.95}, initial={"alpha": 0.5}, step=1e-2, end=3.0)
@@ -262,6 +263,7 @@ def test_the_true_structure_predicts_to_the_noise_and_what_lacks_it_does_not(tru
     assert [*own.in_sample] == ["0.6 rad"]
 
 
+@pytest.mark.broad
 def test_a_true_order_comes_back_with_its_interval_and_a_fixed_one_has_none():
     row = compared("fractional")["viscous + Coulomb, orders free"]
     value, ends = row.orders["mu"].value, row.orders["mu"].interval95
@@ -685,6 +687,7 @@ def test_a_comparison_at_40_hz_chooses_its_step_else_orders_would_stand_in_for_i
     assert with_coulomb.values["coulomb_alpha"] == pytest.approx(1e-3, rel=0.02)
 
 
+@pytest.mark.broad
 def test_the_structures_of_a_long_recording_are_told_apart_on_the_part_that_they_are_compared_on(tmp_path, monkeypatch):
     t = 1e-3 * np.arange(300_000)
     np.savez(tmp_path / "long.npz", time=t, alpha=0.3 * np.cos(6 * t))

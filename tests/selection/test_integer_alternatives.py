@@ -131,6 +131,7 @@ def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_
     assert refined(parts, parts.start, 1, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)
 
 
+@pytest.mark.broad
 def test_a_joint_is_tried_with_friction_over_its_load_and_with_stiction():
     t = 0.01 * np.arange(200)
     torque = np.column_stack([0.2 * np.sin(3 * t), *np.zeros((3, 200))])

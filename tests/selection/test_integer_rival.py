@@ -207,7 +207,7 @@ def test_the_rival_of_an_order_whose_integer_value_is_0_is_the_dashpot_and_not_t
     assert spring.cost > 3 * dashpot_alone.cost  # a spring damps nothing
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("seed", range(3))
 def test_a_dashpot_is_not_called_fractional_however_its_order_is_written(seed):
     fit = identify(sought(mount(**R_IS_0), struck(mount(dashpot), seed, noise=1e-2)))

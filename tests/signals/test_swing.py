@@ -59,6 +59,7 @@ def wandering(seed):
     return 0.6 * np.cos(2 * np.pi * np.arange(n) / 110) + smooth + 4 * np.arange(n) / n + 2e-3 * rng.standard_normal(n)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_signal_that_tumbles_and_drifts_has_the_period_of_its_swings(seed):
     """About its median it crosses a few times in the whole record."""
@@ -94,7 +95,7 @@ def test_of_several_signals_the_one_that_swings_most_often_has_the_period():
     assert common_period(np.zeros((100, 2))) == math.inf
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.floats(20, 400), st.floats(0, 6), st.floats(-100, 100), st.floats(1e-3, 1e3))
 def test_swings_are_counted_and_their_period_is_found_at_any_scale_and_offset(period, phase, offset, scale):
     signal = offset + scale * np.cos(2 * np.pi * np.arange(4000) / period + phase)

@@ -1,6 +1,7 @@
 """The fractional BDF2: its weights, its order at the start, and that what is fast dies, at every order and step."""
 
 import math
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -44,18 +45,18 @@ def test_weights_are_those_of_an_independent_60_digit_computation(q):
     np.testing.assert_allclose(start[1:], exact[:-1] / 2, rtol=2e-14)
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("q", [q for q in ORDERS if q != 1.0])
-@pytest.mark.parametrize("steps", [100, 20_000, 1_000_000])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-8, 1e-10])
-def test_every_compressed_weight_is_within_the_tolerance(q, steps, tolerance):
-    kernel, lags = compressed(tolerance).kernel("bdf", q, steps), np.unique(np.geomspace(1, steps, 400).astype(int))
-    exact = bdf_weights(q, steps)[0]
-    assert np.all(np.abs(kernel.at(lags) / exact[lags] - 1) <= tolerance)
-    later = np.unique(np.geomspace(kernel.lags + 1, steps, 100).astype(int))
-    start = np.exp(np.outer(later - kernel.lags - 1, np.log1p(kernel.decay))) @ (kernel.amplitude * kernel.start_ratio)
-    start += kernel.ramp * ((later - kernel.lags - 1) / 2 - kernel.start_shift)
-    assert np.all(np.abs(start / exact[later - 1] * 2 - 1) <= 3 * tolerance)  # those one lag earlier
+def test_every_compressed_weight_is_within_the_tolerance(q):
+    exact = bdf_weights(q, 1_000_000)[0]
+    for steps, tolerance in product((100, 20_000, 1_000_000), (1e-3, 1e-8, 1e-10)):
+        kernel, lags = compressed(tolerance).kernel("bdf", q, steps), np.unique(np.geomspace(1, steps, 400).astype(int))
+        assert np.all(np.abs(kernel.at(lags) / exact[lags] - 1) <= tolerance), (steps, tolerance)
+        later = np.unique(np.geomspace(kernel.lags + 1, steps, 100).astype(int))
+        away = later - kernel.lags - 1
+        start = np.exp(np.outer(away, np.log1p(kernel.decay))) @ (kernel.amplitude * kernel.start_ratio)
+        start += kernel.ramp * (away / 2 - kernel.start_shift)
+        assert np.all(np.abs(start / exact[later - 1] * 2 - 1) <= 3 * tolerance), (steps, tolerance)  # one lag earlier
 
 
 @pytest.mark.parametrize("q", [0.2, 0.9, 1.0, 1.5])

@@ -2,6 +2,7 @@ import math
 import subprocess
 import sys
 import time
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -229,16 +230,20 @@ def error_at_half(kind, order, power, samples):
     return abs(derivative(signal, order, 1 / samples, kind=kind)[i] - exact[i - 1])
 
 
-@pytest.mark.few(36)
-@pytest.mark.parametrize("order", [-1.5, -0.5, 0.2, 0.5, 0.9146, 1.2, 1.5, 1.9, 2.4])
-@pytest.mark.parametrize("power", [0.3, 0.5, 1.5, 2.5, 3.5, 5.5])
-@pytest.mark.parametrize("kind", SPLINE_KINDS)
-def test_fractional_powers_converge_as_fast_as_stated(kind, order, power):
+def rate_at_start(kind, order, power):
+    """Of convergence; 0 or less where there is no Caputo derivative, for the signal's own is infinite there."""
     m = max(math.ceil(order), 0)
-    at_start = power + 1 if kind == "rl" or m <= 1 else power + 1 - m
-    if at_start <= 0:
-        pytest.skip("no Caputo derivative: the derivative at the start is infinite")
-    stated = min(4, 4 - order, at_start)
+    return power + 1 if kind == "rl" or m <= 1 else power + 1 - m
+
+
+CASES = [case for case in product(SPLINE_KINDS, [-1.5, -0.5, 0.2, 0.5, 0.9146, 1.2, 1.5, 1.9, 2.4],
+                                  [0.3, 0.5, 1.5, 2.5, 3.5, 5.5]) if rate_at_start(*case) > 0]  # fmt: skip
+
+
+@pytest.mark.few(36)
+@pytest.mark.parametrize(("kind", "order", "power"), CASES)
+def test_fractional_powers_converge_as_fast_as_stated(kind, order, power):
+    stated = min(4, 4 - order, rate_at_start(kind, order, power))
     coarse, fine = error_at_half(kind, order, power, 200), error_at_half(kind, order, power, 800)
     assert fine < 1e-12 or math.log(coarse / fine, 4) > stated - 0.15
 
@@ -323,7 +328,7 @@ def test_the_order_just_above_an_integer_differs_for_caputo_by_the_start_alone(i
     np.testing.assert_allclose(above[20:], (at - start)[20:], atol=2e-4)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     order=st.floats(-2, 2.5),
     a=st.floats(-5, 5),
@@ -338,7 +343,7 @@ def test_the_derivative_is_linear(order, a, b, samples, kind, seed):
     np.testing.assert_allclose(together, a * of_x + b * of_y, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(order=st.floats(-2, 2.5), step=st.floats(1e-4, 1e3), kind=st.sampled_from(KINDS))
 def test_the_step_is_only_a_unit_of_time(order, step, kind):
     signal = np.random.default_rng(4).normal(size=40)
@@ -427,7 +432,7 @@ def test_the_derivative_says_what_is_wrong_with_its_arguments(change, message):
         derivative(arguments.pop("signal"), arguments.pop("order"), arguments.pop("step"), **arguments)
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=30)
 @given(
     signal=st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=12),
     order=st.floats(),

@@ -61,6 +61,7 @@ def test_it_moves_from_the_first_step_on_where_the_first_steps_are_solved_togeth
     np.testing.assert_allclose(x[:, 1], np.arange(101) * 0.01, atol=1e-12)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "pi3"])
 @pytest.mark.parametrize(("s", "sigma1"), [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)], ids=["Dahl", "Stribeck", "LuGre"])
 def test_presliding_friction_agrees_with_an_implicit_integrator_of_scipys(method, s, sigma1):

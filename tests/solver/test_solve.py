@@ -52,7 +52,7 @@ def relaxation(q):
 # --- accuracy --------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("method", OF_F)
 @pytest.mark.parametrize("problem", PROBLEMS, **by_name)
 def test_pi2_reaches_the_known_solution(problem, method):

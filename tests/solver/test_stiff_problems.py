@@ -51,7 +51,7 @@ PROBLEMS = {  # right-hand side, start, end [s], step [s] and the error that bdf
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_bdf2_ends_where_radau_does(problem):
     rhs, start, end, step, error = PROBLEMS[problem]

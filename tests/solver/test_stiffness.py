@@ -81,7 +81,7 @@ def limit_of_pi2(q):
     return float(mpmath.gamma(q + 2) / (4 * (2 ** (q + 2) - 1) * mpmath.zeta(-q - 1)))
 
 
-@pytest.mark.few(30)
+@pytest.mark.few(10)
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit"])
 @pytest.mark.parametrize("q", [1.01, 1.05, 1.2, 1.5, 1.8, 1.95])
 @pytest.mark.parametrize("part", [0.5, 0.9, 0.97, 1.03, 1.1, 2.0, 10.0, 1e3])

@@ -11,6 +11,8 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.tasks import simulation_cache
 from fracid.tasks.simulation_cache import Memo
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 KEY, OTHER = b"k" * 16, b"o" * 16
 
 ARRAYS = {

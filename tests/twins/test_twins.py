@@ -7,6 +7,8 @@ import pytest
 import fracid
 from scripts import module_of
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 TWINS = Path(fracid.__file__).parent / "twins"
 TRUE = {"lambda": 0.8623, "mu": 0.9146}
 

@@ -26,6 +26,8 @@ from fracid.validation.reversed_signs import _most_moved
 from fracid.validation.sensor_faults import FORMS, misreadings
 from twins import COUNT, angles
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 RIG = fracid.rotary_pendulum("srv02-rotpen", coulomb_alpha=2e-4)
 ORDERS = {"lambda": Free(0.97, 0.5, 1.2), "mu": Free(0.98, 0.5, 1.2)}
 FREE = {n: Free(RIG.parameter(n).value, 0.3 * RIG.parameter(n).value, 3 * RIG.parameter(n).value) for n in ("C1", "C3")}
@@ -238,6 +240,7 @@ PROJECT_FAULTS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("fault", PROJECT_FAULTS)
 def test_a_fault_of_the_project_is_said_before_the_search(fault):
     code, number, made = PROJECT_FAULTS[fault]
@@ -261,6 +264,7 @@ def several(*signals):
 OTHER = release(0.9, seed=2)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("signals", "where"),
     [
@@ -288,6 +292,7 @@ def test_a_sign_is_found_from_a_start_that_lacks_most_of_the_friction_and_is_no_
     assert "late" not in codes(fit.findings)
 
 
+@pytest.mark.broad
 def test_of_many_recordings_those_that_move_most_are_asked_for_their_signs():
     small = [release(0.2 + 0.03 * k, seed=k) for k in range(8)]
     assert codes(before(several(*small, turned(OTHER, 0)))) == ["wrong-sign"]
@@ -390,6 +395,7 @@ def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it
     assert min(len(inside), len(beyond)) > 5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("state", ["held", "measured"])
 def test_the_shift_by_the_start_is_what_another_start_finds(state):
     """Noise in the samples of the start alone: the minimum moves by G ε, whose spread the projection foretells."""
@@ -505,7 +511,7 @@ MISREAD = {
 }  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("fault", MISREAD)
 def test_a_signal_that_was_misread_is_said_with_how_much(fault):
     code, signal, size, made = MISREAD[fault]

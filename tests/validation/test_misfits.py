@@ -7,6 +7,8 @@ from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding
 from fracid.validation.misfits import cost_of, misfits, missed
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 STEP = 2 * np.pi / 4096
 TIME = np.arange(0, 10, 0.01)
 SWING = 0.5 * np.exp(-TIME / 5) * np.cos(6 * TIME)

@@ -489,7 +489,7 @@ def test_of_a_residual_with_a_gap_the_longest_stretch_is_looked_at():
     assert found.sentences == analysed(e[9010:], FITTED[9010:]).sentences
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(hnp.arrays(float, st.integers(0, 120), elements=st.floats(-1e3, 1e3), fill=st.floats(-1, 1)))
 def test_any_residual_is_told_of_without_a_nan(residual):
     found = analysed(residual)

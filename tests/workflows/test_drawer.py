@@ -19,6 +19,8 @@ from fracid.validation.residual_analyses import analysed
 from fracid.workflows.drawer import Drawer, drawer
 from fracid.workflows.figures import Drawing, _drawn, of_recordings
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 
 def its_process(_, seconds=0.0):
     time.sleep(seconds)

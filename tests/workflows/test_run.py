@@ -21,6 +21,8 @@ from fracid.workflows import figures
 from fracid.workflows.fit import _short_of_room
 from program import RELEASE
 
+pytestmark = pytest.mark.usefixtures("without_rivals")
+
 
 @pytest.fixture(scope="module")
 def swing(tmp_path_factory):
