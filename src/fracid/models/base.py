@@ -285,7 +285,7 @@ class Model(CardDisplay):
         """The outputs that functions of the state give: those that are derivatives of others are not among them."""
         return {name: h for name, h in self.outputs.items() if name not in self.derived}
 
-    @property
+    @cached_property
     def friction(self) -> dict[str, Friction]:
         """What of the parameters is friction, by name, in their order.
 
@@ -340,7 +340,7 @@ class Model(CardDisplay):
         """The output that :attr:`zero` is of; "" where there is none."""
         return next((name for name, angle in self.angles.items() if angle.of_zero), "")
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the vector p."""
         return tuple(parameter.name for parameter in self.parameters)

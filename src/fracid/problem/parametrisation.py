@@ -123,7 +123,7 @@ class Parametrisation:
         """Names of the unknowns."""
         return tuple(u.name for u in self.unknowns)
 
-    @property
+    @cached_property
     def order_indices(self) -> tuple[int, ...]:
         """Which of the unknowns are orders."""
         return tuple(i for i, u in enumerate(self.unknowns) if u.kind == "order")
@@ -133,7 +133,7 @@ class Parametrisation:
         """Where the search starts, shape (n_unknowns,)."""
         return np.array([u.range.start for u in self.unknowns])
 
-    @property
+    @cached_property
     def space(self) -> Space:
         """The unknowns with their bounds, for an optimiser."""
         lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))

@@ -25,14 +25,7 @@ lack of the model."""
 
 def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     """Recording and output, in words → what is left over of it; empty where a run fails."""
-    left = _leftovers(problem, x)
-    if all(found.noise for found in left.values()):
-        return left
-    finer = _leftovers(replace(problem, substeps=FINER * problem.substeps), x)
-    return finer if finer and all(found.noise for found in finer.values()) else left
-
-
-def _leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
+    recordings = [e for e, _ in problem.recordings.values()]
 
     @cache
     def derivatives() -> list[FloatArray]:
@@ -41,6 +34,16 @@ def _leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         none = [np.zeros((*e.measured.shape, 0)) for e in recordings]
         return J if isinstance(J, list) else none
 
+    left = _leftovers(problem, x, derivatives)
+    if all(found.noise for found in left.values()):
+        return left
+    finer = _leftovers(replace(problem, substeps=FINER * problem.substeps), x, derivatives)
+    return finer if finer and all(found.noise for found in finer.values()) else left
+
+
+def _leftovers(
+    problem: Problem, x: FloatArray, derivatives: Callable[[], list[FloatArray]]
+) -> dict[str, LeftOver]:  # fmt: skip
     def of(number: int, output: int, simulated: FloatArray) -> LeftOver:
         return _left_over(recordings[number], simulated, output, lambda: derivatives()[number][:, output])
 
