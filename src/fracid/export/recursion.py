@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
+from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
 from fracid.solver.memory import compressed
@@ -36,6 +37,8 @@ from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
 from fracid.solver.starting import PI3, corrections, exponents
 from fracid.solver.weights import Kernel
+
+SAYS = Words("export/whole.toml")
 
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""
@@ -201,10 +204,7 @@ class Recursion:
         own, first = problem.parametrisation.own_parameters, problem.experiments[0]
         for order in (problem.model.parameter_names[k] for _, k in problem.model.complements):
             if order in own and len(problem.experiments) > 1:
-                raise InputError(
-                    f"Each recording has its own {order}, and a program has one memory, of one order. Fit the "
-                    "recordings apart, or with one order."
-                )
+                raise InputError(SAYS("own-order", order=order))
         cases = [Case.of(problem, x, e) for e in problem.experiments]
         orders, parameters, _ = problem.unpack(x, first)
         longest = max(steps or max(c.steps + len(c.past) for c in cases), SHORTEST)

@@ -172,9 +172,8 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
         raise InputError("BAM's friction is of a servo: the library's joint with a gain above 0 [model]. "
                          "--to fmu writes any model.")  # fmt: skip
     _refuse_orders(model, "BAM")
-    load, directional, stribeck = (
-        constants[n].value != 0.0 for n in ("load_angle", "load_directional_angle", "stiction_angle")
-    )
+    elements = "load_angle", "load_directional_angle", "stiction_angle"
+    load, directional, stribeck = (constants[n].value != 0.0 for n in elements)
     name = f"m{5 if directional else 1 + 2 * load + stribeck}"
     values, rows = _Values(model, "BAM"), _table()["bam"]
     written = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}

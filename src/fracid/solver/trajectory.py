@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray, real_array
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, brief
-from fracid.findings import Finding
+from fracid.findings import Finding, Words
+
+SAYS = Words("solver/arguments.toml")
 
 
 class Outcome(Enum):
@@ -131,10 +133,7 @@ def refuse_masked(name: str, values: Any) -> None:
     """
     if np.ma.is_masked(values):
         masked = np.ma.getmaskarray(values)
-        raise InputError(
-            f"{name}: {int(masked.sum())} of {masked.size} values are masked, and what is behind a mask is no number "
-            "to count on. Cut them off, or fill them."
-        )
+        raise InputError(SAYS("masked", name=name, count=int(masked.sum()), size=masked.size))
 
 
 def vector(name: str, values: ArrayLike) -> FloatArray:

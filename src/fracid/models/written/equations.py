@@ -13,6 +13,7 @@ from itertools import chain, count
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models.base import Angle, Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
@@ -37,6 +38,8 @@ from fracid.models.written.tree import (
     mentioned,
 )
 from fracid.safety.door import own_text
+
+SAYS = Words("models/written/refusals.toml")
 
 
 @dataclass(frozen=True)
@@ -184,9 +187,7 @@ def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
     for kind, names in kinds.items():
         for n in names:
             if not n.isidentifier() or n in (*KNOWN, *CONSTANTS, *WORDS):
-                raise InputError(
-                    f"{kind} {n!r} cannot be a name in equations; expected letters, digits and _, as in speed_1."
-                )
+                raise InputError(SAYS("no-name", kind=kind, name=n))
             if n in seen:
                 raise InputError(f"{n} stands in {seen[n]} and in {kind}; give each its own name.")
             seen[n] = kind
@@ -272,9 +273,7 @@ class _Units:
 
     def spread(self, rates: Mapping[str, Expression]) -> None:
         """Where a state is the derivative of another, the unit of one says the other's."""
-        pairs = [
-            (self.names[n], value) for n, value in rates.items() if isinstance(value, Entry) and value.array == "x"
-        ]
+        pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"]
         for _ in pairs:
             for state, rate in pairs:
                 if (unit := self.known.get(state)) and not self.known.get(rate):
@@ -378,9 +377,7 @@ def equations_of(model: Model) -> tuple[dict[str, str], dict[str, str]]:
     """
     program = model.program
     if program.relaxing:
-        raise Untranslatable(
-            f"{program.states[program.relaxing[0]]} relaxes with a step of its own, which equations do not say."
-        )
+        raise Untranslatable(SAYS("relaxes", state=program.states[program.relaxing[0]]))
     return Flat(model).result()
 
 
@@ -407,9 +404,8 @@ class Flat:
         names |= {Entry("u", Number(i)): s for i, s in enumerate(self.model.inputs)}
         names |= {Entry("p", Number(i)): s for i, s in enumerate(self.model.parameter_names)}
         write = _Text(self.program, names).expression
-        return {k: write(v) for k, v in self.definitions.items()}, {
-            s: write(r) for s, r in zip(self.states, rates, strict=True)
-        }
+        equations = {s: write(r) for s, r in zip(self.states, rates, strict=True)}
+        return {k: write(v) for k, v in self.definitions.items()}, equations
 
     def _new(self, name: str) -> str:
         plain = re.sub(r"\W+", "_", name).strip("_") or "v"

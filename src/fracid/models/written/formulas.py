@@ -16,10 +16,13 @@ from functools import cached_property
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, operation, truth
 from fracid.models.written.tree import Choice, Expression, Function, Number, Program
 from fracid.safety.text import printable
+
+SAYS = Words("models/written/refusals.toml")
 
 LONGEST = 2000
 """Characters of an equation."""
@@ -99,9 +102,7 @@ class _Parser:
     def __init__(self, text: str, names: Mapping[str, Expression], columns: dict[int, int]) -> None:
         self.text, self.names, self.columns, self.depth, self.at = text, names, columns, 0, 0
         if len(text) > LONGEST:
-            raise self.wrong(
-                0, f"It has {len(text):,} characters; {LONGEST:,} are read. Write parts of it as definitions."
-            )
+            raise self.wrong(0, SAYS("too-long", count=len(text), most=LONGEST))
         self.tokens = self._tokens()
 
     def wrong(self, column: int, why: str) -> FormulaError:
@@ -158,9 +159,7 @@ class _Parser:
     def _deeper(self, more: int) -> None:
         self.depth += more
         if self.depth > DEEPEST:
-            raise self.wrong(
-                self.now.column, f"More than {DEEPEST} operations lie within each other; write parts as definitions."
-            )
+            raise self.wrong(self.now.column, SAYS("too-deep", most=DEEPEST))
 
     def binary(self, least: int) -> Expression:
         result, rounds, compared = self.unary(), 0, None
@@ -224,9 +223,7 @@ class _Parser:
             return Number(CONSTANTS[token.text])
         if token.text in KNOWN:
             raise self.wrong(token.column, f"`{token.text}` is a function: {token.text}(…).")
-        raise self.wrong(
-            token.column, f"`{token.text}` is no state, input or parameter; {_close(token.text, self.names)}"
-        )
+        raise self.wrong(token.column, SAYS("unknown", name=token.text, close=_close(token.text, self.names)))
 
     def _called(self, token: _Token) -> Expression:
         if token.text not in KNOWN:
@@ -241,10 +238,8 @@ class _Parser:
         wanted = ARGUMENTS.get(token.text, 1)
         alone = len(arguments) != wanted and (token.text, len(arguments)) != ("log", 2)
         if len(arguments) < 2 if several else alone:
-            raise self.wrong(
-                token.column,
-                f"`{token.text}` takes {'two values or more' if several else wanted}, not {len(arguments)}.",
-            )
+            takes = "two values or more" if several else wanted
+            raise self.wrong(token.column, f"`{token.text}` takes {takes}, not {len(arguments)}.")
         result = call(token.text, arguments)
         self.columns[id(result)] = token.column
         return result

@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar
 
+from fracid.findings import Words
 from fracid.models.written import portable
 from fracid.models.written.reading import FUNCTIONS, Untranslatable, read_functions
 from fracid.models.written.tree import (
@@ -35,6 +36,8 @@ from fracid.models.written.tree import (
     parts,
 )
 from fracid.safety.door import own_text
+
+SAYS = Words("models/written/refusals.toml")
 
 PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
 """Function or operation → what stands for it where a language has none of the same meaning."""
@@ -98,9 +101,7 @@ class Writer:
             raise Untranslatable(f"{type(self).__name__} has no {min(unknown)}, which the right-hand side calls.")
         there = (*beside.program.functions, *beside._borrowed()) if beside else ()
         if clash := {f.name for f in there} & {f.name for f in self.program.functions if f not in there}:
-            raise Untranslatable(
-                f"The right-hand side and an output each call a {min(clash)} of their own; rename one."
-            )
+            raise Untranslatable(SAYS("clash", name=min(clash)))
         own = [self._function(f, self._called(f.name)) for f in self.program.functions if f not in there]
         borrowed = [self._function(f, f.name) for f in self._borrowed() if f not in there]
         return self.say("whole", "\n".join([*borrowed, *own, self.main()]))
@@ -219,9 +220,8 @@ class Writer:
             pending -= here
             match s:
                 case Assign(target, value, note):
-                    once = not loops and not (
-                        isinstance(target, Name) and target.name in later & self._assigned(body[k + 1 :])
-                    )
+                    again = isinstance(target, Name) and target.name in later & self._assigned(body[k + 1 :])
+                    once = not loops and not again
                     word = self.say("once" if once else "variable") if first else ""
                     yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
                 case If(test, yes, no, note):

@@ -205,9 +205,8 @@ class _Read(Flat):
         for n in reversed(self.definitions):
             if n in used:
                 used += _names(self.definitions[n])
-        within = _names(
-            *(branch for e in self.definitions.values() if isinstance(e, Choice) for branch in (e.yes, e.no))
-        )
+        choices = [e for e in self.definitions.values() if isinstance(e, Choice)]
+        within = _names(*(e.yes for e in choices), *(e.no for e in choices))
         for n in [n for n in self.definitions if n in used]:
             meant = self._within(self.definitions[n], {})
             if (n in within or not _long(meant)) and (used.count(n) == 1 or _size(meant) <= SHORT):

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.models.written.tree import (
     Assign,
     Call,
@@ -45,6 +46,8 @@ from fracid.models.written.tree import (
     mentioned,
     parts,
 )
+
+SAYS = Words("models/written/refusals.toml")
 
 FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
              "exp", "expm1", "log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil", "trunc", "hypot",
@@ -328,8 +331,7 @@ class _Unit:
             self.functions[f] = None  # while it is being read
             scope = _Scope(self, f, set(), [], (*stack, f))
             names = [a.arg for a in scope.node.args.args]
-            for name in names:
-                scope.names[name] = scope.fresh(name)
+            scope.names = {name: scope.fresh(name) for name in names}
             for s in scope.node.body:
                 scope.statement(s)
             about = (f.__doc__ or "").strip().partition("\n")[0]
@@ -429,9 +431,7 @@ class _Scope:
             before = len(self.statements)
             values.append((how or self.expression)(e))
             if len(self.statements) > before and any(_reads_out(v) for v in values[:-1]):
-                raise self.wrong(
-                    e, "It writes into out what its neighbour reads: write it on a line of its own before."
-                )
+                raise self.wrong(e, SAYS("neighbour"))
         return tuple(values)
 
     def _named(self, name: str, at: ast.AST) -> Any:
@@ -445,15 +445,10 @@ class _Scope:
 
     def _entry(self, of: Any, index: ast.expr, at: ast.expr) -> Any:
         if isinstance(index, ast.Slice):
-            ends = [b.value if isinstance(b := self.value(i), Number) else None for i in (index.lower, index.upper)]
-            if (
-                not isinstance(of, View)
-                or index.step
-                or (index.lower and ends[0] is None)
-                or (index.upper and ends[1] is None)
-            ):
+            ends = [self.value(end) for end in (index.lower, index.upper)]
+            if not isinstance(of, View) or index.step or not all(isinstance(end, Number | None) for end in ends):
                 raise self.wrong(at, "Write indices as numbers.")
-            low, high, _ = slice(*ends).indices(of.count)
+            low, high, _ = slice(*(end and end.value for end in ends)).indices(of.count)
             return View(of.array, of.start + low, max(0, high - low))
         k = self.expression(index)
         if isinstance(k, Number) and isinstance(k.value, int):
@@ -486,8 +481,8 @@ class _Scope:
                 result = _choice(test, e, result) if sign == "and" else _choice(test, result, e)
         return result
 
-    def _either(self, test: Expression, yes: Callable[[], Any], no: Callable[[], Any]) -> Any:
-        """What one of two gives; where they write, under an if."""
+    def _either(self, test: Expression, yes: Callable[[], Any], no: Callable[[], Any], note: str = "") -> Any:
+        """What one of two gives; where they write, under an if with a remark."""
         if isinstance(test, Number):
             return yes() if test.value else no()
         before = dict(self.here)
@@ -510,7 +505,7 @@ class _Scope:
         else:
             names = None
         if body or orelse:
-            self.statements.append(If(test, tuple(body), tuple(orelse)))
+            self.statements.append(If(test, tuple(body), tuple(orelse), note))
         return names
 
     @contextmanager
@@ -608,7 +603,8 @@ class _Scope:
                 now = ast.copy_location(ast.parse(ast.unparse(target), mode="eval").body, target)
                 self._assign(target, operation(_SIGNS[type(op)], *self._one_after_the_other([now, v])), note)
             case ast.If(test, body, orelse):
-                self._if(truth(self.expression(test)), body, orelse, within, self.notes.get(s.lineno, ""))
+                yes, no = (partial(self._all, part, within) for part in (body, orelse))
+                self._either(truth(self.expression(test)), yes, no, self.notes.get(s.lineno, ""))
             case ast.For(ast.Name(n), _, body, []) if not (within and _returns(s)):
                 self._for(n, s, body, within)
             case ast.While(test, body, []) if not (within and _returns(s)):
@@ -618,19 +614,9 @@ class _Scope:
             case _:
                 raise self.wrong(s, ADVICE)
 
-    def _if(self, test: Expression, body: list[ast.stmt], orelse: list[ast.stmt], within: bool, note: str) -> None:
-        def run(statements: list[ast.stmt]) -> None:
-            for s in statements:
-                self.statement(s, within)
-
-        before = len(self.statements)
-        self._either(test, lambda: run(body), lambda: run(orelse))
-        if (
-            len(self.statements) > before
-            and isinstance(last := self.statements[-1], If)
-            and not isinstance(test, Number)
-        ):
-            self.statements[-1] = replace(last, note=note)
+    def _all(self, body: list[ast.stmt], within: bool) -> None:
+        for s in body:
+            self.statement(s, within)
 
     def _for(self, name: str, s: ast.For, body: list[ast.stmt], within: bool) -> None:
         rounds = self._rounds(s)
@@ -638,14 +624,11 @@ class _Scope:
         if isinstance(rounds, Sequence) and len(rounds) <= UNROLLED and not leaves:
             for k in rounds:
                 self._assign(ast.Name(name), _as_number(k), "")
-                for inner in body:
-                    self.statement(inner, within)
+                self._all(body, within)
             return
         if not isinstance(rounds, range | slice):
             raise self.wrong(s.iter, "Loop over range(…).")
-        if name in {
-            n.id for b in body for n in ast.walk(b) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        }:
+        if any(name in _stored(inner) for inner in body):
             raise self.wrong(s, f"{name} is changed within its loop; take another name, or while.")
         self.names[name] = self.fresh(name)
         variable = Name(self.names[name])
@@ -657,31 +640,29 @@ class _Scope:
         """What a loop goes through: a range or another sequence that is known, or a slice of expressions."""
         match s.iter:
             case ast.Call(ast.Name("range"), arguments, []) if 1 <= len(arguments) <= 3:
-                ends = [Number(0), *self._one_after_the_other(arguments)] if len(arguments) == 1 else [
-                    *self._one_after_the_other(arguments)]  # fmt: skip
-                step = ends[2].value if len(ends) == 3 and isinstance(ends[2], Number) else 1
-                if len(ends) == 3 and not (isinstance(ends[2], Number) and step):
+                given = self._one_after_the_other(arguments)
+                start, stop, step = (Number(0), *given, Number(1)) if len(given) == 1 else (*given, Number(1))[:3]
+                if not (isinstance(step, Number) and step.value):
                     raise self.wrong(s.iter, "Write the step as a number.")
-                if isinstance(ends[0], Number) and isinstance(ends[1], Number):
-                    return range(int(ends[0].value), int(ends[1].value), int(step))
-                return slice(ends[0], ends[1], int(step))
+                if isinstance(start, Number) and isinstance(stop, Number):
+                    return range(int(start.value), int(stop.value), int(step.value))
+                return slice(start, stop, int(step.value))
             case _:
                 found = self.value(s.iter)
                 return found.tolist() if isinstance(found, np.ndarray) else found
 
     def _loop(self, s: ast.stmt, body: list[ast.stmt], within: bool, how: Callable[[], dict[str, Any]]) -> None:
         """A loop that stays one: nothing that it changes is known within."""
-        for n in ast.walk(s):
-            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store) and isinstance(self.here.get(n.id), Expression):
-                del self.here[n.id]
+        for name in _stored(s):
+            if isinstance(self.here.get(name), Expression):
+                del self.here[name]
         before, outer, self.within_loop = dict(self.here), self.within_loop, True
         so_far = len(self.statements)
         head = how()
         if len(self.statements) > so_far:
             raise self.wrong(s, "Its test writes into out; write it in the loop.")
         with self._apart() as inner:
-            for statement in body:
-                self.statement(statement, within)
+            self._all(body, within)
         self.within_loop, self.here = outer, {n: v for n, v in before.items() if repr(self.here.get(n)) == repr(v)}
         self.statements.append(Loop(tuple(inner), **head))
 
@@ -732,6 +713,11 @@ def _reads_out(value: Any) -> bool:
     return any(isinstance(e, Entry) and e.array == "out" for e in parts(value))
 
 
+def _stored(s: ast.AST) -> set[str]:
+    """Names that it gives a value."""
+    return {n.id for n in ast.walk(s) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+
+
 def _returns(s: ast.AST) -> bool:
     return any(isinstance(inner, ast.Return) for inner in ast.walk(s))
 
@@ -759,13 +745,10 @@ def _source(function: Any) -> tuple[str, int, ast.FunctionDef, dict[int, str]]:
         text = textwrap.dedent("".join(lines))
         node = ast.parse(text).body[0]
     except (OSError, TypeError, SyntaxError, IndexError):
-        raise Untranslatable(
-            f"The source of {name} cannot be read; put it into a file, as a function of its own."
-        ) from None
+        raise Untranslatable(SAYS("no-source", name=name)) from None
     if not isinstance(node, ast.FunctionDef):
         raise Untranslatable(f"{file}, line {first}: {name} is no function with a name; write it with def.")
     tokens = tokenize.generate_tokens(StringIO(text).readline)
-    notes = {
-        t.start[0]: t.string.strip("# ") for t in tokens if t.type == tokenize.COMMENT and t.line.strip()[0] != "#"
-    }
+    comments = [t for t in tokens if t.type == tokenize.COMMENT and t.line.strip()[0] != "#"]
+    notes = {t.start[0]: t.string.strip("# ") for t in comments}
     return file, first, node, {k: v for k, v in notes.items() if not v.startswith(("noqa", "fmt:", "type:", "pragma"))}
