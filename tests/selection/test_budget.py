@@ -1,13 +1,16 @@
 """What follows a search takes no more than twice its work, and says what it left out."""
 
 import json
+from collections import Counter
 
 import pytest
 
 from fracid import Free, Problem, Unfinished, compare, identification, identify
 from fracid.estimation import interval_walk
+from fracid.problem.simulator import Simulator
 from fracid.selection import comparison, integer_alternatives
 from fracid.tasks.journal import Journal
+from fracid.tasks.progress import Observer
 from twins import RIG, release
 
 ORDERS = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
@@ -111,3 +114,34 @@ def test_the_ends_of_intervals_get_twice_the_work_of_the_search_and_those_that_w
     fit = identify(swings(1, {}), fixed_step=True)
     assert 0 < allowed[0] <= identification.TIMES * fit.evaluations
     assert any("4 may lie elsewhere" in w for w in fit.warnings)
+
+
+WIDE = FREE | {n: Free(v, 0.3 * v, 3 * v) for n in ("C3", "C4", "C6") if (v := RIG.parameter(n).value)} | {
+    n: Free(1e-4, 0.0, 0.01) for n in ("coulomb_theta", "coulomb_alpha", "drag_theta", "drag_alpha", "cable_stiffness")
+}  # fmt: skip
+
+
+def an_hour_for_its_rate():
+    twin = release("long", alpha=0.5, step=4e-3, end=60.0, noise=1e-3, seed=1)
+    return Problem(RIG, (twin,), ORDERS, FREE, initial_state="held")
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize("problem", [
+    pytest.param(lambda: swings(12, {}), id="many recordings"),
+    pytest.param(lambda: swings(1, WIDE), id="many unknowns"),
+    pytest.param(an_hour_for_its_rate, id="a long record"),
+])  # fmt: skip
+def test_no_stage_after_the_search_simulates_much_more_than_twice_what_the_search_does(problem, monkeypatch):
+    """It ends after the runs that are under way, and looks at the residuals of what it found."""
+    steps, stage, trajectories = Counter(), ["look"], Simulator.trajectories
+
+    def counted(self, points, e):
+        steps[stage[-1]] += len(points) * self.steps(e) * len(self.parametrisation.model.states)
+        return trajectories(self, points, e)
+
+    monkeypatch.setattr(Simulator, "trajectories", counted)
+    monkeypatch.setattr(identification, "LEAST", 0.0)
+    identify(problem(), observer=Observer(stage=stage.append))
+    assert {"search", "intervals"} <= set(steps)
+    assert all(taken <= 2.75 * steps["search"] for taken in steps.values()), steps
