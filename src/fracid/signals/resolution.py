@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,13 @@ class Lattice(NamedTuple):
     """Its standard error."""
 
 
+_FOUND: dict[bytes, Lattice | None] = {}
+"""Of the digest of a signal; drafts and searches ask for one signal's up to ten times."""
+
+KEPT = 1000
+"""So many at most."""
+
+
 def resolution(signal: FloatArray) -> float | None:
     """Return the spacing q of the lattice on which the values lie, None if they lie on none that matters.
 
@@ -94,6 +102,18 @@ def lattice(signal: FloatArray) -> Lattice | None:
     >>> bool(abs(q - 360 / 4096) < 4 * error < 1e-4)
     True
     """
+    key = blake2b(signal.tobytes(), digest_size=16).digest()
+    try:
+        return _FOUND[key]
+    except KeyError:
+        if len(_FOUND) >= KEPT:
+            _FOUND.clear()
+        found = _FOUND[key] = _looked_for(signal)
+        return found
+
+
+def _looked_for(signal: FloatArray) -> Lattice | None:
+    """The lattice, where nobody asked for it yet."""
     way = np.diff(signal, prepend=np.nan, append=np.nan)
     steady, moving = np.abs(np.diff(way)) <= EVEN * np.abs(way[1:]), way[:-1] != 0
     values, count = np.unique(signal[moving], return_counts=True)
