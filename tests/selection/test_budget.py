@@ -128,7 +128,7 @@ def an_hour_for_its_rate():
 
 @pytest.mark.broad
 @pytest.mark.parametrize("problem", [
-    pytest.param(lambda: swings(12, {}), id="many recordings"),
+    pytest.param(lambda: swings(8, FREE), id="many recordings"),
     pytest.param(lambda: swings(1, WIDE), id="many unknowns"),
     pytest.param(an_hour_for_its_rate, id="a long record"),
 ])  # fmt: skip
