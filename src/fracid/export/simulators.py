@@ -169,8 +169,7 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
     """
     constants = model.constants
     if model.problem.model.name != "joint" or not constants["gain"].value:
-        raise InputError("BAM's friction is of a servo: the library's joint with a gain above 0 [model]. "
-                         "--to fmu writes any model.")  # fmt: skip
+        raise InputError(SAYS("no-servo"))
     _refuse_orders(model, "BAM")
     elements = "load_angle", "load_directional_angle", "stiction_angle"
     load, directional, stribeck = (constants[n].value != 0.0 for n in elements)

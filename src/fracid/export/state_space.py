@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -442,14 +442,14 @@ class IntegerModel:
 
         Central differences, within 2e-10 of the exact derivatives (a test takes these from the tree, by SymPy).
         """
-        n, m = len(self.orders), len(self.model.inputs)
-        F, G, u = np.empty((n, n)), np.empty((n, m)), np.zeros(m) if inputs is None else inputs
-        for i in range(n):
-            d = 1e-6 * (np.arange(n) == i)
-            F[:, i] = (self.f(about + d, u, parameters) - self.f(about - d, u, parameters)) / 2e-6
-        for i in range(m):
-            d = 1e-6 * (np.arange(m) == i)
-            G[:, i] = (self.f(about, u + d, parameters) - self.f(about, u - d, parameters)) / 2e-6
+        u = np.zeros(len(self.model.inputs)) if inputs is None else inputs
+
+        def slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
+            columns = [(f(at + d) - f(at - d)) / 2e-6 for d in 1e-6 * np.eye(len(at))]
+            return np.ascontiguousarray(np.reshape(columns, (len(at), len(about))).T)
+
+        F = slopes(lambda x: self.f(x, u, parameters), about)
+        G = slopes(lambda v: self.f(about, v, parameters), u)
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
         return LinearModel(name, about, self.model.inputs, outputs, self.orders, self.weight, F, G,
                            np.diag(-self.decay) + self.B @ F @ self.C, self.B @ G, self.C[list(rows)],

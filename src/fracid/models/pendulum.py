@@ -79,12 +79,15 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide
 from fracid.models.friction import ELASTIC, SPRING, TILT
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
 from fracid.models.scene import Scene, scene_of
 from fracid.safety.door import own_text
+
+SAYS = Words("models/base.toml")
 
 FRICTION = {
     "cable_stiffness": SPRING.at("theta"),
@@ -338,10 +341,7 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
     if not inertias:
         return values
     if len(inertias) < 3:
-        raise InputError(
-            f"got {' and '.join(inertias)} alone: C2, C5 and I2xx go together, for C6 = C2 - I2xx and"
-            " J_theta = C5 + I2xx; give all three (I2xx = 0 for a thin rod), or C6 and J_theta instead"
-        )
+        raise InputError(SAYS("inertias", names=" and ".join(inertias)))
     constants = {"C6": inertias["C2"] - inertias["I2xx"], "J_theta": inertias["C5"] + inertias["I2xx"]}
     for name, value in constants.items():
         if not math.isclose(values.get(name, value), value, rel_tol=1e-9):

@@ -138,8 +138,7 @@ def scene_of(
         if isinstance(width, bool) or not isinstance(width, int | float) or not 0 < width < np.inf:
             raise InputError(f"{where}: width = {width!r}; expected a number above 0.")
         if len(texts) != 2 * (dimension := dimension or len(texts) // 2):
-            raise InputError(f"{where}: points of {len(row['from'])} and {len(row['to'])} coordinates; "
-                             f"those before have {dimension}.")  # fmt: skip
+            raise InputError(f"{where}: {len(texts)} coordinates of its ends; those before have {2 * dimension}.")
         moves = any(isinstance(e, Entry) and e.array == "x" for e in parts(tuple(ends)))
         body += [Assign(Entry("out", Number(len(body) + k)), value) for k, value in enumerate(ends)]
         bodies.append(Body(name, row["shape"], float(width), moves))

@@ -24,9 +24,12 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least
+from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory, vector
+
+SAYS = Words("solver/arguments.toml")
 
 
 def solve_fde_batch(
@@ -164,9 +167,7 @@ def sensitivities(
         difference: Any = 0.0
         for weight, near in zip(STENCIL.values(), neighbours[k * len(STENCIL) :], strict=False):
             if len(near.time) < len(run.time):
-                raise InputError(f"Beside this run, with another value of {kind}[{i}], one ends early: "
-                                 f"{near.outcome.value}. It has no derivative; "
-                                 f"end it before t = {near.time[-1]:g}.")  # fmt: skip
+                raise InputError(SAYS("no-derivative", kind=kind, i=i, run=near, end=near.time[-1]))
             difference = difference + weight * near.states[: len(run.time)]
         slopes[kind].append(difference / steps[kind][i])
     empty = np.empty((*run.states.shape, 0))

@@ -64,7 +64,10 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, brief
+from fracid.findings import Words
 from fracid.solver.trajectory import refuse_masked
+
+SAYS = Words("solver/arguments.toml")
 
 ORDER_LIMIT = 10.0
 """Largest order of :func:`derivative`, either way: the tenth difference of any recording is noise."""
@@ -198,10 +201,8 @@ def _signal(signal: ArrayLike) -> FloatArray:
     bad = np.argwhere(~(np.abs(values) < SIGNAL_LIMIT))
     if len(bad):
         place = tuple(bad[0].tolist())
-        raise InputError(
-            f"signal[{', '.join(map(str, place))}] is {values[place]:g} ({len(bad)} such), expected finite "
-            f"numbers below {SIGNAL_LIMIT:g}. Cut or fill the gaps of the recording first."
-        )
+        raise InputError(SAYS("signal", place=", ".join(map(str, place)), value=values[place], count=len(bad),
+                              limit=SIGNAL_LIMIT))  # fmt: skip
     return values
 
 

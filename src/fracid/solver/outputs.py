@@ -14,8 +14,11 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.findings import Words
 from fracid.solver.right_hand_side import name_of, teach_helpers
 from fracid.solver.same_function import once_for_equals
+
+SAYS = Words("solver/right_hand_side.toml")
 
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 
@@ -51,10 +54,8 @@ def output_along(h: Output, times: FloatArray, states: FloatArray, inputs: Float
         raise
     except Exception as error:
         reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
-        raise InputError(
-            f"The output {name_of(h)} fails: {type(error).__name__}: {reason}. It takes (t, x, u, p) and returns one "
-            f"number; here x has {states.shape[1]} entries, u has {inputs.shape[1]}, p has {len(p)}."
-        ) from None
+        raise InputError(SAYS("output-fails", name=name_of(h), kind=type(error).__name__, reason=reason,
+                              states=states.shape[1], inputs=inputs.shape[1], parameters=len(p))) from None  # fmt: skip
 
 
 @once_for_equals
