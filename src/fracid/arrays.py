@@ -1,7 +1,7 @@
 """The array types of fracid: 64-bit floats, and indices.  Shapes and units stand in the docstrings."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
 from typing import Any
 
@@ -34,6 +34,17 @@ def real_array(values: Any) -> FloatArray:
     if array.dtype.kind not in "fiubO" or (array.dtype == object and not all(isinstance(v, Real) for v in array.flat)):
         raise TypeError("no plain real numbers")
     return array.astype(np.float64, copy=False)
+
+
+def joined(parts: Iterable[FloatArray]) -> FloatArray:
+    """All values of several arrays, one after the other, shape (n,).
+
+    Examples
+    --------
+    >>> joined([np.zeros((1, 2)), np.ones(1)])
+    array([0., 0., 1.])
+    """
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def stretches(mask: NDArray[np.bool_]) -> IntArray:

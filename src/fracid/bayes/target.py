@@ -54,7 +54,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import Sandwich, sandwich
 from fracid.estimation.derivatives import jacobian
@@ -282,7 +282,7 @@ def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int
     covariance = estimator.covariance / np.outer(estimator.widening, estimator.widening)
     curvature, precision = inverse(estimator.inverse), inverse(covariance)
     degrees = _degrees(float(np.exp(np.mean(np.log(estimator.widening)))))
-    second = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    second = loss.curvature(joined(errors))
     weights = problem.criterion.sample_weights(errors)
     projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J, strict=True))
     scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost

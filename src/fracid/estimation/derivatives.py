@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
 from fracid.problem import Problem
@@ -95,7 +95,7 @@ def rows_and_scores_by_recording(
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """The same, the rows of each recording alone; its J may have columns of its own."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    curvature = loss.curvature(joined(errors))
     rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
     return rows, scores
@@ -104,7 +104,7 @@ def rows_and_scores_by_recording(
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
     """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
     weights = problem.criterion.sample_weights(errors)
-    curvature = loss_of(problem).curvature(np.concatenate([e.ravel() for e in errors]))
+    curvature = loss_of(problem).curvature(joined(errors))
     for w, y, j in zip(weights, pulls(problem, errors), J, strict=True):
         rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
         yield np.column_stack([rows, y])
@@ -113,7 +113,7 @@ def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArra
 def pulls(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
     """The y of each recording alone, shape (n_samples * n_outputs,)."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(np.concatenate([e.ravel() for e in errors]))
+    curvature = loss.curvature(joined(errors))
     return [(np.sqrt(w / curvature) * loss.psi(e)).ravel() for w, e in zip(weights, errors, strict=True)]
 
 

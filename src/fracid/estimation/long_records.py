@@ -179,11 +179,6 @@ def corrected(
     return problem, problem.evaluate(x)
 
 
-def with_defect(problem: Problem, x: FloatArray, substeps: int) -> Problem | Failure:
-    """The coarse problem with the residuals that finer steps have at x."""
-    return _with_defect(problem, replace(problem, substeps=substeps), x)
-
-
 def _with_defect(problem: Problem, fine: Problem, x: FloatArray) -> Problem | Failure:
     experiments = []
     for e in problem.experiments:
@@ -292,7 +287,8 @@ def as_fitted(problem: Problem, x: FloatArray) -> Problem:
     coarse = coarse_problem(problem)
     if not is_coarse(coarse):
         return problem
-    exact = with_defect(coarse, x, own_substeps(coarse, problem.substeps))
+    fine = replace(coarse, substeps=own_substeps(coarse, problem.substeps))
+    exact = _with_defect(coarse, fine, x)
     return coarse if isinstance(exact, Failure) else exact
 
 

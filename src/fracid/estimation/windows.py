@@ -368,13 +368,8 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
         ends = np.linspace(0, len(e.measured), parts + 1).astype(int).tolist()
         pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
-    return replace(
-        problem,
-        experiments=tuple(p for p in pieces if p.samples),
-        per_recording=names,
-        initial_state="estimate",
-        memo=Recent(),
-    )
+    scored = tuple(p for p in pieces if p.samples)
+    return replace(problem, experiments=scored, per_recording=names, initial_state="estimate", memo=Recent())
 
 
 def _windows(e: Experiment, most: int) -> list[Experiment]:

@@ -338,13 +338,9 @@ def alternative_of(
     >>> alternative_of(problem, rig, {"lambda": 1.0, "mu": 1.0}, {"b_theta": 0.0}).substeps
     2
     """
-    experiments = tuple(
-        replace(
-            e,
-            initial={n: v for n, v in e.initial.items() if n in model.states},
-            constants={n: v for n, v in e.constants.items() if n in model.parameter_names},
-        )
-        for e in problem.experiments
-    )
+    initial = ({n: v for n, v in e.initial.items() if n in model.states} for e in problem.experiments)
+    known = ({n: v for n, v in e.constants.items() if n in model.parameter_names} for e in problem.experiments)
+    each = zip(problem.experiments, initial, known, strict=True)
+    experiments = tuple(replace(e, initial=begun, constants=constants) for e, begun, constants in each)
     return replace(problem, model=model, orders=orders, parameters=parameters, per_recording=(),
                    experiments=experiments, memo=None)  # fmt: skip

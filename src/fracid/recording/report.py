@@ -394,7 +394,7 @@ def _as_numbers(s: SignalReport, factor: float) -> SignalReport:
 
 
 def _signal_row(s: SignalReport) -> dict[str, str]:
-    show = _degrees if s.unit.startswith("rad") else _number
+    show = _degrees if s.unit.startswith("rad") else "{:.4g}".format
     end = {"rad": "°", "rad/s": "°/s", "1": ""}.get(s.unit, f" {s.unit}")
     half_turn = s.rest_offset is not None and abs(s.rest) > 1.5
     offset = f" ({show(s.rest_offset or 0.0)}{end} off {_pi(s.rest)})" if half_turn else ""
@@ -411,10 +411,6 @@ def _signal_row(s: SignalReport) -> dict[str, str]:
 def _degrees(value: float) -> str:
     degrees = math.degrees(value)
     return f"{degrees:.1f}" if abs(degrees) >= 100 else f"{degrees:.3g}" if abs(degrees) > 1e-9 else "0"
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}"
 
 
 def _pi(value: float) -> str:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
@@ -101,7 +101,7 @@ def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]
     J = jacobian(problem, x, np.arange(len(x)), jobs=jobs)
     if isinstance(errors, Failure) or isinstance(J, Failure):
         return
-    e = _joined(errors)
+    e = joined(errors)
     rows = np.concatenate([j.reshape(-1, len(x)) for j in J])[np.isfinite(e)]
     e, scored = e[np.isfinite(e)], np.isfinite(e)
     norms = np.linalg.norm(rows, axis=0)
@@ -199,7 +199,7 @@ def _effect(
     def errors(strength: float) -> FloatArray | None:
         there = replace(problem, parameters={**problem.parameters, name: strength, _order_of(name): order})
         result = there.errors(embedded(there, problem.named(x)))
-        return None if isinstance(result, Failure) else _joined(result)[scored]
+        return None if isinstance(result, Failure) else joined(result)[scored]
 
     strength = 1e-5 * freed_friction(problem, [name])[name].upper
     for _ in range(8):
@@ -210,7 +210,3 @@ def _effect(
             return np.asarray(change / (0.9 * strength))
         strength *= 0.1 if size >= LARGE else 10.0
     return None
-
-
-def _joined(errors: list[FloatArray]) -> FloatArray:
-    return np.concatenate([e.ravel() for e in errors])

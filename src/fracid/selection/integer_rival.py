@@ -30,6 +30,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from fracid.arrays import joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
@@ -410,14 +411,14 @@ def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dic
     errors = problem.errors(best.point)
     if isinstance(errors, Failure):
         return {}
-    here, observable = np.concatenate([e.ravel() for e in errors]), {}
+    here, observable = joined(errors), {}
     for name, value in ranges.items():
         more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
         errors = more.errors(best.point)
         if isinstance(errors, Failure):  # it even ends the run
             observable[name] = value
             continue
-        change = np.concatenate([e.ravel() for e in errors]) - here
+        change = joined(errors) - here
         if np.linalg.norm(change) > UNSEEN * np.linalg.norm(here):
             observable[name] = value
     return observable

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
@@ -150,8 +150,8 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
     now, then = problem.errors(x), tight.errors(x)
     if isinstance(now, Failure) or isinstance(then, Failure):
         return
-    change = np.concatenate([(a - b).ravel() for a, b in zip(now, then, strict=True)])
-    errors = np.concatenate([y.ravel() for y in now])
+    change = joined(a - b for a, b in zip(now, then, strict=True))
+    errors = joined(now)
     if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
         return  # moves no unknown by more than a fraction of its standard error
     shift = _projected(problem, x, change, jobs)

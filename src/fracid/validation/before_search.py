@@ -274,16 +274,12 @@ def _long_steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
         linear = [linearised(rhs, t, x, u, values) for t, x, u in _measured_states(problem, e)]
     if beyond := too_long(method, orders, linear, gain, len(e.measured) * substeps):
         scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
+        more = f", or substeps = {substeps * math.ceil(beyond.parts)}" if beyond.parts < MOST_STEPS else ""
         yield SAYS.finding("stiff", e.name, beyond.size, beyond.limit, method=method, scheme=scheme, other=other,
-                           more=_or_substeps(substeps, beyond.parts))  # fmt: skip
+                           more=more)  # fmt: skip
     elif (steps := float(np.median([steps_a_period(modes(J, gain)) for J in linear]))) < STEPS_A_PERIOD:
         yield SAYS.finding("coarse-steps", e.name, steps, STEPS_A_PERIOD,
                            finer=_finer(substeps, 2 * STEPS_A_PERIOD / steps))  # fmt: skip
-
-
-def _or_substeps(substeps: int, parts: float) -> str:
-    """So many, where a run of them can be had."""
-    return f", or substeps = {substeps * math.ceil(parts)}" if parts < MOST_STEPS else ""
 
 
 def _finer(substeps: int, parts: float) -> str:

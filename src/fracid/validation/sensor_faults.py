@@ -46,7 +46,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.derivatives import jacobian, rows_and_scores
@@ -178,10 +178,10 @@ def misreadings(
     errors, forms, J = problem.errors(x), _forms(problem, x), jacobian(problem, x, free, jobs=jobs)
     if isinstance(errors, Failure) or isinstance(J, Failure) or forms is None:
         return []
-    if math.sqrt(np.mean(np.concatenate([np.ravel(e) for e in errors]) ** 2)) < NOTHING:
+    if math.sqrt(np.mean(joined(errors) ** 2)) < NOTHING:
         return []
     weight, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
-    e = weight[:, 0] * _stacked(errors)
+    e = weight[:, 0] * joined(errors)
     Q, R = np.linalg.qr(weight * np.concatenate([j.reshape(-1, len(free)) for j in J]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
@@ -192,7 +192,7 @@ def misreadings(
     quarter = min(e.step * swing_period(y) for e in problem.experiments for y in e.measured.T) / 4
     faults = []
     for (code, signal), form in forms:
-        z = weight[:, 0] * _stacked(form)
+        z = weight[:, 0] * joined(form)
         own = z - Q @ (Q.T @ z)
         power = float(own @ own)
         if power <= OWN**2 * float(z @ z):
@@ -213,10 +213,6 @@ def misreadings(
             2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
         ))  # fmt: skip
     return faults
-
-
-def _stacked(parts: list[FloatArray]) -> FloatArray:
-    return np.concatenate([p.ravel() for p in parts])
 
 
 def _scatter(products: FloatArray, outputs: int) -> float:
