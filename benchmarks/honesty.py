@@ -172,7 +172,7 @@ def ask(problem: Problem, codes: tuple[str, ...], start: Problem | None = None) 
     found = before(start or problem)
     if any(f.code in codes for f in found):
         return Said(found, None)
-    best = refined(problem, problem.start, 1, Watch(), budget=BUDGET).best
+    best = refined(problem, problem.start, Watch(), budget=BUDGET).best
     known = uncertainty(problem, best.point)
     found += (*after(problem, best.point, known), *poor(problem, best))
     if "step" in codes:

@@ -33,7 +33,7 @@ def rms(problem: Problem, x: fracid.arrays.FloatArray, e: Experiment) -> float:
 
 def best(problem: Problem) -> fracid.arrays.FloatArray:
     """The minimum."""
-    return refined(problem, problem.start, 1, Watch()).best.point
+    return refined(problem, problem.start, Watch()).best.point
 
 
 def row(name: str, problem: Problem, x: fracid.arrays.FloatArray, judged: tuple[Experiment, ...]) -> str:

@@ -214,12 +214,12 @@ class Minimum:
 def minimum(problem: Problem, before: Minimum | None) -> Minimum:
     """From the start on a growing horizon; or from a simpler structure's best, and from there with the given start."""
     if before is None:
-        best = growing(problem, problem.start, JOBS, Watch()).best
+        best = growing(problem, problem.start, Watch(JOBS)).best
         return Minimum(problem, best.point, best.cost)
     here = before.values
     own = {p.name: p.value for p in problem.model.parameters}
     simpler = np.array([here.get(u.name, own.get(u.target, u.range.start)) for u in problem.unknowns])
-    best = min((refined(problem, x, JOBS, Watch()).best for x in (simpler, problem.start)), key=lambda b: b.cost)
+    best = min((refined(problem, x, Watch(JOBS)).best for x in (simpler, problem.start)), key=lambda b: b.cost)
     return Minimum(problem, best.point, best.cost)
 
 
@@ -242,7 +242,7 @@ def prediction(
     first = experiment(of, record.part(0, BEGINNING * of.known, record.name), initial)
     first = replace(first, mask=((first.time[of.known] - first.step / 2, first.time[-1]),))
     problem = model.problem.with_shared(model.x, (first,))
-    x = refined(problem, problem.start, JOBS, Watch()).best.point
+    x = refined(problem, problem.start, Watch(JOBS)).best.point
     e = experiment(of, record, initial)
     problem = replace(problem, experiments=(e,))
     lag = period(record.u) if own and of.repeating else None
@@ -314,7 +314,7 @@ def by_blocks(of: Benchmark, record: Record, free: GROUP, before: Minimum | None
 def identified(of: Benchmark, record: Record, part: Minimum) -> Minimum:
     """All constants of a structure from the whole of a record, from those of a part of it."""
     problem = posed(of, record, {n: v for n, v in part.problem.parameters.items() if isinstance(v, Free)})
-    best = refined(problem, part.x, JOBS, Watch()).best
+    best = refined(problem, part.x, Watch(JOBS)).best
     return Minimum(problem, best.point, best.cost)
 
 
@@ -393,7 +393,7 @@ def print_orders(of: Benchmark, model: Minimum) -> None:
     values = {n: model.values[n] for n in model.problem.parameters}
     free = {n: replace(v, start=values[n]) for n, v in model.problem.parameters.items() if isinstance(v, Free)}
     problem = replace(model.problem, orders={"q": Free(1.0, 0.8, 1.2)}, parameters=free)
-    best = refined(problem, np.concatenate([[1.0], model.x]), JOBS, Watch()).best
+    best = refined(problem, np.concatenate([[1.0], model.x]), Watch(JOBS)).best
     known = uncertainty(problem, best.point, jobs=JOBS)
     interval = None if isinstance(known, Failure) else known.interval(best.point, 0)
     half = math.nan if interval is None else (interval[1] - interval[0]) / 2

@@ -40,7 +40,7 @@ DRAWN = {"+ Coulomb": BLUE, "+ its direction": VERMILLION}
 def fitted_to(problem: Problem, names: list[str]) -> FloatArray:
     """The minimum of these recordings alone, shape (n_unknowns,)."""
     own = replace(problem, experiments=tuple(e for e in problem.experiments if e.name in names), memo=None)
-    return refined(own, own.start, 2, Watch()).best.point
+    return refined(own, own.start, Watch(2)).best.point
 
 
 def angles(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:

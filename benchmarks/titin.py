@@ -32,7 +32,7 @@ DRAWN = {"springpot": VERMILLION, "two Maxwell elements": BLUE}
 def predicted(problem: Problem, left_out: Experiment) -> FloatArray:
     """The force over a ramp by a model that is fitted to the others, shape (n_samples,)."""
     others = replace(problem, experiments=tuple(e for e in problem.experiments if e.name != left_out.name), memo=None)
-    best = refined(others, others.start, 1, Watch()).best.point
+    best = refined(others, others.start, Watch()).best.point
     force = problem.fitted(best, left_out)
     if isinstance(force, Failure):
         raise SystemExit(str(force))

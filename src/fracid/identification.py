@@ -217,12 +217,12 @@ def identify(
         problem = windowed(problem, window) if window else problem
         checked: Discretisation | None = None
         with _counted(work, entry, watching, callback) as tell:
-            watch = Watch(log, tell)
-            result, attempts = search(work, entry, rng, jobs=jobs, starts=starts, watch=watch, options=options,
+            watch = Watch(jobs, log, tell)
+            result, attempts = search(work, entry, rng, starts=starts, watch=watch, options=options,
                                       executor=executor, journal=journal)  # fmt: skip
             if window and not result.interrupted:
                 work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs)
-                result, attempts = refined(work, at, jobs, watch), ()
+                result, attempts = refined(work, at, watch), ()
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
         analysis = _Findings(work, entry, seed, result, attempts, searched=watch.work, seen=[*seen], first=tuple(seen),
                              alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
@@ -515,7 +515,7 @@ def _polished(analysis: _Findings, given: _Given) -> None:
     """Say what least squares finds from the best point of an optimiser that keeps its own."""
     problem, best = analysis.problem, analysis.result.best
     if analysis.optimiser.keeps_its_own and problem.cost_function.loss is not None:
-        polished = uninterrupted(refined(problem, best.point, given.jobs, Watch())).best
+        polished = uninterrupted(refined(problem, best.point, Watch(given.jobs))).best
         analysis.warnings.append(_stopped_short(problem, best, polished, analysis.known))
 
 
@@ -545,7 +545,7 @@ def _onward(analysis: _Findings, jobs: int) -> Evaluation | None:
         return None
     step, _ = newton_step(problem, best.point, parabola)
     there = problem.evaluate(best.point + step)
-    onward = uninterrupted(refined(problem, there.point, jobs, Watch())).best
+    onward = uninterrupted(refined(problem, there.point, Watch(jobs))).best
     lower = min(there, onward, key=lambda e: e.cost)
     return lower if lower.cost < best.cost else None
 
@@ -563,14 +563,14 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
     else:
         integer = replace(problem, orders=integer_values(problem))
         here = problem.named(best.point)
-        end = uninterrupted(refined(integer, embedded(integer, here), jobs, Watch(), **NESTED)).best
+        end = uninterrupted(refined(integer, embedded(integer, here), Watch(jobs), **NESTED)).best
         values = integer.named(end.point) | {
             n: v for n, v in integer.orders.items() if isinstance(v, float | int)
         } if end.cost < goal else {}  # fmt: skip
     if not values:
         return None
     as_found = {u.name: v for u, v in zip(problem.unknowns, best.point, strict=True) if u.target not in values}
-    lower = uninterrupted(refined(problem, embedded(problem, {**as_found, **values}), jobs, Watch())).best
+    lower = uninterrupted(refined(problem, embedded(problem, {**as_found, **values}), Watch(jobs))).best
     return lower if lower.cost < goal else None
 
 
@@ -579,7 +579,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     problem, best, jobs = analysis.problem, analysis.result.best, given.jobs
     part = some_of(part_of(problem))
     x = embedded(part, problem.named(best.point))
-    beside = best if part is problem else uninterrupted(refined(part, x, jobs, Watch())).best
+    beside = best if part is problem else uninterrupted(refined(part, x, Watch(jobs))).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     analysis.fits = all(e.fits for e in left.values())
     contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
@@ -587,9 +587,9 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())
     nearest = integer_alternatives(
-        part, beside, widths, slow=slow and not contradictions and before.claim == "undecided", jobs=jobs,
+        part, beside, widths, slow=slow and not contradictions and before.claim == "undecided",
         own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
-        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(most=analysis.allowed),
+        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(jobs, most=analysis.allowed),
     )  # fmt: skip
     element = None if all(e.noise for e in left.values()) else fractional_element(
         part, beside, goal=nearest.cost if nearest else None, jobs=jobs
@@ -776,13 +776,13 @@ def _validate(
     sampled = problem.with_shared(x, (e,))
     sampled = windowed(sampled, window) if window else sampled
     alone = sampled if window else coarse_problem(sampled)
-    quiet = Watch()
+    quiet = Watch(jobs)
     if not alone.names:
         best = alone.evaluate(alone.start)
     elif problem.cost_function.loss is None:
-        best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), jobs, quiet)).best
+        best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), quiet)).best
     else:
-        best = uninterrupted(growing(alone, alone.start, jobs, quiet)).best
+        best = uninterrupted(growing(alone, alone.start, quiet)).best
         if is_coarse(alone) and not isinstance(
             exact := corrected(alone, best.point, own_substeps(alone, problem.substeps), jobs), Failure
         ):

@@ -77,8 +77,8 @@ def test_every_constant_of_a_twin_lies_in_its_interval_and_the_orders_are_1(rigs
     inertias = {n: as_free(fracid.rotary_pendulum().parameter(n).value, off) for n in ("C1", "C3", "C6", "J_theta")}
     problem = Problem(fracid.rotary_pendulum(), (recording,), ORDERS, free | inertias, initial_state="held",
                       substeps=4 if arm else 2)  # fmt: skip
-    near = problem.start if arm else growing(problem, problem.start, 1, Watch()).best.point
-    found = refined(problem, near, 1, Watch(), tolerance=1e-8).best
+    near = problem.start if arm else growing(problem, problem.start, Watch()).best.point
+    found = refined(problem, near, Watch(), tolerance=1e-8).best
 
     rounding = COUNT * np.sqrt(1 / 12 + 1 / 12)
     assert max(problem.levels(found.point).values()) < 1.15 * rounding

@@ -64,7 +64,7 @@ def test_a_problem_as_fitted_has_the_means_of_the_residuals_of_every_sample(prob
 
 @pytest.mark.broad
 def test_a_profile_of_a_long_record_is_that_of_every_sample(problem, coarse):
-    x = refined(problem, problem.start, 1, Watch()).best.point
+    x = refined(problem, problem.start, Watch()).best.point
     every = profile(problem, x, parameters=["mu"], points=4)
     exact = as_fitted(problem, x)
     assert is_coarse(exact)
@@ -82,7 +82,7 @@ def test_a_search_on_coarse_samples_ends_within_a_tenth_of_the_intervals_of_ever
     every = fit.problem
     assert not is_coarse(every)
     assert len(fit.recordings["long"].time) == len(problem.experiments[0].measured)
-    best = refined(every, fit.x, 1, Watch()).best
+    best = refined(every, fit.x, Watch()).best
     exact = uncertainty(every, best.point)
     half = 1.96 * exact.standard_error
     shared = [i for i, u in enumerate(every.unknowns) if u.kind in ("order", "parameter")]
@@ -96,7 +96,7 @@ def test_a_search_on_coarse_samples_ends_within_a_tenth_of_the_intervals_of_ever
 
 @pytest.mark.broad
 def test_a_posterior_of_a_long_record_is_that_of_every_sample(problem, coarse, monkeypatch):
-    x = refined(problem, problem.start, 1, Watch()).best.point
+    x = refined(problem, problem.start, Watch()).best.point
     fast = fracid.posterior(problem, x, draws=1000)
     assert fast.problem is problem
     monkeypatch.setattr(long_records, "LONG", 1_000_000)
@@ -109,11 +109,11 @@ def test_a_posterior_of_a_long_record_is_that_of_every_sample(problem, coarse, m
 
 @pytest.mark.broad
 def test_coarse_steps_alone_move_the_minimum_by_more_than_its_interval_and_are_corrected(coarse):
-    wrong = refined(coarse, coarse.start, 1, Watch()).best
+    wrong = refined(coarse, coarse.start, Watch()).best
     exact, best = corrected(coarse, wrong.point, own_substeps(coarse), 1)
     half = 1.96 * uncertainty(exact, best.point).standard_error
     assert np.max(np.abs(wrong.point - best.point)[:2] / half[:2]) > 1
-    again = refined(replace(coarse, substeps=own_substeps(coarse)), best.point, 1, Watch()).best
+    again = refined(replace(coarse, substeps=own_substeps(coarse)), best.point, Watch()).best
     assert np.max(np.abs(again.point - best.point)[:2] / half[:2]) < 0.05
 
 

@@ -117,7 +117,7 @@ def minimum(thirty):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fracid.problem.problem.MANY", 2)
         made = problem(thirty[:20], parameters={"b_alpha": Free(3e-4, 0.0, 1e-2)})
-        yield made, refined(made, made.start, 1, Watch()).best.point
+        yield made, refined(made, made.start, Watch()).best.point
 
 
 @pytest.mark.broad
@@ -159,7 +159,7 @@ def test_each_recording_alone_by_the_derivatives_of_all_is_what_its_own_fit_find
 @pytest.mark.broad
 def test_the_search_by_blocks_ends_at_the_same_minimum_with_a_tenth_of_the_runs(thirty, monkeypatch):
     whole, parts = both(monkeypatch, thirty, initial_state="rest")
-    a, b = (refined(p, p.start, 1, Watch()) for p in (whole, parts))
+    a, b = (refined(p, p.start, Watch()) for p in (whole, parts))
     assert b.best.cost == pytest.approx(a.best.cost, rel=1e-8)
     np.testing.assert_allclose(b.best.point[:2], a.best.point[:2], rtol=1e-5)
     assert b.evaluations < 0.2 * a.evaluations
@@ -168,7 +168,7 @@ def test_the_search_by_blocks_ends_at_the_same_minimum_with_a_tenth_of_the_runs(
 def test_a_bound_holds_in_a_search_by_blocks(thirty, monkeypatch):
     parameters = {"b_alpha": Free(1e-3, 9e-4, 1e-2)}
     whole, parts = both(monkeypatch, thirty[:6], parameters=parameters, initial_state="rest")
-    a, b = (refined(p, p.start, 1, Watch()) for p in (whole, parts))
+    a, b = (refined(p, p.start, Watch()) for p in (whole, parts))
     assert b.best.point[2] == 9e-4
     assert b.best.cost == pytest.approx(a.best.cost, rel=1e-3)
 
@@ -181,7 +181,7 @@ def test_one_recording_whose_difference_fails_leaves_the_others_their_columns(th
         return replace(evaluate(self, y), cost=np.inf, residuals=None) if y[last] != x[last] else evaluate(self, y)
 
     monkeypatch.setattr(Problem, "evaluate", fails_there)
-    found = refined(parts, x, 1, Watch()).best
+    found = refined(parts, x, Watch()).best
     assert found.point[last] == x[last]
     assert np.all(found.point[:last] != x[:last])
 

@@ -33,9 +33,9 @@ def problem(method="pi2", cost="rmse", orders=ORDERS):
 @pytest.mark.parametrize("cost", ["rmse", "huber"])
 def test_a_chord_ends_where_a_search_does(method, cost):
     at = problem(method, cost)
-    x = refined(at, at.start, 1, Watch(), tolerance=1e-10).best.point
+    x = refined(at, at.start, Watch(), tolerance=1e-10).best.point
     half = replace(at, method="pi2", substeps=2)
-    near, best = nearly_equal_minimum(at, x, half, 1), refined(half, x, 1, Watch(), tolerance=1e-10).best
+    near, best = nearly_equal_minimum(at, x, half, 1), refined(half, x, Watch(), tolerance=1e-10).best
     widths = 1.96 * uncertainty(half, best.point).standard_error
     moved = np.abs(best.point - x) / widths
     np.testing.assert_allclose(near / widths, best.point / widths, atol=0.02 + 0.05 * moved.max())

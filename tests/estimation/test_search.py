@@ -341,8 +341,8 @@ def test_starts_on_processes_are_the_same_for_any_number_and_come_to_the_minimum
     found = {}
     for jobs in (1, 2):
         with Journal(tmp_path / f"{jobs}.jsonl", {}) as journal:
-            result, made = search(p, MULTISTART, np.random.default_rng(1), starts=4, executor="processes", jobs=jobs,
-                                  journal=journal)  # fmt: skip
+            result, made = search(p, MULTISTART, np.random.default_rng(1), starts=4, executor="processes",
+                                  watch=Watch(jobs), journal=journal)  # fmt: skip
             assert list(journal.done) == [s.origin for s in made] or jobs == 2
         found[jobs] = result.best.cost, result.best.point.tolist(), [s.cost for s in made]
     assert found[1] == found[2]
@@ -401,7 +401,7 @@ def test_a_search_from_a_joint_that_does_not_give_does_not_let_it_give_by_a_hair
         "presliding_damping_theta": Free(1e-3, 0.0, 0.1),
     }, initial_state="held")  # fmt: skip
     x = np.array([0.99, 0.0, 0.0])
-    best = refined(problem, x, 1, Watch()).best
+    best = refined(problem, x, Watch()).best
     assert best.point[1:].tolist() == [0.0, 0.0]
     assert best.cost < problem.cost(x)
     J = jacobian(problem, best.point, np.arange(3))[0]

@@ -193,7 +193,7 @@ def test_a_torque_that_a_controller_makes_closes_a_loop_and_one_that_is_played_d
 def test_friction_that_changes_while_a_rod_stands_is_said_with_its_rate(drift):
     problem = windowed(upright(*balanced(1, 3 * SPAN, drift)), 0.5)
     x = [TRUTH.get(u.target, v) for u, v in zip(problem.unknowns, problem.start.tolist(), strict=True)]
-    found = drift_of(problem, refined(problem, np.array(x), 1, Watch()).best.point)
+    found = drift_of(problem, refined(problem, np.array(x), Watch()).best.point)
     if not drift:
         assert found is None
     else:

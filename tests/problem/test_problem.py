@@ -132,7 +132,7 @@ def test_a_level_that_nothing_measures_is_found():
     levels = {"upper": Free(1.0, 0.0, 10.0), "lower": 1.0}
     e = Experiment("a", 0.02, run.states[:, 1:], np.zeros((1, 0)), initial=levels, units={"y": "V"})
     p = Problem(model, (e,), {"q": 1.0}, {"k": Free(1.0, 0.1, 5.0)}, initial_state="held")
-    x = refined(p, p.start, 1, Watch()).best.point
+    x = refined(p, p.start, Watch()).best.point
     assert dict(zip(p.names, x, strict=True)) == pytest.approx({"k": 0.5, "upper(0) [a]": 3.0}, rel=1e-6)
 
 

@@ -100,7 +100,7 @@ def test_what_coarser_recordings_lead_to_is_what_every_sample_leads_to_but_for_w
     seen = run.states[:, :1] + 1e-3 * np.random.default_rng(1).standard_normal((len(run.states), 1))
     swing = Experiment("swing", 5e-3, seen, np.zeros((1, 0)), initial={"phi": 0.6, "rate": 0.0})
     problem = Problem(model, (swing,), {"q": Free(0.95, 0.5, 1.2)}, {"k": Free(40.0, 5.0, 200.0)}, initial_state="held")
-    best = refined(problem, problem.start, 1, Watch()).best
+    best = refined(problem, problem.start, Watch()).best
     quick = finite_memories(problem, best, ["q"])
     monkeypatch.setattr("fracid.selection.finite_memory.thinned", lambda problem, _: problem)
     slow = finite_memories(problem, best, ["q"])

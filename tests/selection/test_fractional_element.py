@@ -23,7 +23,7 @@ def minimum(**truth):
     free = {"b_theta": Free(0.1, 0.0, 1.0), "b_alpha": Free(3e-4, 0.0, 0.1), "C4": Free(0.19, 0.1, 0.3)}
     swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
     problem = Problem(RIG, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, free, initial_state="estimate")
-    return problem, refined(problem, problem.start, 1, Watch()).best
+    return problem, refined(problem, problem.start, Watch()).best
 
 
 @pytest.mark.broad

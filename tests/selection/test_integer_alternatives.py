@@ -30,7 +30,7 @@ def fitted(twin, more=None, **options):
     """The problem with all friction free, and its minimum."""
     free = {n: Free(v, 0.0, 100 * v) for n, v in FRICTION.items()} | (more or {})
     problem = Problem(RIG, (twin,), **{"orders": BOTH, "parameters": free, "initial_state": "held"} | options)
-    return problem, refined(problem, problem.start, 1, Watch()).best
+    return problem, refined(problem, problem.start, Watch()).best
 
 
 def late(twin, samples):
@@ -128,7 +128,7 @@ def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_
     problem, best = fitted(Experiment("tiring", 4e-3, y, np.zeros((1, 1)), initial={"alpha": 0.5}), orders=ones)
     parts = in_parts(problem, 3, list(FRICTION))
     assert best.cost > 3e-3
-    assert refined(parts, parts.start, 1, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)
+    assert refined(parts, parts.start, Watch()).best.cost == pytest.approx(8e-4, rel=0.1)
 
 
 @pytest.mark.broad

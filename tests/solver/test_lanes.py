@@ -124,12 +124,12 @@ def test_a_search_asks_for_points_of_long_recordings_together_and_finds_the_same
     measured = p.fitted(x, p.experiments[0])
     p = replace(p, experiments=(replace(p.experiments[0], measured=measured),))
     assert p.simulator.abreast == 1
-    alone = refined(p, p.start, 1, Watch()).best.point
+    alone = refined(p, p.start, Watch()).best.point
     asked = []
     run_together = lanes.run_together
     monkeypatch.setattr(lanes, "run_together", lambda *a: asked.append(len(a[1])) or run_together(*a))
     monkeypatch.setattr(simulator, "WORTH", 1000)
-    together = refined(replace(p), p.start, 1, Watch()).best.point
+    together = refined(replace(p), p.start, Watch()).best.point
     assert asked
     assert together == pytest.approx(alone, rel=1e-6)
 

@@ -342,7 +342,7 @@ def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named(outpu
 
 def minimum(p):
     """Of a problem whose start is next to it, with what is known there."""
-    x = refined(p, p.start, 1, Watch()).best.point
+    x = refined(p, p.start, Watch()).best.point
     return x, uncertainty(p, x)
 
 
@@ -410,7 +410,7 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
         y = flat.copy()
         y[:5] += 1e-6 * np.random.default_rng(seed).standard_normal((5, 2))
         other = replace(p, experiments=(replace(p.experiments[0], measured=y),))
-        moved.append(refined(other, x, 1, Watch()).best.point - x)
+        moved.append(refined(other, x, Watch()).best.point - x)
     assert len(p.experiments[0].slope_weights) == 5
     assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
 
@@ -420,7 +420,7 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
                          ids=["a valley", "levels", "huber"])  # fmt: skip
 def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum(options):
     p = problem(GOOD, **HELD, **options)
-    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    x = refined(p, p.start, Watch(), tolerance=1e-12).best.point
     known = uncertainty(p, x)
     assert "stopped-short" not in codes(after(p, x, known))
     size, along = np.linalg.eigh(known.covariance / np.outer(known.standard_error, known.standard_error))
@@ -443,7 +443,7 @@ def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum
 
 def test_a_prior_counts_in_where_the_minimum_is():
     p = problem(GOOD, parameters={"C1": replace(FREE["C1"], prior=Prior(1.002 * C1, 5e-4 * C1))}, **HELD)
-    x = refined(p, p.start, 1, Watch(), tolerance=1e-12).best.point
+    x = refined(p, p.start, Watch(), tolerance=1e-12).best.point
     known = uncertainty(p, x)
     assert "stopped-short" not in codes(after(p, x, known))
     step, _ = newton_step(p, x + 0.5 * known.standard_error, curvature(p, x + 0.5 * known.standard_error, np.arange(3)))
@@ -454,7 +454,7 @@ def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_co
     far = {"lambda": Free(1.15, 0.5, 1.2), "mu": Free(0.8, 0.5, 1.2)}
     p = problem(GOOD, orders=far, **HELD)
     for budget, says in ((4, True), (8, True), (100, False)):
-        x = refined(p, p.start, 1, Watch(), budget=budget).best.point
+        x = refined(p, p.start, Watch(), budget=budget).best.point
         assert ("stopped-short" in codes(after(p, x, uncertainty(p, x)))) == says
 
 

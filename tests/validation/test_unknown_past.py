@@ -34,7 +34,7 @@ def cut(whole, at, past=False):
 
 
 def checked(problem, whole=None, **options):
-    x = refined(problem, problem.start, 1, Watch(), tolerance=1e-6).best.point
+    x = refined(problem, problem.start, Watch(), tolerance=1e-6).best.point
     return cut_check(problem, x, uncertainty(problem, x), whole=whole, **options)
 
 

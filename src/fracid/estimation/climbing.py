@@ -56,14 +56,12 @@ def late_rungs(problem: Problem) -> dict[str, tuple[str, ...]]:
     return {rung: names for rung, names in rungs.items() if names}
 
 
-def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result]]:
+def climbed(problem: Problem, watch: Watch) -> list[tuple[str, Result]]:
     """What the whole record comes to from the simpler structure, and from the top of the climb; nothing without rungs.
 
     Parameters
     ----------
     problem : Problem
-    jobs : int
-        Threads.
     watch : Watch
         Told of every evaluation.
 
@@ -79,39 +77,39 @@ def climbed(problem: Problem, jobs: int, watch: Watch) -> list[tuple[str, Result
     simple = without(problem, elements)
     ends = []
     if simple.names:
-        below = growing(simple, simple.start, jobs, watch).best
+        below = growing(simple, simple.start, watch).best
         values = simple.named(below.point) | _off(problem, elements)
-        ends.append(("the simpler structure", refined(problem, embedded(problem, values), jobs, watch)))
-    return [*ends, ("windows", by_windows(problem, jobs, watch))]
+        ends.append(("the simpler structure", refined(problem, embedded(problem, values), watch)))
+    return [*ends, ("windows", by_windows(problem, watch))]
 
 
-def by_windows(problem: Problem, jobs: int, watch: Watch, **options: Any) -> Result:
+def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
     """The climb on windows, rung by rung, and from its top least squares on the whole record."""
     late, values = late_rungs(problem), dict(problem.parameter_starts)
     for k, names in enumerate(((), *late.values())):
         later = [n for rung in list(late)[k:] for n in late[rung]]
-        values |= on_windows(without(problem, later), values, names, jobs, watch)
-    return on_the_whole(problem, values, jobs, watch, **options)
+        values |= on_windows(without(problem, later), values, names, watch)
+    return on_the_whole(problem, values, watch, **options)
 
 
 def on_windows(
-    problem: Problem, values: Mapping[str, float], names: Sequence[str], jobs: int, watch: Watch
+    problem: Problem, values: Mapping[str, float], names: Sequence[str], watch: Watch
 ) -> Mapping[str, float]:
     """Orders and parameters that fit windows best, from these values and from each entry of the elements `names`."""
     pieces = in_windows(problem)
     starts = [embedded(pieces, {**values, **entry}) for entry in entries(problem, names)]
-    ends = [uninterrupted(refined(pieces, x, jobs, watch, **ROUGH)).best for x in starts]
+    ends = [uninterrupted(refined(pieces, x, watch, **ROUGH)).best for x in starts]
     best = min(ends, key=lambda e: e.cost)
-    return shared_values(pieces, uninterrupted(refined(pieces, best.point, jobs, watch, **FINE)).best.point)
+    return shared_values(pieces, uninterrupted(refined(pieces, best.point, watch, **FINE)).best.point)
 
 
-def on_the_whole(problem: Problem, values: Mapping[str, float], jobs: int, watch: Watch, **options: Any) -> Result:
+def on_the_whole(problem: Problem, values: Mapping[str, float], watch: Watch, **options: Any) -> Result:
     """Least squares on the whole record: first of what each recording has for itself, then of all."""
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:
-        own = growing(alone, alone.start, jobs, watch).best
+        own = growing(alone, alone.start, watch).best
         values = {**values, **alone.named(own.point)}
-    return refined(problem, embedded(problem, values), jobs, watch, **options)
+    return refined(problem, embedded(problem, values), watch, **options)
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:

@@ -65,8 +65,9 @@ PATIENCE = 2
 
 @dataclass
 class Watch:
-    """The log and the callback of a whole identification, over all its searches."""
+    """The threads, the log and the callback of a whole identification, over all its searches."""
 
+    jobs: int = 1
     log: EvaluationLog | None = None
     callback: Callable[[Evaluation, int], None] | None = None
     count: int = 0
@@ -89,12 +90,12 @@ class Watch:
         return self.best or replace(best, cost=np.inf, residuals=None, reason=part)
 
 
-def growing(problem: Problem, x: FloatArray, jobs: int, watch: Watch, also: Sequence[FloatArray] = ()) -> Result:
+def growing(problem: Problem, x: FloatArray, watch: Watch, also: Sequence[FloatArray] = ()) -> Result:
     """Least squares from x, and from others, on the first swing, then on ever more, up to the whole record."""
-    return grown_horizon(problem, [("given", x), *(("other", other) for other in also)], jobs, watch)[0]
+    return grown_horizon(problem, [("given", x), *(("other", other) for other in also)], watch)[0]
 
 
-def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Result:
+def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
     """Least squares from x; of windows at whose ends x is far off, first on ever more of each."""
     x = np.clip(x, problem.space.lower, problem.space.upper)
     if problem.in_windows:
@@ -102,14 +103,14 @@ def refined(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options:
     for seconds in _of_windows(problem, x):
         begins = problem.until(seconds)
         part = f"the first {seconds:.3g} s of each window"
-        result = minimised(begins, _descent(begins, x, tolerance=1e-2, budget=12), jobs, watch, part)
+        result = minimised(begins, _descent(begins, x, tolerance=1e-2, budget=12), watch, part)
         if result.interrupted:
             return replace(result, best=problem.evaluate(result.best.point))
         x = result.best.point
-    return minimised(problem, _descent(problem, x, **options), jobs, watch)
+    return minimised(problem, _descent(problem, x, **options), watch)
 
 
-def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, part: str = "") -> Result:
+def minimised(problem: Problem, optimiser: Optimiser, watch: Watch, part: str = "") -> Result:
     """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
     before, abreast = watch.count, problem.simulator.abreast
     begun, each = watch.work, problem.simulator.work
@@ -120,7 +121,7 @@ def minimised(problem: Problem, optimiser: Optimiser, jobs: int, watch: Watch, p
             watch.callback(watch.lowest(best, part), before + evaluations)
 
     result = minimise(
-        problem.evaluate, optimiser, jobs=jobs,
+        problem.evaluate, optimiser, jobs=watch.jobs,
         log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
         stop=lambda: watch.spent,
         together=(abreast, problem.evaluate_all) if abreast > 1 else None,
@@ -146,9 +147,8 @@ class _Way:
 
 
 def grown_horizon(
-    problem: Problem, points: list[tuple[str, FloatArray]], jobs: int, watch: Watch,
-    spare: Sequence[tuple[str, FloatArray]] = (),
-) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    problem: Problem, points: list[tuple[str, FloatArray]], watch: Watch, spare: Sequence[tuple[str, FloatArray]] = ()
+) -> tuple[Result, tuple[Start, ...]]:
     """Fit from several points on horizons that grow, and keep those that promise most at each.
 
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
@@ -159,11 +159,11 @@ def grown_horizon(
     parts, others = [*horizons(problem), whole], iter(spare)
     for number, horizon in enumerate(parts):
         last = horizon == whole
-        result, paths = _on_part(problem, live, horizon, whole, jobs, watch, first=number == 0)
+        result, paths = _on_part(problem, live, horizon, whole, watch, first=number == 0)
         for k in range(1, len(live)):
             if result.interrupted or _best_cost(paths[k]) < np.inf:
                 continue
-            end, paths[k] = _moved(problem, live[k], others, parts[: number + 1], whole, jobs, watch, paths[k])
+            end, paths[k] = _moved(problem, live[k], others, parts[: number + 1], whole, watch, paths[k])
             if end is not None:
                 best = min(result.best, end.best, key=lambda e: e.cost)
                 result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
@@ -177,7 +177,7 @@ def grown_horizon(
 
 
 def _on_part(
-    problem: Problem, live: list[_Way], horizon: float, whole: float, jobs: int, watch: Watch, *, first: bool,
+    problem: Problem, live: list[_Way], horizon: float, whole: float, watch: Watch, *, first: bool,
     keep: Sequence[int] = (0,),
 ) -> tuple[Result, list[Path]]:  # fmt: skip
     """Fit all that are on their way to the first `horizon` seconds."""
@@ -187,7 +187,7 @@ def _on_part(
     paths = [Path(came_down=w.came_down) for w in live]
     descents = [_descent(at, w.start.end, **options) for w in live]
     part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
-    result = minimised(at, lockstep(descents, paths, keep=keep), jobs, watch, part)
+    result = minimised(at, lockstep(descents, paths, keep=keep), watch, part)
     for way, path in zip(live, paths, strict=True):
         _advance(way, path, live, first, last, f"{horizon:.3g} s")
     return result, paths
@@ -195,14 +195,14 @@ def _on_part(
 
 def _moved(
     problem: Problem, way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[float], whole: float,
-    jobs: int, watch: Watch, path: Path,
+    watch: Watch, path: Path,
 ) -> tuple[Result | None, Path]:  # fmt: skip
     """Begin a start whose run fails anew from another point, up to where the others are; as it was if none is left."""
     for origin, x in others:
         way.now(origin=origin, point=x, end=x)
         way.came_down = False
         for k, horizon in enumerate(parts):
-            result, (path,) = _on_part(problem, [way], horizon, whole, jobs, watch, first=k == 0, keep=())
+            result, (path,) = _on_part(problem, [way], horizon, whole, watch, first=k == 0, keep=())
             if result.interrupted:
                 return result, path
             if not _best_cost(path) < np.inf:

@@ -170,7 +170,7 @@ def corrected(
         if isinstance(exact, Failure):
             return exact
         problem, before = exact, x
-        x = x + _step(problem, x, J) if J is not None else uninterrupted(refined(problem, x, jobs, Watch())).best.point
+        x = x + _step(problem, x, J) if J is not None else uninterrupted(refined(problem, x, Watch(jobs))).best.point
         moves.append(float(np.max(np.abs(x - before) / _sizes(problem, x), initial=0.0)))
         if moves[-1] <= SMALL * moves[0]:
             break

@@ -70,9 +70,8 @@ STRANGE = 1e50
 
 
 def search(
-    problem: Problem, optimiser: Entry, rng: np.random.Generator, *, jobs: int = 1, starts: int = 1,
-    watch: Watch | None = None, options: dict[str, Any] | None = None, executor: str = "threads",
-    journal: Journal | None = None,
+    problem: Problem, optimiser: Entry, rng: np.random.Generator, *, starts: int = 1, watch: Watch | None = None,
+    options: dict[str, Any] | None = None, executor: str = "threads", journal: Journal | None = None,
 ) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
     """Minimise the cost of a problem by an optimiser, an entry of :data:`fracid.optimise.OPTIMISERS`.
 
@@ -109,17 +108,17 @@ def search(
     require_free(problem.names)
     watch, options = watch or Watch(), options or {}
     if optimiser.function is not None:
-        result = minimised(problem, optimiser.function(problem.space, rng, **options), jobs, watch)
-        return (_polished(problem, result, jobs, watch) if optimiser.polish else result), ()
+        result = minimised(problem, optimiser.function(problem.space, rng, **options), watch)
+        return (_polished(problem, result, watch) if optimiser.polish else result), ()
     points = [("given", problem.start)]
     if at_least("starts", starts, 1, MOST_STARTS) > 1:
         points += _regression_start(problem)
-        points += _sobol_starts(problem, starts - len(points), rng, jobs, watch, **options)
+        points += _sobol_starts(problem, starts - len(points), rng, watch, **options)
     points, spare = points[:starts], points[starts:] if starts > 1 else []
     if executor != "threads" and starts > 1:
-        return _scattered(problem, points, executor, jobs, watch, journal)
-    result, made = grown_horizon(problem, points, jobs, watch, spare)
-    return (result, made) if result.interrupted else _climbing(problem, result, made, jobs, watch)
+        return _scattered(problem, points, executor, watch, journal)
+    result, made = grown_horizon(problem, points, watch, spare)
+    return (result, made) if result.interrupted else _climbing(problem, result, made, watch)
 
 
 def searched(project: Project, purpose: str, jobs: int) -> FloatArray:
@@ -131,19 +130,19 @@ def searched(project: Project, purpose: str, jobs: int) -> FloatArray:
         If no run reached its end, so that there is no model for a `purpose`.
     """
     optimiser, rng = optimiser_from_name(project.optimiser), np.random.default_rng(project.seed)
-    best = uninterrupted(search(project.problem, optimiser, rng, jobs=jobs, starts=project.starts)[0]).best
+    best = uninterrupted(search(project.problem, optimiser, rng, starts=project.starts, watch=Watch(jobs))[0]).best
     if not np.isfinite(best.cost):
         raise DataError(f"{project.path}: no run reached its end: {best.reason}. There is no model to {purpose}.")
     return best.point
 
 
 def _climbing(
-    problem: Problem, result: Result, made: tuple[Start, ...], jobs: int, watch: Watch
+    problem: Problem, result: Result, made: tuple[Start, ...], watch: Watch
 ) -> tuple[Result, tuple[Start, ...]]:
     """The lower of what the starts came to and what a climb to rich friction comes to, where there is any."""
     before = watch.count
     try:
-        ends = climbed(problem, jobs, watch)
+        ends = climbed(problem, watch)
     except KeyboardInterrupt:
         return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
     starts = [
@@ -154,11 +153,11 @@ def _climbing(
     return replace(lowest, evaluations=result.evaluations + watch.count - before), (*made, *starts)
 
 
-def _polished(problem: Problem, result: Result, jobs: int, watch: Watch) -> Result:
+def _polished(problem: Problem, result: Result, watch: Watch) -> Result:
     """Go on by least squares from where a search without derivatives came to, where the cost has residuals."""
     if result.interrupted or problem.cost_function.loss is None or not np.isfinite(result.best.cost):
         return result
-    after = refined(problem, result.best.point, jobs, watch)
+    after = refined(problem, result.best.point, watch)
     best = min(result.best, after.best, key=lambda e: e.cost)
     final = after if after.interrupted else result
     return replace(final, best=best, evaluations=result.evaluations + after.evaluations)
@@ -181,7 +180,7 @@ def _regression_start(problem: Problem) -> list[tuple[str, FloatArray]]:
 
 
 def _sobol_starts(
-    problem: Problem, count: int, rng: np.random.Generator, jobs: int, watch: Watch, candidates: int = CANDIDATES
+    problem: Problem, count: int, rng: np.random.Generator, watch: Watch, candidates: int = CANDIDATES
 ) -> list[tuple[str, FloatArray]]:
     """Sobol points, `count` at least, those that come nearest on the first swing first; initial states as measured.
 
@@ -201,7 +200,7 @@ def _sobol_starts(
     for _ in range(DRAWS):
         more = np.where(measured, problem.start, sobol_points(problem.space, count * candidates, rng))
         points = np.concatenate([points, more])
-        if minimised(part, score(more), jobs, watch, "starts on the first swing").interrupted:
+        if minimised(part, score(more), watch, "starts on the first swing").interrupted:
             break  # what is interrupted has scored nothing
         if np.count_nonzero([np.isfinite(e.cost) for e in evaluations]) >= count:
             break
@@ -214,12 +213,11 @@ def _sobol_starts(
 
 
 def _scattered(
-    problem: Problem, points: list[tuple[str, FloatArray]], executor: str, jobs: int, watch: Watch,
-    journal: Journal | None,
-) -> tuple[Result, tuple[Start, ...]]:  # fmt: skip
+    problem: Problem, points: list[tuple[str, FloatArray]], executor: str, watch: Watch, journal: Journal | None
+) -> tuple[Result, tuple[Start, ...]]:
     """One task a start."""
     tasks = [Task(origin, (problem, origin, x)) for origin, x in points]
-    results = [*run_tasks(_one_start, tasks, executor=executor, jobs=jobs, journal=journal).values()]
+    results = [*run_tasks(_one_start, tasks, executor=executor, jobs=watch.jobs, journal=journal).values()]
     ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
         Start(origin, x, e.first_cost, np.array(e.end), e.cost, e.ended, e.evaluations)
@@ -233,5 +231,5 @@ def _scattered(
 
 def _one_start(problem: Problem, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
-    result, (start,) = grown_horizon(problem, [(origin, x)], 1, Watch())
+    result, (start,) = grown_horizon(problem, [(origin, x)], Watch())
     return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": result.outcome.value})

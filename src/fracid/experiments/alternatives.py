@@ -236,7 +236,7 @@ def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapp
         elements = [e for change in ELEMENTS for e in change(rival.problem)
                     if e.slow and e.possible and e.whole is None]  # fmt: skip
         for element in elements:
-            there = fitted_with(element, own, 0.0, jobs=subject.jobs)
+            there = fitted_with(element, own, 0.0, watch=Watch(subject.jobs))
             left = without if there is None else min(without, _square(subject, there, counts))
             squares[element.name] = squares.get(element.name, 0.0) + left - without
         friction += without
@@ -366,10 +366,8 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     joints, kinds = ("", *moving(joint)), joint.model.friction
     friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
     joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
-    grown = growing(
-        joint, joint.start, subject.jobs, Watch()
-    ).best.point  # on the whole at once it may end a swing ahead
-    ends = [refined(joint, x, subject.jobs, Watch(), tolerance=1e-8).best for x in (joint.start, grown)]
+    grown = growing(joint, joint.start, Watch(subject.jobs)).best.point  # on the whole at once it may end a swing ahead
+    ends = [refined(joint, x, Watch(subject.jobs), tolerance=1e-8).best for x in (joint.start, grown)]
     best = min(ends, key=lambda e: e.cost)
     joint = starting_at(joint, joint.named(best.point))
     elements = {e.name: e.problem for e in _elements(joint)}

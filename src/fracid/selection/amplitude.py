@@ -276,7 +276,7 @@ def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, fl
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
     """A recording that was not fitted, with its own unknowns found."""
     alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
-    own = growing(alone, alone.start, jobs, Watch()).best.point if alone.names else alone.start
+    own = growing(alone, alone.start, Watch(jobs)).best.point if alone.names else alone.start
     values = dict(zip((*problem.names, *alone.names), (*x.tolist(), *own.tolist()), strict=True))
     return whole, np.array([values[n] for n in whole.names]), e
 
@@ -361,7 +361,7 @@ def _window(
     piece, times = _piece(problem, x, e, span, fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
-    best = refined(piece, start, jobs, Watch(), tolerance=1e-5, budget=40).best
+    best = refined(piece, start, Watch(jobs), tolerance=1e-5, budget=40).best
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")

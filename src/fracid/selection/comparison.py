@@ -327,16 +327,16 @@ def _fit_project(
 
     `before` has its minimum at a coarser step; a fit at this one would not know that, and may come to another.
     """
-    given, watch, opened = place.fold.ladder.given, Watch(), tuple[OpenedBound, ...]()
+    given, watch, opened = place.fold.ladder.given, Watch(jobs), tuple[OpenedBound, ...]()
     if given.names:
         entry = OPTIMISERS[optimiser]
         if given.cost_function.loss is None:
             entry = OPTIMISERS["differential-evolution"]
         elif entry.keeps_its_own:
             entry = OPTIMISERS["multistart"]
-        ends = [search(given, entry, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)[0].best]
+        ends = [search(given, entry, np.random.default_rng(seed), starts=starts, watch=watch)[0].best]
         if before is not None:
-            ends.append(_descended(given, embedded(given, before), jobs, watch))
+            ends.append(_descended(given, embedded(given, before), watch))
         within = min(ends, key=_cost)
         wider, best = open_bounds(given, within, jobs=jobs)
         opened, given = opened_bounds(given, within.cost, wider, best), wider
@@ -355,11 +355,11 @@ def _fit_structure(
     `below` has where it may start, each with all values: the minima of the structures that it holds, and the fit of the
     project.  `before` has its minimum at a coarser step, how that was found, and that step's number a sample.
     """
-    structure, others, watch = place.fold.ladder[name], place.fold.held_out, Watch()
+    structure, others, watch = place.fold.ladder[name], place.fold.held_out, Watch(jobs)
     problem = structure.problem
     best, outcome = (
-        _fitted(structure, below, seed, starts, jobs, watch) if before is None
-        else _refitted(structure, below, *before, jobs, watch)
+        _fitted(structure, below, seed, starts, watch) if before is None
+        else _refitted(structure, below, *before, watch)
     )  # fmt: skip
     values, errors = problem.named(best.point), problem.errors(best.point)
     alike = {"values": values, "parameters": len(values), "work": watch.work}
@@ -395,7 +395,7 @@ def _fit_structure(
 
 
 def _fitted(
-    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, jobs: int, watch: Watch
+    structure: Structure, below: Mapping[str, Mapping[str, float]], seed: int, starts: int, watch: Watch
 ) -> tuple[Evaluation, str]:
     """The lowest that the search comes to, from the structures below and from its own start, or by windows.
 
@@ -404,33 +404,31 @@ def _fitted(
     problem = structure.problem
     if not problem.names:
         return problem.evaluate(problem.start), "nothing is free"
-    begun = [_lower(problem, structure.embed(values), f"from the optimum of {origin}", jobs, watch, budget=WARM)
+    begun = [_lower(problem, structure.embed(values), f"from the optimum of {origin}", watch, budget=WARM)
              for origin, values in below.items()]  # fmt: skip
     if structure.given and GIVEN in below:  # its own search is that
         pass
     elif late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
-        begun += _climbed(structure, jobs, watch)
+        begun += _climbed(structure, watch)
     else:
         optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
-        result, _ = search(problem, optimiser, np.random.default_rng(seed), jobs=jobs, starts=starts, watch=watch)
+        result, _ = search(problem, optimiser, np.random.default_rng(seed), starts=starts, watch=watch)
         lowest = min((end.cost for end, _ in begun), default=math.inf)
         if result.best.cost <= lowest and problem.cost_function.loss is not None:
             return result.best, f"from its own start, {result.outcome.value}"
         begun = [(result.best, f"from its own start, {result.outcome.value}"), *begun]
     best, how = min(begun, key=lambda end: _cost(end[0]))
-    return min(best, _descended(problem, best.point, jobs, watch), key=_cost), how
+    return min(best, _descended(problem, best.point, watch), key=_cost), how
 
 
-def _lower(
-    problem: Problem, x: FloatArray, how: str, jobs: int, watch: Watch, **options: Any
-) -> tuple[Evaluation, str]:
+def _lower(problem: Problem, x: FloatArray, how: str, watch: Watch, **options: Any) -> tuple[Evaluation, str]:
     """What least squares comes to, or x where that is no lower."""
-    return min(problem.evaluate(x), _descended(problem, x, jobs, watch, **options), key=_cost), how
+    return min(problem.evaluate(x), _descended(problem, x, watch, **options), key=_cost), how
 
 
 def _refitted(
     structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, coarse: int,
-    jobs: int, watch: Watch,
+    watch: Watch,
 ) -> tuple[Evaluation, str]:  # fmt: skip
     """The minimum at a finer step that the one at `coarse` steps leads to, where no structure that it holds is lower.
 
@@ -441,36 +439,36 @@ def _refitted(
         return problem.evaluate(own), how
     nested = [problem.evaluate(structure.embed(simpler)) for simpler in below.values()]
     before = replace(problem, substeps=coarse).cost(own)
-    near, _ = _lower(problem, own, how, jobs, watch)
+    near, _ = _lower(problem, own, how, watch)
     lowest = min([near, *nested], key=_cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
     ends = [(near, how)]
     if problem.cost_function.loss is not None:  # the finer step has shifted the phase
-        ends.append((growing(problem, own, jobs, watch).best, how))
+        ends.append((growing(problem, own, watch).best, how))
     if late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
-        ends += _climbed(structure, jobs, watch)
-    ends += [_lower(problem, structure.embed(simpler), f"from the optimum of {origin}", jobs, watch)
+        ends += _climbed(structure, watch)
+    ends += [_lower(problem, structure.embed(simpler), f"from the optimum of {origin}", watch)
              for origin, simpler in below.items()]  # fmt: skip
     return min(ends, key=lambda end: end[0].cost)
 
 
-def _climbed(structure: Structure, jobs: int, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
+def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
     """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that."""
     problem, late = structure.problem, late_rungs(structure.problem)
     if structure.top not in late:  # a drag or a cable came in last: it may matter more than all that came before
         simple = without(problem, [n for rung in late.values() for n in rung])
-        x = structure.embed(assignment(simple, growing(simple, simple.start, jobs, watch).best.point))
-        yield _lower(problem, x, "from the simpler structure", jobs, watch, budget=WARM)
+        x = structure.embed(assignment(simple, growing(simple, simple.start, watch).best.point))
+        yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)
     elif not structure.fractional:
-        yield by_windows(problem, jobs, watch, budget=WARM).best, "by windows"
+        yield by_windows(problem, watch, budget=WARM).best, "by windows"
 
 
-def _descended(problem: Problem, x: FloatArray, jobs: int, watch: Watch, **options: Any) -> Evaluation:
+def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
     if problem.cost_function.loss is None:
         space = replace(problem.space, start=np.clip(x, problem.space.lower, problem.space.upper))
-        return minimised(problem, nelder_mead(space, None), jobs, watch).best
-    return refined(problem, x, jobs, watch, **({"tolerance": 1e-5} | options)).best
+        return minimised(problem, nelder_mead(space, None), watch).best
+    return refined(problem, x, watch, **({"tolerance": 1e-5} | options)).best
 
 
 def _predicted(
@@ -481,9 +479,9 @@ def _predicted(
     alone = windowed(alone, window) if window else alone
     x = alone.start
     if alone.names and alone.cost_function.loss is None:
-        x = _descended(alone, x, jobs, Watch()).point
+        x = _descended(alone, x, Watch(jobs)).point
     elif alone.names:
-        x = growing(alone, x, jobs, Watch()).best.point
+        x = growing(alone, x, Watch(jobs)).best.point
     return alone, alone.recordings[e.name][0], alone.followed(x, e.name)
 
 
@@ -652,10 +650,10 @@ class _Study:
         """What of integer order comes nearest to a fractional structure."""
         own = self.whole.origin.load()[2]
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
-        how = {"jobs": self.execution.jobs, "starts": self.starts, "seed": self.seed}
-        most = MORE * max(TIMES * self.work, LEAST)
+        how = {"starts": self.starts, "seed": self.seed}
+        watch = Watch(self.execution.jobs, most=MORE * max(TIMES * self.work, LEAST))
         (found,) = self._follow("alternatives", "integer-order alternatives", _try_alternatives, [row],
-                                _half_widths(row), others, most, how).values()  # fmt: skip
+                                _half_widths(row), others, watch, how).values()  # fmt: skip
         return None if found["alternative"] is None else record_of(Alternative, found["alternative"])
 
     def amplitude(self, comparison: Comparison, structures: Sequence[str]) -> dict[str, AmplitudeTest]:
@@ -700,13 +698,13 @@ def _log_evidence(place: _Place, name: str, values: Mapping[str, float], jobs: i
 
 def _try_alternatives(
     place: _Place, name: str, values: dict[str, float], half: dict[str, float], others: dict[str, dict[str, float]],
-    most: float, how: dict[str, Any],
+    watch: Watch, how: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
     """Look for them with so much work at most, which is counted in steps, as beside a fit."""
     problem, x = place.minimum(name, values)
     every = place.fold.ladder.structures
     beside = {s.friction: starting_at(s.problem, others[s.name]) for s in every if s.name in others}
-    nearest = integer_alternatives(problem, problem.evaluate(x), half, own=beside, watch=Watch(most=most), **how)
+    nearest = integer_alternatives(problem, problem.evaluate(x), half, own=beside, watch=watch, **how)
     return {"alternative": None if nearest is None else as_json(Alternative, nearest)}
 
 

@@ -85,7 +85,7 @@ AT_END = 1e-2
 
 
 def finite_memories(
-    problem: Problem, best: Evaluation, off: Sequence[str], *, jobs: int = 1, watch: Watch | None = None
+    problem: Problem, best: Evaluation, off: Sequence[str], *, watch: Watch | None = None
 ) -> tuple[FiniteMemory, ...]:
     """Fit one, two, three relaxations in the place of orders, until they do as well.
 
@@ -96,8 +96,6 @@ def finite_memories(
         Its minimum.
     off : sequence of str
         The free orders that are off their integers, those of springpots among them.
-    jobs : int
-        Threads.
     watch : Watch, optional
         Counts the work, and ends it.
 
@@ -117,13 +115,13 @@ def finite_memories(
     >>> record = Experiment("warm", 0.1, warm[:, None], np.ones((1, 1)), initial={"T": 0.0})
     >>> problem = Problem(model, (record,), {"q": Free(0.9, 0.3, 1.5)},
     ...                   {"C": Free(2.0, 0.1, 50.0), "h": Free(0.5, 0.0, 5.0)}, initial_state="held")
-    >>> best = refined(problem, problem.start, 1, Watch()).best
+    >>> best = refined(problem, problem.start, Watch()).best
     >>> [(m.relaxations, m.as_well) for m in finite_memories(problem, best, ["q"])]
     [(1, True)]
     """
     watch = watch or Watch()
     groups, about = _groups(problem, off), thinned(problem, best.point)
-    far, own = FAR * about.cost(best.point), _parameters(problem, best.point, set(), jobs)
+    far, own = FAR * about.cost(best.point), _parameters(problem, best.point, set(), watch.jobs)
     memories: list[FiniteMemory] = []
     values = problem.named(best.point)
     fewer: dict[str, float] = {}
@@ -132,13 +130,13 @@ def finite_memories(
         nearly = rival if about is problem else _relaxing(about, best, groups, count)
         starts = [values | _begun(about, best, groups, count, place) for place in PLACES]
         starts += [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
-        end = _lowest(nearly, starts, jobs, watch, FINE if nearly is rival else FAIR)
+        end = _lowest(nearly, starts, watch, FINE if nearly is rival else FAIR)
         fewer = nearly.named(end.point)
-        more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, jobs) - own
+        more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, watch.jobs) - own
         if nearly is not rival:
             far_off, end = end.cost > far, rival.evaluate(embedded(rival, fewer))
             for steps in () if far_off else (SOME, FINE):
-                found = uninterrupted(refined(rival, end.point, jobs, watch, **steps))
+                found = uninterrupted(refined(rival, end.point, watch, **steps))
                 end = found.best
                 if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more) > HOPELESS:
                     break
@@ -148,12 +146,10 @@ def finite_memories(
     return tuple(memories)
 
 
-def _lowest(
-    rival: Problem, starts: Sequence[Mapping[str, float]], jobs: int, watch: Watch, last: Mapping[str, Any]
-) -> Evaluation:
-    ends = [uninterrupted(refined(rival, embedded(rival, x), jobs, watch, **ROUGH)).best for x in starts]
+def _lowest(rival: Problem, starts: Sequence[Mapping[str, float]], watch: Watch, last: Mapping[str, Any]) -> Evaluation:
+    ends = [uninterrupted(refined(rival, embedded(rival, x), watch, **ROUGH)).best for x in starts]
     end = min(ends, key=lambda e: e.cost)
-    return end if end.residuals is None else uninterrupted(refined(rival, end.point, jobs, watch, **last)).best
+    return end if end.residuals is None else uninterrupted(refined(rival, end.point, watch, **last)).best
 
 
 def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, more: int) -> float:

@@ -148,7 +148,7 @@ def fractional_element(
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)},
     ...                   {"b_alpha": Free(3e-4, 0.0, 0.1)}, initial_state="held")
-    >>> best = refined(problem, problem.start, 1, Watch()).best
+    >>> best = refined(problem, problem.start, Watch()).best
     >>> element = fractional_element(problem, best)
     >>> element.name, round(element.strength, 5), round(element.order, 2)
     ('springpot_alpha', 0.0002, 0.4)
@@ -164,7 +164,7 @@ def fractional_element(
             order: Free(score.order, 0.05, 0.95)}  # fmt: skip
     with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
     values = problem.named(best.point) | {n: v.start for n, v in free.items()}
-    end = uninterrupted(refined(with_it, embedded(with_it, values), jobs, Watch())).best
+    end = uninterrupted(refined(with_it, embedded(with_it, values), Watch(jobs))).best
     if end.residuals is None:
         return None
     _, gain = gain_over(Rival(with_it, end, "", {}), problem, best)

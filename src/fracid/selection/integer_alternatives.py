@@ -202,7 +202,7 @@ ELEMENTS: tuple[Change, ...] = (
 
 
 def integer_alternatives(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True, jobs: int = 1,
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, slow: bool = True,
     own: Mapping[str, Problem] | None = None, starts: int = 1, seed: int = 1, watch: Watch | None = None,
 ) -> Alternative | None:  # fmt: skip
     """Fit what of integer order could explain the recordings as well as the orders of a fit do, until one does.
@@ -216,8 +216,6 @@ def integer_alternatives(
         Half the 95 % interval of each free order.
     slow : bool
         Whether what adds states to the model is tried too.
-    jobs : int
-        Threads.
     own : mapping, optional
         Models of integer order that are tried too, by name, on the same recordings.
     starts, seed : int
@@ -247,13 +245,13 @@ def integer_alternatives(
     [('friction', True)]
     """
     watch = watch or Watch()
-    here = integer_rival(problem, best, widths, jobs=jobs, watch=watch)
+    here = integer_rival(problem, best, widths, watch=watch)
     if here is None:
         return None
     n, gain = gain_over(here, problem, best)
     as_well = _as_well(gain, here.evaluation.cost, best.cost)
     trials = [Trial("friction" if here.own else "the same model", here.evaluation.cost, gain, as_well)]
-    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, jobs, watch)]
+    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, watch)]
     trials += [trial for _, trial in others]
     settled, base = any(t.as_well for t in trials), here
     for change in ELEMENTS:
@@ -262,7 +260,7 @@ def integer_alternatives(
                 trials.append(Trial(element.name, math.inf, math.inf))
                 continue
             beside = _on_the_same_samples(problem, best, element)
-            there = None if beside is None else fitted_with(element, base, beside.cost, jobs=jobs, watch=watch)
+            there = None if beside is None else fitted_with(element, base, beside.cost, watch=watch)
             if there is None or beside is None:
                 continue
             samples, gain_there = gain_over(there, problem, beside)
@@ -278,9 +276,8 @@ def integer_alternatives(
         if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
             here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
     as_well = any(t.as_well for t in trials)
-    memories = () if as_well or not slow or watch.spent else finite_memories(
-        problem, best, [*here.off], jobs=jobs, watch=watch
-    )  # fmt: skip
+    last = as_well or not slow or watch.spent
+    memories = () if last else finite_memories(problem, best, [*here.off], watch=watch)
     warning = warning_of(here, best.cost, gain) if as_well else ""
     orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
     return Alternative(
@@ -290,9 +287,8 @@ def integer_alternatives(
 
 
 def _of_the_project(
-    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, jobs: int,
-    watch: Watch,
-) -> Iterator[tuple[Rival, Trial]]:  # fmt: skip
+    own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, watch: Watch
+) -> Iterator[tuple[Rival, Trial]]:
     """The models that a project names at their minima; not one whose runs fail.
 
     One that is larger than the fractional model must earn its further unknowns by Schwarz's criterion, however low its
@@ -301,9 +297,7 @@ def _of_the_project(
     """
     for name, alternative in own.items():
         rng = np.random.default_rng(seed)
-        end = uninterrupted(
-            search(alternative, OPTIMISERS["multistart"], rng, jobs=jobs, starts=starts, watch=watch)[0]
-        ).best
+        end = uninterrupted(search(alternative, OPTIMISERS["multistart"], rng, starts=starts, watch=watch)[0]).best
         if end.residuals is not None:
             rival = Rival(alternative, end, name, here.off, nested=False)
             _, gain = gain_over(rival, problem, best)
@@ -316,9 +310,7 @@ def _as_well(gain: float, cost: float, fractional: float) -> bool:
     return gain <= STRONG or cost <= (1 + SAME) * fractional
 
 
-def fitted_with(
-    element: Element, here: Rival, goal: float, *, jobs: int = 1, watch: Watch | None = None
-) -> Rival | None:
+def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | None = None) -> Rival | None:
     """Least squares from the best integer-order model so far, with the element at each of its entries.
 
     Parameters
@@ -328,8 +320,6 @@ def fitted_with(
         That model at its minimum.
     goal : float
         A cost; what is far from it, and hardly nearer than before, is left there.
-    jobs : int
-        Threads.
     watch : Watch, optional
         Counts the work, and ends it.
 
@@ -345,10 +335,10 @@ def fitted_with(
     if not problem.names:
         end = problem.evaluate(problem.start)
     else:
-        ends = [uninterrupted(refined(problem, x, jobs, watch, **ROUGH)).best for x in starts]
+        ends = [uninterrupted(refined(problem, x, watch, **ROUGH)).best for x in starts]
         end = min(ends, key=lambda e: e.cost)
         if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
-            end = uninterrupted(refined(problem, end.point, jobs, watch, **FINE)).best
+            end = uninterrupted(refined(problem, end.point, watch, **FINE)).best
     if end.residuals is None:
         return None
     return Rival(problem, end, here.integers, here.off, (*here.own, *element.names), (*here.elements, element.name))

@@ -213,7 +213,7 @@ class Rival:
 
 
 def integer_rival(
-    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, jobs: int = 1, watch: Watch | None = None
+    problem: Problem, best: Evaluation, widths: Mapping[str, float], *, watch: Watch | None = None
 ) -> Rival | None:
     """Fit the problem with integer orders and its friction free.
 
@@ -224,8 +224,6 @@ def integer_rival(
         Its minimum.
     widths : mapping
         Half the 95 % interval of each free order.
-    jobs : int
-        Threads.
     watch : Watch, optional
         Of the searches that this is one of.
 
@@ -258,7 +256,7 @@ def integer_rival(
     best_values = problem.named(best.point)
     as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
     if rival.names:
-        integer = uninterrupted(growing(rival, rival.start, jobs, watch or Watch(), also=(as_found,))).best
+        integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
     else:
         integer = rival.evaluate(rival.start)
     if integer.residuals is None:

@@ -98,7 +98,7 @@ def open_bounds(problem: Problem, best: Evaluation, *, jobs: int = 1) -> tuple[P
         trial = with_ranges(wider, _stopping(wider, end))
         if trial is wider:
             break
-        further = uninterrupted(refined(trial, embedded(trial, wider.named(end.point)), jobs, Watch())).best
+        further = uninterrupted(refined(trial, embedded(trial, wider.named(end.point)), Watch(jobs))).best
         if not _is_worth_it(trial, further, end):
             break
         wider, end = trial, further

@@ -57,7 +57,7 @@ def quiet_substeps(problem: Problem, x: FloatArray, half_widths: Mapping[str, fl
     >>> swing = Experiment("twin", 1e-2, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held",
     ...                   method="gl")
-    >>> x = refined(problem, problem.start, 1, Watch()).best.point
+    >>> x = refined(problem, problem.start, Watch()).best.point
     >>> quiet_substeps(problem, x, {"mu": 1.0}), quiet_substeps(problem, x, {"mu": 1e-3}) > 1
     (1, True)
     """
@@ -68,7 +68,7 @@ def quiet_substeps(problem: Problem, x: FloatArray, half_widths: Mapping[str, fl
         half = replace(problem, substeps=2 * problem.substeps)
         if not width and abs(half.cost(here.point) - here.cost) <= COARSE * here.cost:  # its minimum changes by less
             break
-        there = uninterrupted(refined(half, here.point, jobs, Watch(), **NEAR)).best
+        there = uninterrupted(refined(half, here.point, Watch(jobs), **NEAR)).best
         moved = max((abs(there.point[i] - here.point[i]) / width[i] for i in width), default=0.0)
         changed = abs(there.cost - here.cost)
         quiet = moved <= 1.0 and (problem.method != "pi2" or changed <= COARSE * here.cost)

@@ -128,7 +128,7 @@ def discretisation_check(
     if problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {})
     if problem.in_windows:  # at a window's end what a start is off by has grown
-        best = uninterrupted(refined(second, x, jobs, Watch(), budget=10)).best
+        best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
         return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point)
     finer = _minimum_beside(problem, x, second, jobs, near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
@@ -144,7 +144,7 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
             return there.x + there.step()
     shift = nearly_equal_shift(problem, x, other, jobs)
     if shift is None:
-        return uninterrupted(refined(other, x, jobs, Watch(), tolerance=1e-6, budget=20)).best.point
+        return uninterrupted(refined(other, x, Watch(jobs), tolerance=1e-6, budget=20)).best.point
     return np.clip(x + shift, problem.space.lower, problem.space.upper)
 
 
@@ -246,7 +246,7 @@ def _minimum_of(
         if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
-    return uninterrupted(refined(other, x, jobs, Watch())).best if point is None else other.evaluate(point), None
+    return uninterrupted(refined(other, x, Watch(jobs))).best if point is None else other.evaluate(point), None
 
 
 def _costs_differ(method: str, check: Discretisation) -> bool:

@@ -458,7 +458,7 @@ def _refitted(
     name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
 ) -> Treatment | Failure:
     begun = _carried(problem, x, other)
-    result = uninterrupted(refined(other, begun, jobs, Watch(), tolerance=1e-5, budget=budget))
+    result = uninterrupted(refined(other, begun, Watch(jobs), tolerance=1e-5, budget=budget))
     best = result.best
     if not math.isfinite(best.cost):
         return Failure(FailureReason.RUN, f"no run reached its end: {best.reason}")
