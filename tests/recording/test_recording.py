@@ -794,6 +794,13 @@ def test_what_is_no_path_is_called_by_its_kind_and_not_quoted(what):
         load_recording(what)
 
 
+@pytest.mark.parametrize("names", ["t,alpha,\n", "t,alpha\n", ""])
+def test_a_delimiter_at_each_lines_end_makes_no_column(names):
+    table = parse_text(f"{names}0,0.1,\n0.1,0.2,\n0.2,0.3,\n")
+    assert table.values.tolist() == [[0.0, 0.1], [0.1, 0.2], [0.2, 0.3]]
+    assert table.names == (("t", "alpha") if names else ("column 0", "column 1"))
+
+
 def test_of_hundreds_of_columns_that_nobody_named_some_are_looked_at(tmp_path):
     rows = np.random.default_rng(1).standard_normal((40, 260))
     np.savetxt(tmp_path / "bus.csv", np.column_stack([np.arange(40) / 100, rows]), delimiter=",", fmt="%.4f")
