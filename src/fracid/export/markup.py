@@ -40,7 +40,8 @@ def xml(template: str, **words: Any) -> str:
     from jinja2 import Environment, StrictUndefined
 
     jinja = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, finalize=_written)
-    jinja.filters |= {"one_line": one_line, "comment": _comment}
+    # a comment has no two hyphens, and nothing in it is escaped
+    jinja.filters |= {"one_line": one_line, "comment": lambda text: Markup(re.sub("-(?=-)", "- ", one_line(text)))}
     text = jinja.from_string(own_text(f"export/{template}")).render(words)
     reader = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     root = ElementTree.fromstring(text, reader)
@@ -54,11 +55,6 @@ def _written(value: Any) -> Any:
     if isinstance(value, tuple):
         return " ".join(f"{float(v):.12g}" for v in value)
     return repr(value) if isinstance(value, float) else value
-
-
-def _comment(text: str) -> Markup:
-    """What a comment of XML can hold, in which nothing is escaped."""
-    return Markup(re.sub("-(?=-)", "- ", one_line(text)))
 
 
 def initialiser(values: ArrayLike) -> str:

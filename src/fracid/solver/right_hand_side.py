@@ -117,7 +117,6 @@ def teach_helpers(function: Any) -> None:
     >>> float(out[0])
     -8.0
     """
-    _teach_joints()
     for helper in _helpers(function):
         _teach(helper)
 
@@ -171,10 +170,8 @@ def _content(cell: Any) -> Any:
         return None
 
 
-@cache
-def _teach_joints() -> None:
-    for element in joints.ELEMENTS:
-        nb.extending.register_jitable(error_model="numpy")(element)
+for _element in joints.ELEMENTS:
+    nb.extending.register_jitable(error_model="numpy")(_element)
 
 
 @once_for_equals

@@ -140,11 +140,10 @@ def read(
     scope.here = dict(zip(names, (_Time(), *arrays), strict=True))
     scope.finish(scope.node.body)
     body = _without_unused(tuple(scope.statements))
-    written = {e.index.value for e in parts(body) if isinstance(e, Entry) and e.array == "out"}  # type: ignore[union-attr]
     off = tuple(Assign(Entry("out", Number(n + i)), Number(0.0)) for i in relaxing if not _always(body, n + i))
     kept = {n + i for i in relaxing} | {*range(n)}
-    body = off + (body if written <= kept else _without_entries(body, written - kept))
-    return Program(states, relaxing, tuple(f for f in unit.functions.values() if f is not None), body)
+    asked = _without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value not in kept)  # type: ignore[union-attr]
+    return Program(states, relaxing, tuple(f for f in unit.functions.values() if f is not None), off + asked)
 
 
 def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -> tuple[tuple[Function, ...], Function]:
@@ -219,11 +218,6 @@ def _always(body: Sequence[Statement], index: int) -> bool:
         or (isinstance(s, If) and _always(s.body, index) and _always(s.orelse, index))
         for s in body
     )
-
-
-def _without_entries(body: tuple[Statement, ...], indices: set[float]) -> tuple[Statement, ...]:
-    """Without rates that nobody asks for."""
-    return _without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value in indices)  # type: ignore[union-attr]
 
 
 def _without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
