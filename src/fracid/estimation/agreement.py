@@ -21,10 +21,13 @@ from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.nearly_equal import chord_of_one, derivatives_of_each
 from fracid.estimation.profile_walk import refit
 from fracid.estimation.tangent import Tangent
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.scatter import SpreadBlock
 from fracid.tasks.job import in_threads
+
+SAYS = Words("estimation/agreement.toml")
 
 # --- each recording alone ------------------------------------------------------------------------------
 
@@ -64,12 +67,8 @@ class Spread(CardDisplay):
 
     def sentences(self) -> tuple[str, ...]:
         """What the recordings do not agree on, in words."""
-        return tuple(
-            f"{n} differs from recording to recording by {ratio:.1f} times its standard errors "
-            f"(from {np.nanmin(v):.4g} to {np.nanmax(v):.4g}): its interval is too narrow by about that."
-            for n, ratio, v in zip(self.names, self.birge, self.values.T, strict=True)
-            if ratio > 2
-        )
+        each = zip(self.names, self.birge, self.values.T, strict=True)
+        return tuple(SAYS("differs", name=n, ratio=r, low=np.nanmin(v), high=np.nanmax(v)) for n, r, v in each if r > 2)
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values."""
