@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +14,14 @@ from fracid.cli.app import (
     LONG,
     How,
     command,
-    new_console,
-    one_place,
     print_claim,
     print_study,
     print_table,
     say,
-    say_next,
     typed,
     warn,
 )
 from fracid.errors import DataError
-from fracid.safety.door import text_of
 from fracid.units import half_of, shown_unit, with_half_width, with_unit
 
 if TYPE_CHECKING:
@@ -37,7 +34,7 @@ MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 
 
-@command(*LONG, seed=None)
+@command("executor", "scheduler", *LONG, seed=None)
 def compare(
     project: Path,
     leave_one_out: bool = False,
@@ -47,8 +44,6 @@ def compare(
     keep: list[str] | None = None,
     rungs: list[str] | None = None,
     preset: str | None = None,
-    executor: str = "threads",
-    scheduler: str | None = None,
     *,
     how: How,
 ) -> None:
@@ -63,18 +58,12 @@ def compare(
     """
     from fracid.workflows.comparison import run_comparison
 
-    place = one_place(None if executor == "threads" else executor, scheduler) or "threads"
     finished = how.done(
         run_comparison, project, leave_one_out=leave_one_out, amplitude=amplitude, evidence=evidence,
-        starts=multi_start, keep=keep or (), rungs=rungs or (), preset=preset, executor=place,
+        starts=multi_start, keep=keep or (), rungs=rungs or (), preset=preset,
     )  # fmt: skip
-    if how.json_:
-        typer.echo(text_of(finished.path).rstrip("\n"))
-    else:
-        console = new_console()
-        _show(finished, console)
-        best = (typed("fit", finished.best, trust=how.trust), "the best structure: residuals, intervals, report")
-        say_next(console, *[best] * (finished.best is not None))
+    after = typed("fit", finished.best, trust=how.trust), "the best structure: residuals, intervals, report"
+    how.answer(finished.result, partial(_show, finished, [after] * (finished.best is not None)))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):
         raise typer.Exit(DataError.exit_code)
 
@@ -82,7 +71,7 @@ def compare(
 # ------------------------------------------------------------------ from results to text
 
 
-def _show(finished: FinishedComparison, console: Console) -> None:
+def _show(finished: FinishedComparison, after: list[tuple[str, str]], console: Console) -> None:
     from rich.markup import escape
 
     comparison = finished.comparison
@@ -102,7 +91,7 @@ def _show(finished: FinishedComparison, console: Console) -> None:
         warn(console, *test.sentences, mark="  ")
     if comparison.verdict not in comparison.claim_reasons:  # those stand above the tables
         say(console, f"[bold]{escape(comparison.verdict)}[/bold]")
-    print_study(console, finished, table=finished.table, best=finished.best)
+    print_study(console, finished, *after, table=finished.table, best=finished.best)
 
 
 def _print_structures(console: Console, comparison: Comparison) -> None:

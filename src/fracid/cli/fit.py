@@ -20,7 +20,6 @@ from fracid.cli.app import (
     command,
     echo_json,
     new_console,
-    one_place,
     print_claim,
     print_figures,
     print_table,
@@ -47,14 +46,12 @@ SHOWN = 3
 """So many notes are printed, what costs most first."""
 
 
-@command(*LONG, seed=None)
+@command("executor", "scheduler", *LONG, seed=None)
 def fit(
     project: Path,
     preset: str | None = None,
     optimiser: str | None = None,
     multi_start: int | None = None,
-    executor: str | None = None,
-    scheduler: str | None = None,
     cut: bool = False,
     *,
     how: How,
@@ -65,13 +62,12 @@ def fit(
     continues it.  Exit code 0 if the search ended, 1 if it was interrupted, 3 if no run of the model reached the end
     of the recording.
     """
-    place = one_place(executor, scheduler)
     with beginning(), watched("recordings", how.json_) as observer, drawer(how.jobs) as draws:
         with importing():
             from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
-        options = how.of(run, preset=preset, optimiser=optimiser, starts=multi_start, cut=cut, observer=observer)
-        finished = run(project, draws=draws, **options | {"executor": place})
+        finished = run(project, **how.of(run, preset=preset, optimiser=optimiser, starts=multi_start, cut=cut,
+                                         observer=observer, draws=draws))  # fmt: skip
     tell_fit(finished, json_=how.json_)
 
 

@@ -104,7 +104,7 @@ def run_comparison(
     preset: str | None = None,
     seed: int | None = None,
     jobs: int = 1,
-    executor: str = "threads",
+    executor: str | None = None,
     trust: bool = False,
     observer: Observer | None = None,
     command: Sequence[str] | None = None,
@@ -126,8 +126,8 @@ def run_comparison(
         In place of the project's.
     preset, jobs, trust, observer, command
         As of :func:`fracid.run`.
-    executor : str
-        ``threads``, ``processes`` or a scheduler's address.
+    executor : str, optional
+        ``threads``, ``processes`` or a scheduler's address; threads if left out.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def run_comparison(
     """
     watching = unless_given(observer)
     watching.stage("recordings")
-    project = loaded(project, preset, trust)
+    project, executor = loaded(project, preset, trust), executor or "threads"
     folder = folder_of(out, project.path, "compare")
     options: dict[str, Any] = {
         "leave_one_out": leave_one_out, "amplitude": amplitude, "evidence": evidence, "keep": sorted(keep),
