@@ -32,6 +32,7 @@ LONG_DOCTESTS = (
     "identification.identify", "noise.noise_levels", "sensor_faults.misread", "comparison.compare",
     "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test", "reduction.multi_term",
     "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states", "c.c_model", "Twin.of_library",
+    "inference.posterior", "long_records.coarse_problem", "long_records.thinned", "feedback.study.control",
     "finite_memory.finite_memories", "long_records.to_compare", "outputs.output_along",
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""

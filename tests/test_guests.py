@@ -34,6 +34,7 @@ def problem():
 # --- other processes and threads ------------------------------------------------------------------------
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("cost", COSTS)
 @pytest.mark.parametrize("memory", ["full", "compressed", "short(50)"])
 def test_a_problem_that_was_pickled_costs_the_same_to_the_bit(problem, cost, memory):

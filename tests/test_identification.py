@@ -61,6 +61,7 @@ def test_orders_are_found_from_far_starts(start):
     assert fit.outcome.startswith("converged")
 
 
+@pytest.mark.broad
 def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from_there(monkeypatch):
     swing = twin(orders={"lambda": 1.0, "mu": 1.0}, noise=1e-3)
 
@@ -237,6 +238,7 @@ def test_another_seed_searches_elsewhere():
     assert found[0] == found[1] != found[2]
 
 
+@pytest.mark.broad
 def test_every_evaluation_of_the_search_is_logged_and_called_back(tmp_path):
     calls = []
     with EvaluationLog(tmp_path / "log.jsonl") as log:
@@ -283,6 +285,7 @@ def test_a_validation_recording_may_have_its_own_parameters():
     assert fit.recordings["other"].parameters["alpha_rest"].value == pytest.approx(0.07, abs=1e-6)
 
 
+@pytest.mark.broad
 def test_a_validation_recording_that_no_run_reaches_the_end_of_is_told():
     high = replace(twin("high"), initial={"theta": 0.0, "alpha": 1e5})
     fit = identify(problem(), validation=(high,))
@@ -527,6 +530,7 @@ def test_a_recording_gives_its_residual_and_its_percent_of_fit():
     assert replace(flat, fitted={"alpha": np.zeros(3)}).fit_percent == {"alpha": -np.inf}
 
 
+@pytest.mark.broad
 def test_a_model_that_explains_nothing_is_told():
     other = problem(parameters={"C4": 0.05}, orders={"lambda": 0.9, "mu": Free(1.0, 0.95, 1.05)})
     fit = identify(other)

@@ -103,6 +103,7 @@ def voltages():
     return Problem(CELL, (cell,), {"q": Free(1.0, 0.5, 1.2)}, outputs=("voltage",), initial_state="held")
 
 
+@pytest.mark.broad
 def test_levels_of_noise_are_in_the_unit_of_the_output():
     study = fracid.noise_study(voltages(), np.array([0.9]), levels=[1e-3], resolutions=[0.0, 2e-3], seeds=2)
     assert [cell.label for cell in study.cells] == ["0.001 V of noise, no rounding", "0.001 V of noise, 0.002 V"]

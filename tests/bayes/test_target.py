@@ -137,6 +137,7 @@ def test_evidence_of_a_parameter_without_bounds_is_refused(swing):
     require_evidence(replace(swing, parameters={"b_alpha": Free(2e-4, 0.0, np.inf, prior=Prior(2e-4, 1e-4))}))
 
 
+@pytest.mark.broad
 def test_odds_of_other_recordings_are_refused(swing):
     (e,) = swing.experiments
     other = replace(swing, experiments=(replace(e, measured=e.measured + 1e-3),))

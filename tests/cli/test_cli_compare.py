@@ -210,6 +210,7 @@ def test_mistakes_are_answered_in_words(capsys, folder, arguments, says):
     assert "Traceback" not in err
 
 
+@pytest.mark.broad
 def test_one_recording_cannot_be_left_out(capsys, folder):
     text = PROJECT[: PROJECT.index('[[recording]]\nname = "low"')] + '[fit]\ninitial_state = "held"\n'
     (folder / "rig.toml").write_text(text, encoding="utf-8")

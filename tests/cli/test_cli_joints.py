@@ -53,6 +53,7 @@ def folder(made, tmp_path, monkeypatch):
     return tmp_path / "made"
 
 
+@pytest.mark.broad
 def test_it_is_fitted_and_the_page_has_its_elements_and_none_that_are_off(folder, capsys):
     result = json.loads((folder / "run" / "result.json").read_text(encoding="utf-8"))
     for name in ("presliding_alpha", "springpot_alpha"):
@@ -95,6 +96,7 @@ def test_each_command_takes_its_run(folder, capsys, command):
     assert all((folder / file).stat().st_size > 0 for file in files)
 
 
+@pytest.mark.broad
 def test_a_state_that_the_values_leave_out_has_no_start(folder, capsys):
     code, _, err = run(capsys, "simulate", "run", "--set", "presliding_alpha=0", "--initial", "z_alpha=0.01")
     assert code == 2

@@ -139,6 +139,7 @@ def test_of_a_very_long_recording_the_first_part_is_tested_and_drawn(capsys, goo
     assert drawn == [500, 500]
 
 
+@pytest.mark.broad
 def test_json_is_what_the_file_holds_and_nothing_else(capsys, good, tmp_path, undrawn):
     with pytest.raises(SystemExit):
         main(["resid", str(good / "run"), "--recording", "again", "--json", "--out", str(tmp_path)])

@@ -133,6 +133,7 @@ def test_messages_and_help_have_no_phrase_of_the_list():
     assert found == []
 
 
+@pytest.mark.broad
 def test_what_the_benchmarks_print_has_no_phrase_of_the_list():
     texts = ((m.name, re.sub(r"`[^`]+`", "`code`", text)) for m in ROOT.glob("benchmarks/*.py") for text in messages(m))
     assert [f"{name}: {p}" for name, text in texts for p in phrases(text)] == []

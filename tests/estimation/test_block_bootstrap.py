@@ -57,6 +57,7 @@ def test_blocks_are_neighbours_of_the_record():
     assert len(np.unique(roots[:, 0])) > 1
 
 
+@pytest.mark.broad
 def test_blocks_keep_the_correlation_that_single_samples_lose():
     errors = noise(20_000, 0.9, 1)
     length = round(residual_bandwidth([errors])) + 1

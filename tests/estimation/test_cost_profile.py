@@ -141,6 +141,7 @@ def test_a_pendulums_profile_agrees_with_the_sandwich_under_every_cost(cost):
     assert q.interval95[0] < q.best < q.interval95[1]
 
 
+@pytest.mark.broad
 def test_a_users_own_cost_has_a_profile_and_no_threshold():
     own = Cost("worst", function=lambda time, residual: float(np.max(np.abs(residual))))
     found = profile(pendulum(cost_function=own, end=1.0), parameters=["mu"], points=4)
@@ -166,6 +167,7 @@ def test_a_value_that_the_data_bound_from_below_only_is_one_sided():
     assert q.two_sided is None
 
 
+@pytest.mark.broad
 def test_a_ratio_alone_leaves_each_of_its_parts_flat():
     names = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha")
     free = {n: Free(v := RIG.parameter(n).value, v / 100, 100 * v) for n in names} | {
@@ -237,6 +239,7 @@ def test_a_lower_point_on_the_way_becomes_the_minimum_and_is_told(monkeypatch):
     assert found.profiles["a"].rise.min() > -0.01
 
 
+@pytest.mark.broad
 def test_jobs_do_not_change_a_bit():
     p = pendulum()
     one, three = (profile(p, points=5, joint=("lambda", "mu"), jobs=jobs).to_json() for jobs in (1, 3))

@@ -58,7 +58,7 @@ def thirty():
     return recordings(30, 40)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_a_step_by_blocks_is_the_step_of_all_rows(thirty, monkeypatch, weights):
     whole, parts = both(monkeypatch, thirty, initial_state="rest", weights=weights)

@@ -28,7 +28,7 @@ def problem(method="pi2", cost="rmse", orders=ORDERS):
                    method=method, cost_function=COSTS[cost])  # fmt: skip
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "bdf2"])
 @pytest.mark.parametrize("cost", ["rmse", "huber"])
 def test_a_chord_ends_where_a_search_does(method, cost):

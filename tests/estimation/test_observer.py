@@ -147,6 +147,7 @@ def test_sample_by_sample_is_the_same_as_all_at_once(watch):
     np.testing.assert_array_equal(rates, whole.states["rate"])
 
 
+@pytest.mark.broad
 def test_inputs_in_lines_and_held_ones_go_as_fracid_takes_them_at_a_finer_step_too():
     joint, t = fracid.model("joint"), STEP * np.arange(400)
     u = np.outer(0.2 * np.sin(5 * t), [name == "torque" for name in joint.inputs])

@@ -205,6 +205,7 @@ JOINTS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("case", JOINTS)
 def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
     alpha, sd, values, words = JOINTS[case]

@@ -52,6 +52,7 @@ def read(problem, noise, rng):
 # --- what is predicted -------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_the_predicted_scatter_is_that_of_twins(plan):
     problem, rng = joint(plan), np.random.default_rng(1)
     J = np.concatenate([j.reshape(-1, len(problem.names))

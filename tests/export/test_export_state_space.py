@@ -81,7 +81,7 @@ def test_an_operator_that_cannot_be_is_refused(order, band, words):
 # --- the models ------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CASES)
 def test_the_integer_order_model_swings_as_the_fractional_one(name):
     problem = CASES[name]
@@ -286,6 +286,7 @@ def test_the_files_hold_the_matrices(fitted, tmp_path):  # noqa: F811
         assert words in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("posture", ["hanging", "upright"])
 def test_the_figure_draws_both_models_of_every_output(posture):
     figure = linear_response(integer_model(CASES["one integer order"]), posture)

@@ -72,6 +72,7 @@ def test_a_model_is_identified_from_a_force(outputs):
     assert fit.recordings["twin"].unit("force") == "N"
 
 
+@pytest.mark.broad
 def test_states_that_a_function_alone_shows_are_asked_for_where_it_does_not_begin_at_rest():
     twin = problem(measured()[:, :1]).experiments[0]
     free = {"stiffness": 40.0, "damping": Free(1.0, 0.0, 5.0)}
@@ -91,6 +92,7 @@ def test_an_output_sees_the_input_after_a_jump():
     assert abs(at_truth - p.experiments[0].measured).max() < 2e-4
 
 
+@pytest.mark.broad
 def test_a_force_may_be_late():
     y = measured()[:, :1]
     late = np.vstack([y[:1], y[:1], y[:-2]])

@@ -94,6 +94,7 @@ def test_a_model_without_a_zero_says_none():
     assert "0 =" not in words(fitted_over_time(twin(200), zero=""))
 
 
+@pytest.mark.broad
 def test_only_a_validation_recording_says_that_it_was_not_fitted():
     assert "held out, predicted" in words(fitted_over_time(twin(200, use="validate")))
     assert "held out" not in words(fitted_over_time(twin(200)))

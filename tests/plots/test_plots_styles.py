@@ -306,7 +306,7 @@ def test_drawing_in_a_style_leaves_no_settings_behind():
 # --- zeros and units ---------------------------------------------------------------------------------
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_axis_of_the_pendulums_angle_says_where_it_is_zero(name):
     for axes in drawn(name).axes:

@@ -48,6 +48,7 @@ def test_the_rate_of_a_measured_length_is_the_slope_between_its_samples(project)
         assert e.between["speed"] == "hold"
 
 
+@pytest.mark.broad
 def test_errors_are_counted_in_the_standard_deviations_of_the_samples(project):
     problem = replace(project.problem, orders={"nu": NU}, parameters={"k": 2.0, "c": 5.0})
     together = np.concatenate(problem.errors(problem.start))

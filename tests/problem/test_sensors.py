@@ -150,6 +150,7 @@ def test_a_start_as_measured_is_freed_of_the_sensor():
     assert p.unpack(np.array([0.4, 2.0]), e)[2] == pytest.approx([0.8, 0.0])
 
 
+@pytest.mark.broad
 def test_samples_behind_a_mask_do_not_count():
     measured = noisy(swing(T))
     spoilt = measured.copy()

@@ -35,6 +35,7 @@ def moved(gain, seed, model=fracid.model("joint", **FIXED, **TRUE)):
                              between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
 
 
+@pytest.mark.broad
 def test_the_constants_of_a_servo_under_load_lie_in_their_intervals():
     ranges = {n: Free(1.4 * v, v / 10, 10 * v) for n, v in TRUE.items()}
     experiments = (moved(0.3, 1), moved(1.0, 2))

@@ -54,6 +54,7 @@ def test_edges_are_recognised_said_and_better_than_rounding(file):
     assert abs(error).max() < COUNT
 
 
+@pytest.mark.broad
 def test_a_project_and_a_guess_of_units_take_them_as_samples(file):
     assert fracid.load_recording(file, COLUMNS).step is not None
     assert "counts of 4096 a turn: its numbers are whole" in " ".join(

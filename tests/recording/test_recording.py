@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fracid.errors import DataError, InputError
@@ -163,6 +163,7 @@ def _matrix(layout):
     return matrix.T if layout == "rows" else matrix
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("layout", ["rows", "columns", "vectors"])
 @pytest.mark.parametrize(
     ("ending", "write"),
@@ -601,6 +602,7 @@ def test_an_impossible_step_is_refused(step):
         Recording.of("twin", TIME, {"alpha": ALPHA}).resample(step)
 
 
+@settings(max_examples=8)
 @given(at=st.floats(0.1, 3.8))
 def test_split_parts_together_are_the_whole(at):
     twin = Recording.of("twin", TIME, {"alpha": ALPHA})
@@ -630,6 +632,7 @@ def test_signals_of_another_length_than_time_are_refused():
 # --------------------------------------------------------------------------- what is measured
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("counts", [1024, 4000, 4096, 20000])
 @pytest.mark.parametrize("digits", [None, 5])
 def test_the_encoder_is_recognised_even_through_a_rounding_logger(counts, digits):

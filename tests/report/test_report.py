@@ -437,6 +437,7 @@ def test_a_gain_over_the_integer_orders_that_decides_nothing_is_not_called_evide
     )
 
 
+@pytest.mark.broad
 def test_a_recording_that_begins_in_motion_says_so_beside_its_data_and_the_claim_leads_there(material):
     before = material.result["recordings"]
     name = next(n for n, r in before.items() if r["use"] == "fit")
@@ -690,6 +691,7 @@ def test_the_command_writes_the_file_and_says_where(fitted, tmp_path, capsys):
     assert Parsed((tmp_path / "deep" / "rig.html").read_text(encoding="utf-8")).open == []
 
 
+@pytest.mark.broad
 def test_a_folder_without_a_run_and_a_place_that_cannot_be_written_are_sentences(fitted, tmp_path, material):
     with pytest.raises(InputError, match=r"result\.json"):
         write_report(tmp_path)
@@ -1075,6 +1077,7 @@ def test_a_script_that_got_in_would_not_run(browser, file, page, tmp_path):
 # --- long recordings -----------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the_page_says_so(material, monkeypatch):
     name, r = next(iter(material.recordings.items()))
     output, few = next(iter(r.measured)), r.time.size // 2

@@ -254,6 +254,7 @@ def _cut_after(calls):
     return limited
 
 
+@pytest.mark.broad
 def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
     fitted_until(5, project, tmp_path / "run")
     swing = project.parent / "swing.npz"

@@ -15,6 +15,7 @@ from fracid.errors import DataError, InputError
 from fuzz_inputs import PACKAGED, READERS, input_of
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("reader", READERS)
 def test_an_input_is_found_again_by_its_number(reader):
     inputs = [input_of(reader, number) for number in range(200)]

@@ -322,7 +322,7 @@ def test_a_message_does_not_command_the_terminal_whatever_the_file_is_called(cap
     assert "\x1b" not in err
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize(
     "words", [("simulate",), ("design", "--out"), ("posterior",), ("export",)], ids=lambda words: words[0]
 )

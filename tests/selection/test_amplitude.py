@@ -138,6 +138,7 @@ def test_fixed_orders_are_freed_and_those_of_an_honest_integer_model_stay_at_1()
     assert not test.disguised
 
 
+@pytest.mark.broad
 def test_both_orders_of_a_whole_rig_and_an_arm_that_sticks_tells_nothing():
     rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=3e-2)
     run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 0.97}, initial={"alpha": 0.5}, step=1e-2, end=9.0)

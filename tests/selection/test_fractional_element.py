@@ -55,6 +55,7 @@ def test_a_springpot_must_beat_the_integer_order_alternative_too():
     assert fractional_element(problem, best, goal=cost / (1 - SHARE / 4)) is None
 
 
+@pytest.mark.broad
 def test_nothing_is_looked_for_where_the_model_has_a_springpot_already():
     problem, best = minimum()
     with_one = replace(problem, parameters={**problem.parameters, "springpot_alpha": Free(1e-4, 0.0, 1.0)})

@@ -243,6 +243,7 @@ def test_what_is_fixed_stays_and_what_is_tied_has_its_own_integer():
     assert integer_values(fixed) == fixed.orders
 
 
+@pytest.mark.broad
 def test_the_result_file_says_what_each_order_is_in_the_integer_order_model():
     told = identify(sought(mount(**R_IS_0), struck(mount(), r=0.4))).to_json()["orders"]
     assert {n: order["integer"] for n, order in told.items()} == {"v": 1.0, "r": 0.0}

@@ -118,6 +118,7 @@ def _in_lanes(each):
     return run
 
 
+@pytest.mark.broad
 def test_a_search_asks_for_points_of_long_recordings_together_and_finds_the_same(monkeypatch):
     p = problem(until=4.0)
     x = p.start * 1.01

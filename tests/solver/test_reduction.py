@@ -99,6 +99,7 @@ def test_derivatives_do_not_compose_across_a_whole_number(n, step, r):
     assert abs(value(caputo(caputo(y, n), step), 0.7)) > 0.1
 
 
+@pytest.mark.broad
 def test_a_chain_that_steps_over_a_whole_number_forgets_the_speed_there():
     # D^1.5 y = 0 from y(0) = 0, y'(0) = 1 is y = t; D^.8 z = D^.7 y stays where it is
     def naive(t, x, u, p, out):
@@ -146,7 +147,7 @@ def test_there_are_no_more_states_than_composition_needs(orders, form, states):
 # --- known solutions -------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", MULTI_TERM, **by_name)
 def test_pi2_converges_to_the_known_solution_in_all_derivatives(problem, form):
@@ -164,6 +165,7 @@ def test_the_star_is_of_second_order_where_the_highest_derivative_is_smooth(prob
     assert fine < coarse / 2**1.75 or fine < 1e-10
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("method", ["gl", "gl-sequential"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", [p for p in MULTI_TERM if "100" not in p.name and p is not T18], **by_name)
@@ -198,6 +200,7 @@ def test_t6_and_t14_converge_as_they_should():
     assert np.log2(far[0] / far[1]) / 3 > 1.1
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("problem", STIFF, **by_name)
 def test_pi2_solves_stiff_problems_at_steps_far_above_their_time_constants(problem):
     coarse, fine = (known_error(problem, problem.step / k) for k in (2, 4))

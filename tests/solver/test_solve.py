@@ -60,6 +60,7 @@ def test_pi2_reaches_the_known_solution(problem, method):
     assert np.all(errors(problem, problem.step / 8, method=method) < constant * 1e-5 * max(1.0, scale(problem)))
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("method", SECOND_ORDER)
 @pytest.mark.parametrize(
     ("problem", "plain"),
@@ -80,6 +81,7 @@ def test_pi2_converges_at_order_two_once_the_start_is_corrected(problem, plain, 
         assert corrected < fine
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     "problem",
     [t2(0.9), t2(1.5), T8, T19, T20, T27, T33, m1(0.0), m1(0.0417), T1, T11, relaxation(0.3), relaxation(0.6)],
@@ -171,6 +173,7 @@ def test_compressed_memory_gives_the_trajectory_of_full_memory(problem, method):
     np.testing.assert_allclose(kept, whole, atol=2e-9 * np.abs(whole).max())
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize("order", [0.001, 0.3, 0.99, 0.999, 1.0, 1.001, 1.5, 1.999])
 def test_compressed_equals_full_for_every_order(method, order):

@@ -131,6 +131,7 @@ def test_a_step_that_no_number_of_parts_makes_short_enough_says_infinite():
     assert too_long("gl", np.array([1e-9]), [np.array([[-3e4]])], np.ones(1), 100).parts == np.inf
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("size", [1e10, 1e160, 1e300])
 @pytest.mark.parametrize("order", [1e-50, 0.02, 1.0])
 def test_rates_and_determinants_beyond_all_numbers_are_looked_at_as_far_as_there_are_numbers(size, order):

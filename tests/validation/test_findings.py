@@ -415,7 +415,7 @@ def test_the_shift_by_the_start_is_what_another_start_finds(state):
     assert np.sqrt(np.mean(np.square(moved), axis=0)) == pytest.approx(sd, rel=0.35)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("options", [{}, {"weights": "noise"}, {"cost_function": COSTS["huber"]}],
                          ids=["a valley", "levels", "huber"])  # fmt: skip
 def test_a_search_that_stopped_short_is_said_with_how_far_it_is_from_the_minimum(options):
@@ -450,6 +450,7 @@ def test_a_prior_counts_in_where_the_minimum_is():
     assert step / known.standard_error == pytest.approx(-0.5, abs=0.05)
 
 
+@pytest.mark.broad
 def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_converges_is_not():
     far = {"lambda": Free(1.15, 0.5, 1.2), "mu": Free(0.8, 0.5, 1.2)}
     p = problem(GOOD, orders=far, **HELD)
@@ -458,6 +459,7 @@ def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_co
         assert ("stopped-short" in codes(after(p, x, uncertainty(p, x)))) == says
 
 
+@pytest.mark.broad
 def test_a_start_that_is_found_or_named_has_no_noise():
     for state, initial in (("rest", {}), ("estimate", {}), ("held", {"theta": 0.0, "alpha": 0.3})):
         assert noisy_start(*held(1, state, initial=initial)) == ()

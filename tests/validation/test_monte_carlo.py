@@ -300,6 +300,7 @@ def test_json_and_table_hold_every_cell_and_unknown():
     assert all(list(row) == list(rows[0]) for row in rows)
 
 
+@pytest.mark.broad
 def test_several_plans_run_together_and_each_gathers_its_own():
     one, two = (planned(release(), t, levels=[NOISE], seeds=2) for t in (TRUTH, np.array([1.0, 1.0])))
     tasks = [replace(t, key=f"{name}: {t.key}") for name, plan in (("one", one), ("two", two)) for t in plan.tasks]

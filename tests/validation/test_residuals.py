@@ -356,6 +356,7 @@ def test_a_spread_that_changes_twentyfold_is_no_chance_even_within_few():
     assert found.variance.late_to_early.sure
 
 
+@pytest.mark.broad
 def test_few_samples_that_count_call_a_ratio_no_chance_as_seldom_as_they_should():
     contrasts = [c for seed in range(40) for c in analysed(ar1(0.998, seed)).variance.contrasts]
     assert np.mean([c.p_value < 0.05 for c in contrasts]) < 0.12
@@ -420,7 +421,7 @@ def test_a_constant_part_is_told():
 SEEDS = 60
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("correlation", [0.0, 0.9], ids=["white", "AR(1)"])
 def test_p_values_are_uniform_where_nothing_is_wrong(correlation):
     found = [analysed(ar1(correlation, seed, n=6000)) for seed in range(SEEDS)]
