@@ -22,10 +22,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, at_least
@@ -35,7 +34,7 @@ from fracid.problem import Experiment, Problem
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
-from fracid.solver.starting import PI3, corrections, exponents
+from fracid.solver.starting import PI3, Corrections, corrections, exponents
 from fracid.solver.weights import Kernel
 
 SAYS = Words("export/whole.toml")
@@ -100,14 +99,8 @@ class Recursion:
     """Of each state, its row."""
     kernels: tuple[Kernel, ...]
     """Of each row, all with the same number L of exact lags."""
-    fit: FloatArray
-    """F, shape (n_corrections, s)."""
-    starting: FloatArray
-    """M, shape (n_rows, s + 1, s + 1)."""
-    knots: NDArray[np.int64]
-    """The n at which the corrections are known; parabolas between, shape (n_knots,), an odd number."""
-    errors: FloatArray
-    """E, shape (n_rows, n_corrections, n_knots)."""
+    start: Corrections
+    """Of the rows; `fit`, shape (n_corrections, s), is without f_0."""
 
     @property
     def scheme(self) -> Method:
@@ -167,12 +160,12 @@ class Recursion:
         """What programs have of the memory and of the start, by name; a row for each distinct order."""
         wide = {n: [np.pad(getattr(k, n), (0, self.modes - len(k.decay))) for k in self.kernels]
                 for n in ("decay", "amplitude", "start_ratio")}  # fmt: skip
-        return {**wide, "weights": [k.weights[1:] for k in self.kernels], "fit": self.fit, "knots": self.knots}
+        return {**wide, "weights": [k.weights[1:] for k in self.kernels]}
 
     @property
     def together(self) -> int:
         """s, the steps that are solved together at the start."""
-        return int(self.fit.shape[1])
+        return int(self.start.fit.shape[1])
 
     @classmethod
     def of(cls, problem: Problem, x: FloatArray, steps: int | None = None) -> Recursion:
@@ -215,7 +208,7 @@ class Recursion:
         return cls(
             problem.model, problem.method, orders, parameters, time_scale(problem.model, parameters), memory.name,
             longest, tuple(distinct.index(q) for q in orders.tolist()), tuple(kernels),
-            *_start(family, orders, distinct, longest),
+            _start(family, orders, distinct, longest),
         )  # fmt: skip
 
 
@@ -240,10 +233,10 @@ def _of_same_lags(kernels: list[Kernel]) -> Iterator[Kernel]:
 # --- start -------------------------------------------------------------------------------------------
 
 
-def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -> tuple[Any, ...]:
-    """F, M, the knots and E."""
+def _start(family: str, orders: FloatArray, distinct: list[float], steps: int) -> Corrections:
     sigma = () if family == "gl" else exponents(tuple(orders.tolist()), (), family == PI3)
     if not sigma and family != PI3:
-        return np.zeros((0, 0)), np.zeros((len(distinct), 1, 1)), np.array([0, 1, 2]), np.zeros((len(distinct), 0, 3))
-    fit, *tables = corrections(family, tuple(distinct), sigma, steps + 8)
-    return fit[:, 1:], *tables
+        rows = len(distinct)
+        return Corrections(np.zeros((0, 0)), np.zeros((rows, 1, 1)), np.array([0, 1, 2]), np.zeros((rows, 0, 3)))
+    found = corrections(family, tuple(distinct), sigma, steps + 8)
+    return found._replace(fit=found.fit[:, 1:])
