@@ -305,6 +305,7 @@ def test_the_figure_has_a_panel_for_each_profile_and_one_for_the_two_together():
     assert {"profile", "95 % threshold, 3.84", "parabola of the sandwich", "best"} <= shown
 
 
+@pytest.mark.broad
 def test_a_flat_profile_is_drawn_without_a_parabola_and_a_users_cost_without_a_threshold():
     from fracid.plots import profiles
 

@@ -177,6 +177,7 @@ def test_intervals_hold_with_what_lies_at_a_bound_free():
     assert (ends[:, 0].min(), ends[:, 1].max()) == pytest.approx((low, high), abs=0.02 * (high - low))
 
 
+@pytest.mark.broad
 def test_null_directions_are_looked_for_with_every_column_in():
     """Two constants of which the data know the product, one of them at its bound."""
     data = clean() + noise(2001, 0.0, 1)

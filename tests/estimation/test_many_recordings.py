@@ -136,6 +136,7 @@ def test_the_check_of_the_step_shifts_the_orders_as_a_search_at_half_the_step_do
     assert fast.cost_half_step == full.cost_half_step
 
 
+@pytest.mark.broad
 def test_derivatives_that_do_not_lead_to_the_minimum_leave_it_to_a_search(minimum):
     made, x = minimum
     euler = replace(made, method="gl")
@@ -165,6 +166,7 @@ def test_the_search_by_blocks_ends_at_the_same_minimum_with_a_tenth_of_the_runs(
     assert b.evaluations < 0.2 * a.evaluations
 
 
+@pytest.mark.broad
 def test_a_bound_holds_in_a_search_by_blocks(thirty, monkeypatch):
     parameters = {"b_alpha": Free(1e-3, 9e-4, 1e-2)}
     whole, parts = both(monkeypatch, thirty[:6], parameters=parameters, initial_state="rest")

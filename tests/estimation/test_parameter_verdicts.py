@@ -166,6 +166,7 @@ def test_a_small_angle_record_names_the_inertia_term_that_it_cannot_see():
     assert {v.kind for v in large.values()} == {"identifiable"}
 
 
+@pytest.mark.broad
 def test_upright_angles_are_not_halved():
     rig = fracid.rotary_pendulum("srv02-rotpen", zero="upright")
     p = twin(rig, alpha=np.pi - 0.05, parameters={"C6": Free(4e-3, 1e-5, 1e-1)}, sd=0.05)
@@ -205,7 +206,7 @@ JOINTS = {
 }  # fmt: skip
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", JOINTS)
 def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
     alpha, sd, values, words = JOINTS[case]
@@ -301,6 +302,7 @@ def test_the_speed_at_the_start_is_not_known_from_a_record_far_rougher_than_its_
     assert starts == {"smooth": "identifiable", "rough": "practically not"}
 
 
+@pytest.mark.broad
 def test_where_half_the_motion_has_another_start_no_power_is_told():
     t, free = 2e-2 * np.arange(100), {"presliding_theta": Free(1e-3, 1e-5, 2e-3)}
     for speed in np.geomspace(1e-4, 1.0, 60):  # the arm slides at once; at half the speed it does not

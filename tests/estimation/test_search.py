@@ -217,6 +217,7 @@ def escaping(t, x, u, p, out):
     out[0] = -p[0] * x[0] + p[1] * x[0] ** 3
 
 
+@pytest.mark.broad
 def test_a_random_start_whose_run_fails_is_moved_and_not_lost():
     """x' = −a x + b x³ escapes in finite time from 1 where b > a: on the first horizon, or on a later one."""
     model = fracid.Model(

@@ -261,6 +261,7 @@ def driven_by(values, name="goal"):
     return fracid.Problem(model, (e,), {"mu": 1.0}, {"J": fracid.Free(5e-3, 1e-3, 1e-2)}, outputs=("angle",))
 
 
+@pytest.mark.broad
 def test_what_drove_the_recordings_is_what_is_played_with_the_others_as_without_a_column():
     problem = driven_by(np.sin(np.arange(201)))
     space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), around=0.7, noise=1e-3)
@@ -273,6 +274,7 @@ def test_what_drove_the_recordings_is_what_is_played_with_the_others_as_without_
     ] * 3
 
 
+@pytest.mark.broad
 def test_a_stretch_is_played_in_lines_with_the_rate_that_they_have():
     model = fracid.model("relaxation")
     e = fracid.Experiment("log", 0.1, np.zeros((3, 1)), np.zeros((1, 2)), units={"force": "N"})

@@ -81,7 +81,7 @@ def test_an_operator_that_cannot_be_is_refused(order, band, words):
 # --- the models ------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("name", CASES)
 def test_the_integer_order_model_swings_as_the_fractional_one(name):
     problem = CASES[name]

@@ -137,7 +137,7 @@ class Unit:
         return np.array(rows)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("name", CASES)
 def test_with_the_slopes_of_its_inputs_its_outputs_are_those_of_fracid(tmp_path, name):
     problem = problem_of(name)
@@ -147,6 +147,7 @@ def test_with_the_slopes_of_its_inputs_its_outputs_are_those_of_fracid(tmp_path,
     agree(found, np.hstack([run.states, problem.fitted(problem.start, problem.experiments[0])])[1:])
 
 
+@pytest.mark.broad
 def test_a_state_that_is_saved_is_gone_on_from_and_survives_as_bytes(tmp_path):
     problem = problem_of("joint")
     unit = Unit(archive(tmp_path, problem), tmp_path / "unit")

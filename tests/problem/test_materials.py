@@ -122,6 +122,7 @@ force = { equals = "k*length + c*(length - y) + 0*speed", unit = "N" }
 [alternative.parameters]"""
 
 
+@pytest.mark.broad
 def test_an_alternative_may_be_equations_of_the_models_inputs(project, tmp_path):
     text = strip(tmp_path).read_text(encoding="utf-8")
     written = text.replace('model = "model.py:relaxation"\n', "").replace("[alternative.parameters]", EQUATIONS)

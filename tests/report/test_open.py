@@ -218,6 +218,7 @@ def test_no_text_makes_the_reader_throw_or_wait(tmp_path):
     assert int(done.stdout) < 60_000
 
 
+@pytest.mark.broad
 @in_node
 def test_whatever_files_and_columns_are_called_the_project_is_toml_of_one_recording():
     specs = {name: _spec(name, fracid.model(name)) for name in ("rotary-pendulum", "oscillator")}

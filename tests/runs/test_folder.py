@@ -167,6 +167,7 @@ def test_what_a_killed_process_had_half_written_is_cleared(tmp_path):
     assert {path.name for path in folder.iterdir()} == {".lock", "environment.json", "run.json"}
 
 
+@pytest.mark.broad
 def test_a_folder_at_work_is_another_processs(tmp_path):
     import subprocess
     import sys

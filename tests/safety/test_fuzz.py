@@ -140,6 +140,7 @@ def test_no_tree_of_anything_at_all_breaks_a_command():
     assert sum(ended.values()) > 100
 
 
+@pytest.mark.broad
 def test_no_equation_of_a_hostile_project_is_run_or_takes_long():
     ended, failures = fuzz_equations.fuzz(range(1500))
     assert failures == {}

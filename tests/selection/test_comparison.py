@@ -280,6 +280,7 @@ def test_schwarz_counts_what_an_idle_order_costs():
     assert 0 < free.bic < math.log(found.effective_samples) + 1e-9
 
 
+@pytest.mark.broad
 def test_scores_are_those_of_the_residual():
     e, others = swing(dry=5e-5), [swing(0.3, dry=5e-5, seed=3)]
     p = problem(e, parameters=INERTIA | {"b_alpha": 1e-5, "coulomb_alpha": 5e-5})

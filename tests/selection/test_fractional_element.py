@@ -41,7 +41,7 @@ def test_a_springpot_that_the_model_lacks_is_found_in_its_joint(name, strength):
     assert element.cost < 1.1e-4 < best.cost
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("truth", [{}, {"coulomb_alpha": 5e-4}, {"drag_alpha": 2e-4}])
 def test_friction_of_integer_order_is_not_taken_for_a_springpot(truth):
     problem, best = minimum(**truth)

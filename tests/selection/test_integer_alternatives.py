@@ -113,7 +113,7 @@ def test_a_rival_that_comes_late_and_holds_its_inputs_leaves_the_orders_their_li
         assert _on_the_same_samples(problem, best, element).cost == pytest.approx(best.cost, abs=1e-9)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 def test_friction_that_changes_from_part_to_part_is_followed_by_orders_1_to_the_noise():
     start, pieces = {"alpha": 0.5}, []
     for times in (0.5, 1.0, 3.0):
