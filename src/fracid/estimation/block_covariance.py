@@ -56,6 +56,27 @@ def summed(blocks: Blocks, parts: Sequence[FloatArray]) -> FloatArray:
     return total
 
 
+def scaled_bread(
+    blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, least: float
+) -> tuple[Bread, FloatArray]:
+    """:func:`block_bread` of rows that are divided, in place, by the norms of A's columns; and these norms.
+
+    Parameters
+    ----------
+    rows : sequence of array, shape (n_rows, n_columns)
+        Of each recording.
+    prior : array, shape (n_unknowns,)
+        What is added to A's diagonal.
+    least : float
+        Singular values below this part of the largest count as zero.
+    """
+    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
+    norm[norm == 0] = 1.0
+    for k, r in enumerate(rows):
+        r /= norm[blocks.columns(k)]
+    return block_bread(blocks, rows, np.sqrt(prior) / norm, least), norm
+
+
 def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, least: float) -> Bread:
     """A⁻¹ of rows, and of priors, as many roots of what is added to A's diagonal; column-scaled.
 

@@ -80,6 +80,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,12 +88,11 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import (
-    block_bread,
     block_long_run,
     block_sandwiched,
     block_widening,
     clustered,
-    summed,
+    scaled_bread,
     window_sums,
 )
 from fracid.estimation.block_jacobian import BlockJacobian
@@ -303,7 +303,9 @@ def _spread_out(
     problem: Problem, x: FloatArray, estimator: Sandwich, touching: NDArray[np.bool_], ends: FloatArray
 ) -> Uncertainty:
     """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
-    free, directions = estimator.free, _unseen(problem, x, estimator)
+    free, space = estimator.free, problem.space
+    size = np.maximum(np.abs(x), 1e-2 * np.minimum(space.upper - space.lower, 1.0))
+    directions = _sparse(estimator.directions / size[free])
     at = np.flatnonzero(~np.any(directions != 0, axis=0))
     seen, n = free[at], len(x)
     error, white, wider, limits = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.full((n, 2), np.nan)
@@ -312,7 +314,7 @@ def _spread_out(
     white[seen] = np.sqrt(np.diag(estimator.white))[at]
     covariance[np.ix_(seen, seen)] = estimator.covariance[np.ix_(at, at)]
     wider[free], null_space[:, free] = estimator.widening, directions
-    limits[seen] = np.clip(ends[at], problem.space.lower[seen, None], problem.space.upper[seen, None])
+    limits[seen] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None])
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples = sum(e.samples for e in problem.experiments)
     return Uncertainty(error, touching, confounded, estimator.bandwidth, estimator.condition, white, covariance,
@@ -394,9 +396,7 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
         errors, J = problem.errors(x), by_blocks(problem, x, free, jobs=jobs)
         if isinstance(errors, Failure):
             return errors
-        if isinstance(J, Failure):
-            return J
-        return _block_sandwich(problem, errors, J, free)
+        return J if isinstance(J, Failure) else _block_sandwich(problem, errors, J, free)
     here = tangent(problem, x, jobs=jobs)
     if isinstance(here, Failure):
         return here
@@ -408,17 +408,13 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     blocks = J.blocks
     rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
     prior, level = _prior_curvature(problem, errors, free)
-    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
-    norm[norm == 0] = 1.0
-    for k, (r, s) in enumerate(zip(rows, scores, strict=True)):
-        r /= norm[blocks.columns(k)]
+    bread, norm = scaled_bread(blocks, rows, prior, UNSEEN)
+    for k, s in enumerate(scores):
         s /= norm[blocks.columns(k)]
-    bread = block_bread(blocks, rows, np.sqrt(prior) / norm, UNSEEN)
     S, bandwidth = block_long_run(blocks, scores, WHITENED)
-    S0 = [
-        part / np.outer(norm[blocks.columns(k)], norm[blocks.columns(k)])
-        for k, part in enumerate(_white_parts(problem, errors, J.parts))
-    ]
+    power, squares = _white_squares(problem, errors, J.parts)
+    own = (norm[blocks.columns(k)] for k in range(len(squares)))
+    S0 = [power * np.sum(square, axis=0) / np.outer(n, n) for square, n in zip(squares, own, strict=True)]
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
     wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
     sums = None if len(problem.recordings) == len(problem.experiments) else window_sums(blocks, scores, bread)
@@ -453,7 +449,8 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     scale = np.outer(norm, norm)
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
     known = np.diag(2 * level * prior) / scale
-    S0 = _white_noise(problem, errors, J) / scale + known
+    power, squares = _white_squares(problem, errors, J)
+    S0 = power * np.sum([*chain.from_iterable(squares)], axis=0) / scale + known
     samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
     wider = widening(samples, inverse, bandwidth)
     covariance = np.outer(wider, wider) * (inverse @ (S + known) @ inverse)
@@ -480,28 +477,15 @@ def _leave_out(
             s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
 
 
-def _white_noise(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> FloatArray:
-    """S₀: the covariance of the scores' sum, were the residuals white and, balanced, all of one variance."""
-    power, squares = _white_squares(problem, errors, J)
-    return np.asarray(power * np.sum([square for recording in squares for square in recording], axis=0))
-
-
-def _white_parts(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
-    """The same of each recording."""
-    power, squares = _white_squares(problem, errors, J)
-    return [np.asarray(power * np.sum(recording, axis=0)) for recording in squares]
-
-
 def _white_squares(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[float, list[list[FloatArray]]]:
-    """The variance of a residual, and by what each output of each recording counts."""
-    loss, balance, weights = (
-        loss_of(problem),
-        problem.criterion.balance(errors),
-        problem.criterion.sample_weights(errors),
-    )
-    power = float(np.mean(balance * loss.psi(np.concatenate(errors)) ** 2))
+    """What S₀ is of, the scores' covariance were the residuals white and, balanced, all of one variance.
+
+    That variance, and by what each output of each recording counts.
+    """
+    balance, weights = problem.criterion.balance(errors), problem.criterion.sample_weights(errors)
+    power = float(np.mean(balance * loss_of(problem).psi(np.concatenate(errors)) ** 2))
     return power, [
         [(j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o] for o in range(j.shape[1])]
         for w, j in zip(weights, J, strict=True)
@@ -520,12 +504,6 @@ def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[n
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
     level = total / problem.criterion.prior_samples
     return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
-
-
-def _unseen(problem: Problem, x: FloatArray, estimator: Sandwich) -> FloatArray:
-    """Directions of relative changes that the data do not see, shape (n_unseen, n_free)."""
-    size = np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    return _sparse(estimator.directions / size[estimator.free])
 
 
 def _sparse(directions: FloatArray) -> FloatArray:

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import block_bread, summed
+from fracid.estimation.block_covariance import scaled_bread, summed
 from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_scores, rows_and_scores_by_recording
 from fracid.estimation.tangent import UNSEEN
 from fracid.problem import Problem
@@ -113,10 +113,7 @@ def _by_blocks(
     rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
     prior, pull = _priors(problem, x)
     gradient = summed(J.blocks, [s.sum(axis=0) for s in scores]) + pull[free]
-    norm = np.sqrt(summed(J.blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior[free])
-    norm[norm == 0] = 1.0
-    scaled = [r / norm[J.blocks.columns(k)] for k, r in enumerate(rows)]
-    bread = block_bread(J.blocks, scaled, np.sqrt(prior[free]) / norm, UNSEEN)
+    bread, norm = scaled_bread(J.blocks, rows, prior[free], UNSEEN)
     return Curvature(free, bread.inverse / np.outer(norm, norm), gradient)
 
 

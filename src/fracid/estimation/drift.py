@@ -14,7 +14,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import block_bread, summed, window_sums
+from fracid.estimation.block_covariance import scaled_bread, window_sums
 from fracid.estimation.derivatives import by_blocks, rows_and_scores_by_recording
 from fracid.estimation.tangent import UNSEEN
 from fracid.problem import Problem
@@ -46,12 +46,9 @@ def drift_of(problem: Problem, x: FloatArray, jobs: int = 1) -> Drift | None:
         return None
     blocks = J.blocks
     rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]))
-    norm[norm == 0] = 1.0
-    for k, (r, s) in enumerate(zip(rows, scores, strict=True)):
-        r /= norm[blocks.columns(k)]
+    bread, norm = scaled_bread(blocks, rows, np.zeros(len(free)), UNSEEN)
+    for k, s in enumerate(scores):
         s /= norm[blocks.columns(k)]
-    bread = block_bread(blocks, rows, np.zeros(len(free)), UNSEEN)
     seen = [r @ bread.follow[blocks.columns(k)] for k, r in enumerate(rows)]
     sums = window_sums(blocks, scores, bread)
     minutes = np.array([e.start + e.time[-1] / 2 for e in problem.experiments]) / 60
