@@ -29,9 +29,9 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -48,6 +48,8 @@ from fracid.solver.trajectory import vector
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
+
+T = TypeVar("T")
 
 Variant = Literal["one-step", "refit"]
 
@@ -173,9 +175,10 @@ def bootstrap(
     length = min(length, min(map(len, errors)))
     streams = np.random.default_rng(seed).spawn(draws)
     x = vector("x", x)
-    estimates: Sequence[FloatArray | None]
+    estimates: Iterable[Any]
     if variant == "refit":
-        estimates = _refitted(problem, x, errors, length, streams, Execution(executor, jobs, journal, progress))
+        tasks = [Task(f"draw {i}", (problem, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
+        estimates = Execution(executor, jobs, journal, progress).run(_redrawn, tasks).values()
     else:
         estimates = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
     good = [point for point in estimates if point is not None]
@@ -223,19 +226,12 @@ def _stepped(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
 ) -> list[FloatArray]:
     """One Newton step for each draw; unknowns at their bounds stay."""
-    precision = uncertainty(problem, x, jobs=jobs)
-    if isinstance(precision, Failure):
-        raise InputError(f"There is no Newton step: {precision}.")
+    precision = _known(uncertainty(problem, x, jobs=jobs))
     free = np.flatnonzero(~precision.at_bound)
     if not len(free):
         return [x.copy() for _ in streams]
-    J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, Failure):
-        raise InputError(f"There is no Newton step: {J}.")
-    shape = sandwich(problem, x, free, jobs=jobs)
-    if isinstance(shape, Failure):
-        raise InputError(f"There is no Newton step: {shape}.")
-
+    J = _known(jacobian(problem, x, free, jobs=jobs))
+    shape = _known(sandwich(problem, x, free, jobs=jobs))
     median = _rests_on_median(problem)
 
     def step(rng: np.random.Generator) -> FloatArray:
@@ -248,18 +244,16 @@ def _stepped(
     return [step(rng) for rng in streams]
 
 
-def _refitted(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], execution: Execution
-) -> list[FloatArray | None]:
-    """A few steps of least squares for each draw; None where every run fails."""
-    tasks = [Task(f"draw {i}", (problem, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
-    return [None if point is None else np.array(point) for point in execution.run(_redrawn, tasks).values()]
+def _known(found: T | Failure) -> T:
+    if isinstance(found, Failure):
+        raise InputError(f"There is no Newton step: {found}.")
+    return found
 
 
 def _redrawn(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, rng: np.random.Generator
 ) -> list[float] | None:
-    """One draw."""
+    """A few steps of least squares for one draw; None where every run fails."""
     median = _rests_on_median(problem)
     records = tuple(
         replace(e, measured=e.measured + e.in_units(resampled(error, length, rng, median=median) - error))

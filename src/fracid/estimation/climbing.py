@@ -89,7 +89,10 @@ def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
     for k, names in enumerate(((), *late.values())):
         later = [n for rung in list(late)[k:] for n in late[rung]]
         values |= on_windows(without(problem, later), values, names, watch)
-    return on_the_whole(problem, values, watch, **options)
+    alone = problem.with_shared(embedded(problem, values), problem.experiments)
+    if alone.names:  # first of what each recording has for itself, then of all
+        values |= alone.named(growing(alone, alone.start, watch).best.point)
+    return refined(problem, embedded(problem, values), watch, **options)
 
 
 def on_windows(
@@ -101,15 +104,6 @@ def on_windows(
     ends = [uninterrupted(refined(pieces, x, watch, **ROUGH)).best for x in starts]
     best = min(ends, key=lambda e: e.cost)
     return shared_values(pieces, uninterrupted(refined(pieces, best.point, watch, **FINE)).best.point)
-
-
-def on_the_whole(problem: Problem, values: Mapping[str, float], watch: Watch, **options: Any) -> Result:
-    """Least squares on the whole record: first of what each recording has for itself, then of all."""
-    alone = problem.with_shared(embedded(problem, values), problem.experiments)
-    if alone.names:
-        own = growing(alone, alone.start, watch).best
-        values = {**values, **alone.named(own.point)}
-    return refined(problem, embedded(problem, values), watch, **options)
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:

@@ -353,9 +353,8 @@ def _walks(
         return branch
 
     walks = in_threads(jobs, walked_one, tasks)
-    candidates = [
-        (e.point, surface.rise(e, i)) for (i, _), walked in zip(tasks, walks, strict=True) for e in walked.path
-    ]
+    pairs = zip(tasks, walks, strict=True)
+    candidates = [(e.point, surface.rise(e, i)) for (i, _), walked in pairs for e in walked.path]
     return walks, min(candidates, key=lambda pair: pair[1], default=(surface.top.point, 0.0))
 
 
@@ -446,10 +445,9 @@ def _joint(
     c = shape.covariance[np.ix_(at, at)]
     correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
     first, second = (surface.problem.unknowns[i] for i in pair)
+    names, units = (first.name, second.name), (first.unit, second.unit)
     best = (float(top[pair[0]]), float(top[pair[1]]))
-    return JointProfile(
-        (first.name, second.name), (first.unit, second.unit), best, axes[0], axes[1], rises, float(correlation)
-    )
+    return JointProfile(names, units, best, axes[0], axes[1], rises, float(correlation))
 
 
 def _axis(surface: Surface, i: int, curve: Profile | None, points: int) -> FloatArray:

@@ -276,9 +276,8 @@ def uncertainty(
     if not problem.names:
         return Failure(FailureReason.NOTHING_FREE, "nothing is free")
     if problem.cost_function.loss is None:
-        return Failure(
-            FailureReason.OWN_COST, f"the cost {problem.cost_function.name} is a user's own, of unknown loss"
-        )
+        own = problem.cost_function.name
+        return Failure(FailureReason.OWN_COST, f"the cost {own} is a user's own, of unknown loss")
     if problem.blocks is not None:
         found = sandwich(problem, x, np.arange(len(x)), jobs=jobs)
         if isinstance(found, Failure):
@@ -573,9 +572,8 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
             pairs = products_by_lag(q)[:m]
             whole[i] += q.sum()
             scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
-            leverage[i] += (
-                np.sum(neighbour_sums(np.einsum("to,toj->tj", influence, projection), m) ** 2) / m
-            )  # root' M_t v_i
+            moved = np.einsum("to,toj->tj", influence, projection)
+            leverage[i] += np.sum(neighbour_sums(moved, m) ** 2) / m  # root' M_t v_i
     return _widened(whole, scatter, leverage)
 
 

@@ -212,11 +212,10 @@ def start_shift(
     if isinstance(errors, Failure):
         return None
     weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
-    values, variance, any_taken = problem.named(x), np.zeros(len(parabola.free)), False
+    values, variances = problem.named(x), list[FloatArray]()
     for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
-        alone = replace(
-            problem, initial_state=LOOSER[problem.initial_state], experiments=(e,)
-        )  # its start moves no other
+        # its start moves no other
+        alone = replace(problem, initial_state=LOOSER[problem.initial_state], experiments=(e,))
         initial_indices = [
             i for i, u in enumerate(alone.unknowns)
             if u.kind == "initial" and u.target not in e.initial and e.past is None
@@ -224,20 +223,18 @@ def start_shift(
         if not initial_indices:
             continue
         point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
-        own = {
-            k: alone.names.index(name) for k, i in enumerate(parabola.free) if (name := problem.names[i]) in alone.names
-        }
+        names = [problem.names[i] for i in parabola.free]
+        own = {k: alone.names.index(name) for k, name in enumerate(names) if name in alone.names}
         J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)
         if isinstance(J, Failure):
             return None
         rows = weight * J[0].reshape(-1, len(own) + len(initial_indices))
         G = parabola.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
-        variance += np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise), G)
-        any_taken = True
-    if not any_taken:
+        variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise), G))
+    if not variances:
         return None
     shift = np.zeros(len(x))
-    shift[parabola.free] = np.sqrt(variance)
+    shift[parabola.free] = np.sqrt(sum(variances))
     return shift
 
 

@@ -77,9 +77,8 @@ def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
 
 def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
     """Of the differences, shape (n_unknowns,)."""
-    return np.asarray(
-        DIFFERENCE * np.maximum(np.abs(x), 1e-2 * np.minimum(problem.space.upper - problem.space.lower, 1.0))
-    )
+    width = problem.space.upper - problem.space.lower
+    return np.asarray(DIFFERENCE * np.maximum(np.abs(x), 1e-2 * np.minimum(width, 1.0)))
 
 
 def rows_and_scores(

@@ -327,9 +327,8 @@ def memory_needed(problem: Problem) -> int:
     samples = sum(len(e.measured) for e in problem.experiments)
     unknowns = len(problem.names) if problem.blocks is None else len(problem.blocks.groups)
     run = 8 * (4 * len(problem.model.states) + 4 * len(problem.outputs) + 20)
-    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // _every(
-        problem, PER_PERIOD, LONG, FEWEST
-    )
+    every = _every(problem, PER_PERIOD, LONG, FEWEST)
+    return samples * run + 8 * COPIES * unknowns * len(problem.outputs) * samples // every
 
 
 def thinned(problem: Problem, x: FloatArray) -> Problem:

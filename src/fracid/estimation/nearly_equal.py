@@ -60,7 +60,7 @@ def derivatives_of_each(problem: Problem, x: FloatArray, jobs: int) -> dict[str,
     Of none where those of all are not known recording by recording.
     """
     everything = np.arange(len(x))
-    J = by_blocks(problem, x, everything, jobs=jobs) if _by_blocks(problem) else None
+    J = by_blocks(problem, x, everything, jobs=jobs) if problem.space.blocks is not None and _smooth(problem) else None
     if J is None or isinstance(J, Failure):
         return {}
     columns = (J.blocks.columns(k) for k in range(len(J.parts)))
@@ -86,11 +86,6 @@ def _of_all(problem: Problem, x: FloatArray, free: IntArray, *, jobs: int) -> Bl
     problem.last_derivatives.clear()
     problem.last_derivatives[x.tobytes()] = (free, found := BlockJacobian(Blocks(np.full(len(free), -1), rows), J))
     return found
-
-
-def _by_blocks(problem: Problem) -> bool:
-    """Whether derivatives are known recording by recording, and lead to the minimum of the cost."""
-    return problem.space.blocks is not None and _smooth(problem)
 
 
 def _smooth(problem: Problem) -> bool:

@@ -210,10 +210,8 @@ class _View:
         joint = kind.joint if kind else ""
         if joint not in model.output_states:
             return joint, math.nan
-        z, q = (
-            sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs)
-            for i in (model.states.index(state), model.output_states[joint])
-        )
+        at = model.states.index(state), model.output_states[joint]
+        z, q = (sum(float(np.abs(np.diff(run[:, i])).sum()) for run in self.runs) for i in at)
         return joint, z / q if q > 0 else math.nan
 
     @cached_property
@@ -342,10 +340,8 @@ def _of_a_springpot(view: _View, i: int) -> Iterator[Verdict]:
     low, high = (x < 0.1, x > 0.9) if own else (x - half <= 0, x + half >= 1)  # no interval reaches beyond a bound
     if other := " or a ".join(["spring"] * low + ["dashpot"] * high):
         which = f"is at its bound, {x:.2g}" if own else f"has the interval {x:.2g} ± {half:.2g}"
-        reason = (
-            f"the springpot is indistinguishable from a {other}: its order, of a spring 0 and of a dashpot 1, {which}"
-        )
-        yield Verdict(u.name, "practically not", reason)
+        order = f"its order, of a spring 0 and of a dashpot 1, {which}"
+        yield Verdict(u.name, "practically not", f"the springpot is indistinguishable from a {other}: {order}")
 
 
 def _unseen(view: _View, i: int) -> Iterator[Verdict]:

@@ -260,9 +260,8 @@ def noise_in_steps(residual: FloatArray, fitted: FloatArray, step: float) -> flo
 def _alike(d: FloatArray, noise: float) -> FloatArray:
     """c(d)/q²: how the rounding of two samples goes together."""
     k = np.arange(1, HARMONICS + 1)
-    return np.asarray(
-        np.cos(2 * np.pi * np.outer(d, k)) @ (np.exp(-4 * (np.pi * k * noise) ** 2) / (2 * (np.pi * k) ** 2))
-    )
+    squares = np.exp(-4 * (np.pi * k * noise) ** 2) / (2 * (np.pi * k) ** 2)
+    return np.asarray(np.cos(2 * np.pi * np.outer(d, k)) @ squares)
 
 
 def _table(c: _Channel, psi: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, float]:

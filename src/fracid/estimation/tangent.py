@@ -153,10 +153,8 @@ class Tangent:
         """Which unknowns lie at a bound, shape (n_unknowns,)."""
         space = self.problem.space
         away, width = np.minimum(self.x - space.lower, space.upper - self.x), space.upper - space.lower
-        small = np.minimum(
-            TOUCHING * math.sqrt(2 * self.unit) / self.norms, np.where(np.isfinite(width), BOUND * width, 0.0)
-        )
-        return np.asarray(away <= small)
+        of_range = np.where(np.isfinite(width), BOUND * width, 0.0)
+        return np.asarray(away <= np.minimum(TOUCHING * math.sqrt(2 * self.unit) / self.norms, of_range))
 
     def there(self, x: FloatArray) -> Tangent | None:
         """The same derivatives at another point within the bounds; None where its run fails."""

@@ -182,9 +182,8 @@ def _growth(problem: Problem) -> tuple[float, float, float]:
             growth = np.maximum(growth[:n], np.max(apart, axis=1, initial=0.0))
     if not run.completed:
         growth[-1:] = math.inf
-    first, later = (
-        float(run.time[np.argmax(growth >= by)]) if np.any(growth >= by) else math.inf for by in (GROWTH, GROWTH**2)
-    )
+    grown = (growth >= by for by in (GROWTH, GROWTH**2))
+    first, later = (float(run.time[np.argmax(g)]) if np.any(g) else math.inf for g in grown)
     return first, later, float(np.min(size / (3 * np.maximum(noise, 1e-300)), initial=math.inf))
 
 
@@ -306,9 +305,8 @@ def closes_a_loop(e: Experiment) -> bool:
     outputs = before(e.measured, 0)
     for u in e.inputs.T:
         own = np.column_stack([np.ones(len(outputs)), before(u[:, None], 1)])
-        alone, beside = (
-            float(np.var(u[here] - A @ np.linalg.lstsq(A, u[here])[0])) for A in (own, np.column_stack([own, outputs]))
-        )
+        known = own, np.column_stack([own, outputs])
+        alone, beside = (float(np.var(u[here] - A @ np.linalg.lstsq(A, u[here])[0])) for A in known)
         if alone > 1e-6 * np.var(u) and beside < (1 - FOLLOWS) * alone:
             return True
     return False
@@ -322,9 +320,8 @@ def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, r
     pairs, whole = list(pairwise(ends)), e
     if len(pairs) > most:
         kept = set(np.linspace(0, len(pairs) - 1, most).astype(int).tolist())
-        between = [
-            (e.start + a * e.step, e.start + (b - 1) * e.step) for k, (a, b) in enumerate(pairs) if k not in kept
-        ]
+        left = [pair for k, pair in enumerate(pairs) if k not in kept]
+        between = [(e.start + a * e.step, e.start + (b - 1) * e.step) for a, b in left]
         pairs, whole = [pair for k, pair in enumerate(pairs) if k in kept], replace(e, mask=(*e.mask, *between))
     pairs = [p for a, b in pairs for p in pairwise(np.linspace(a, b, parts + 1).astype(int).tolist())]
     windows = []

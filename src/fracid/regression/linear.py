@@ -269,7 +269,9 @@ def _regress(
     hertz, reason = _cutoff(swings, cutoff)
     window = WINDOW / min(s.frequency for s in swings)
     rows = [Rows(s, model, tuple(terms_of(model).names.index(n) for n in names), hertz, window) for s in swings]
-    _enough(rows, names)
+    if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
+        raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
+                              constants=len(names)))  # fmt: skip
     fixed = np.array([fixed_values.get(n, 0.0) for n in names])
     gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
     data = Data.of(rows)
@@ -309,9 +311,8 @@ def _at(
     noisier = noisier_estimates(estimator, system, gauge, scales, instruments)
     bias = bias_of(v, noisier)
     covariance = sandwich(system, gauge, scales, instruments, v, weights, overlap(data.rows[0]))
-    covariance = raised(
-        covariance, np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
-    )
+    variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
+    covariance = raised(covariance, variance)
     return Regression(
         parameters=_constants(names, fixed_values, gauge, beta, bias, covariance, dependent, model),
         orders=orders, combinations=_combinations(names, dependent, beta), estimator=estimator,
@@ -379,13 +380,6 @@ def _cutoff(swings: Sequence[Swing], cutoff: float | None) -> tuple[float, str]:
     side = "at least" if frequency == low else "at most"
     factor = frequency / swing
     return frequency, f"{where}, but the motion's products need {side} {factor:.3g} times the swing of {swing:.3g} Hz"
-
-
-def _enough(rows: Sequence[Rows], names: Sequence[str]) -> None:
-    count = sum(len(k) for r in rows for k in r.kept)
-    if count < 3 * len(names):
-        raise InputError(SAYS("few-rows", count=count, recordings=', '.join(r.swing.name for r in rows),
-                              constants=len(names)))  # fmt: skip
 
 
 def _independent(
@@ -482,9 +476,9 @@ def _doubted(regression: Regression, late: bool, estimator: Estimator) -> Regres
     search = regression.search
     wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
-    messages = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()] + [
-        f"The {n}'s equation fits by {regression.fit_percent[n]:.0f} % only: the model lacks something." for n in poor
-    ]
+    messages: list[str] = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()]
+    fits = ((n, f"{regression.fit_percent[n]:.0f} %") for n in poor)
+    messages += [f"The {n}'s equation fits by {percent} only: the model lacks something." for n, percent in fits]
     why = [f"moves with {' and '.join(wide)}, practically non-identifiable here"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]

@@ -49,7 +49,7 @@ def search_orders(
         return {n: values.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
-        value = _projected(data, gauge, own, at(q))[1]
+        value = scaled_by_itself(data.system(at(q), draws=1), gauge, own)[1]
         evaluations.append((np.array(np.atleast_1d(q)), value))
         return math.log(value)
 
@@ -69,12 +69,6 @@ def search_orders(
     search = OrderSearch(dict(zip(free, points.T, strict=True)), ratios, profile, interval,
                          "converged" if result.success else str(result.message))  # fmt: skip
     return search, at(result.x), _spread(data, gauge, own, at, paths, interval)
-
-
-def _projected(data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float]) -> tuple[FloatArray, float]:
-    """Constants at given orders by total least squares, and the residual's ratio to that of noise."""
-    v, ratio, _ = scaled_by_itself(data.system(orders, draws=1), gauge, own)
-    return v, ratio
 
 
 def _profile(
@@ -121,7 +115,8 @@ def _spread(
     """By how much the constants move with an order by one standard deviation along its profile, shape (n_terms,)."""
     moves = []
     for i, (n, path) in enumerate(paths.items()):
-        first, last = (_projected(data, gauge, own, at(row[:-1]))[0] for row in (path[0], path[-1]))
+        ends = (data.system(at(row[:-1]), draws=1) for row in (path[0], path[-1]))
+        first, last = (scaled_by_itself(system, gauge, own)[0] for system in ends)
         half = 0.5 * (interval[n][1] - interval[n][0])
         width = float(path[-1, i] - path[0, i])
         slope = (last - first) / width if width > 0.0 else np.zeros_like(first)

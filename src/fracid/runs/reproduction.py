@@ -120,9 +120,8 @@ class Reproduction(CardDisplay, Record):
         estimates = [d for d in self.differences if d.found]
         by_size = max((d.size for d in estimates if d.of_interval > OF_INTERVAL or d.size <= ELSEWHERE), default=0.0)
         by_interval = max((d.of_interval for d in estimates if d.size > ELSEWHERE and d.excused), default=0.0)
-        far = [f"{by_size:.1g} of its size"] * (by_size > 0) + [f"{by_interval:.1g} of half its interval"] * (
-            by_interval > 0
-        )
+        far = [f"{by_size:.1g} of its size"] * (by_size > 0)
+        far += [f"{by_interval:.1g} of half its interval"] * (by_interval > 0)
         return f"what was found by {' or '.join(far)} at most" if far else "none of those that were found"
 
 
@@ -223,9 +222,8 @@ def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str,
 
 def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
     """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
-    text = ", ".join(
-        what if what.startswith(CODE) else f"{what} ({before}, now {now})" for what, (before, now) in changed.items()
-    )
+    words = (what if what.startswith(CODE) else f"{what} ({b}, now {n})" for what, (b, n) in changed.items())
+    text = ", ".join(words)
     return text[:1].upper() + text[1:]
 
 

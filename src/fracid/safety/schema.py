@@ -55,13 +55,11 @@ AS_NULL = PlainSerializer(json_number, return_type=float | None)
 
 Number = Annotated[float | None, AS_NULL]
 
-Unknown = Annotated[
-    float, BeforeValidator(partial(from_json, otherwise=nan), json_schema_input_type=float | None), AS_NULL
-]
+_null_as = partial(BeforeValidator, json_schema_input_type=float | None)
 
-Infinite = Annotated[
-    float, BeforeValidator(partial(from_json, otherwise=inf), json_schema_input_type=float | None), AS_NULL
-]
+Unknown = Annotated[float, _null_as(partial(from_json, otherwise=nan)), AS_NULL]
+
+Infinite = Annotated[float, _null_as(partial(from_json, otherwise=inf)), AS_NULL]
 
 Pair = Field(strict=False, min_length=2, max_length=2)
 """Of a tuple: it is a list in JSON, and has two entries."""

@@ -347,21 +347,17 @@ def shown(
     """
     stream = sys.stderr if stream is None else stream
     with _answering(stream):
-        yield from _shown(stage, events, stream, result)
-
-
-def _shown(stage: str, events: bool, stream: TextIO, result: Callable[[Any], None] | None) -> Iterator[Observer]:
-    if not events and not stream.isatty():
-        yield Observer(notice=_Events(stream).notice, result=result or SILENT.result)
-        return
-    display = _Display(_Events(stream) if events else _Terminal(stream), result)
-    display.stage(stage)
-    try:
-        yield display.observer
-    except BaseException:
-        display.close("")
-        raise
-    display.stage("")
+        if not events and not stream.isatty():
+            yield Observer(notice=_Events(stream).notice, result=result or SILENT.result)
+            return
+        display = _Display(_Events(stream) if events else _Terminal(stream), result)
+        display.stage(stage)
+        try:
+            yield display.observer
+        except BaseException:
+            display.close("")
+            raise
+        display.stage("")
 
 
 @contextmanager

@@ -68,7 +68,10 @@ def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], w
     while True:
         try:
             while len(waiting) < window and not (orphans or stopped) and (task := next(tasks, None)) is not None:
-                _submit(submit, task, waiting, orphans)
+                try:
+                    waiting[submit(task)] = task
+                except BrokenExecutor:
+                    orphans.append(task)
             if not waiting:
                 break
             completions, _ = wait(waiting, return_when=FIRST_COMPLETED)
@@ -89,15 +92,6 @@ def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], w
     if stopped:
         raise stopped
     return orphans
-
-
-def _submit(
-    submit: Callable[[Task], Future[Ended]], task: Task, waiting: dict[Future[Ended], Task], orphans: list[Task]
-) -> None:
-    try:
-        waiting[submit(task)] = task
-    except BrokenExecutor:
-        orphans.append(task)
 
 
 def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
@@ -160,13 +154,11 @@ _PACKED: list[bytes] = []
 """In a worker process: its job, unpacked by the first task, whose failure can be told."""
 
 
-@cache
-def _job_here() -> Job:
-    return unpacked(_PACKED[0])
+_job_here = cache(unpacked)
 
 
 def _do_here(own: dict[int, Any]) -> Ended:
-    return perform_elsewhere(own, _job_here())
+    return perform_elsewhere(own, _job_here(_PACKED[0]))
 
 
 @contextmanager
