@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fracid.arrays import FloatArray, IntArray
+from fracid.arrays import FloatArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.signals.correlation import (
     bartlett_long_run,
@@ -121,7 +121,9 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
         alone.append((own, inverse @ inverse.T))
         F[own] = -inverse @ Z
         rest.append(Z - U[:, seen] @ (U[:, seen].T @ Z))
-        unseen += [_placed(n, own, v) for v in V[~seen]]
+        blind = np.zeros((np.count_nonzero(~seen), n))
+        blind[:, own] = V[~seen]
+        unseen += list(blind)
     _, σ, V = np.linalg.svd(np.concatenate(rest))
     directions = (F @ V.T).T
     long = np.linalg.norm(directions, axis=1)
@@ -134,12 +136,6 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
     smallest = 0.0 if unseen else 1 / math.sqrt(max(_greatest(lambda v: inverse @ v, n), 1e-300))
     condition = largest / max(smallest, np.finfo(float).eps * largest, 1e-300)
     return Bread(inverse, F, np.array(unseen).reshape(-1, n), condition)
-
-
-def _placed(n: int, at: IntArray, values: FloatArray) -> FloatArray:
-    vector = np.zeros(n)
-    vector[at] = values
-    return vector
 
 
 def _greatest(product: Callable[[FloatArray], FloatArray], n: int) -> float:

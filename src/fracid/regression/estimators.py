@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -151,14 +151,6 @@ def base_parameters(
 # --- how well ----------------------------------------------------------------------------------------------
 
 
-def noisier_estimates(
-    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None
-) -> FloatArray:
-    """The estimates with the noise added once more, shape (2 DRAWS, n_free)."""
-    sides = [side for pair in system.noisy for side in pair]
-    return np.array([solve(estimator, replace(system, W=W), gauge, scales, instruments)[0] for W in sides])
-
-
 def bias_of(v: FloatArray, noisier: FloatArray) -> FloatArray:
     """What noise in the columns does to the estimate: SIMEX [Cook].
 
@@ -170,15 +162,6 @@ def bias_of(v: FloatArray, noisier: FloatArray) -> FloatArray:
     shrunk = np.clip(ratio, 0.6, 1.0)
     extrapolated = np.where((ratio > 0.0) & (ratio < 1.0), v * shrunk / (2.0 * shrunk - 1.0), 2.0 * v - more)
     return np.asarray(v - extrapolated)
-
-
-def raised(covariance: FloatArray, variance: FloatArray) -> FloatArray:
-    """Give a covariance another diagonal, correlations kept.
-
-    Rounding errors of an encoder repeat with the motion, so that the residuals understate what they do.
-    """
-    factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
-    return np.asarray(covariance * np.outer(factor, factor))
 
 
 def overlap(rows: Rows) -> int:
@@ -215,8 +198,3 @@ def fit_percents(system: System, beta: FloatArray) -> dict[str, float]:
             largest = np.sqrt(np.mean((W * beta) ** 2, axis=0)).max()
             percents[name] = 100.0 * (1.0 - math.sqrt(float(np.mean((W @ beta) ** 2))) / max(float(largest), 1e-300))
     return percents
-
-
-def condition_number_of(A: FloatArray) -> float:
-    """Of a matrix whose columns are scaled to length 1."""
-    return float(np.linalg.cond(A / np.linalg.norm(A, axis=0)))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import computed_field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
@@ -24,11 +23,8 @@ from fracid.regression.estimators import (
     Gauge,
     base_parameters,
     bias_of,
-    condition_number_of,
     fit_percents,
-    noisier_estimates,
     overlap,
-    raised,
     sandwich,
     scaled_by_itself,
     solve,
@@ -46,7 +42,7 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
-from fracid.safety.schema import Block, Number, Pair, Record, as_json
+from fracid.safety.schema import Block, Number, Pair, Record, as_json, computed
 from fracid.signals.resolution import resolution
 
 SAYS = Words("regression/linear.toml")
@@ -94,8 +90,7 @@ class Constant(Record):
         """Whether to use the value by itself."""
         return self.kind == "identified"
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def interval95(self) -> tuple[float, float] | None:
         """About the value, without its bias; None where it was not found."""
         if self.standard_error is None:
@@ -308,18 +303,22 @@ def _at(
             warnings.append(SAYS("no-instruments"))
     v, weights = solve(estimator, system, gauge, scales, instruments)
     beta = gauge.beta(v)
-    noisier = noisier_estimates(estimator, system, gauge, scales, instruments)
+    sides = [side for pair in system.noisy for side in pair]  # the noise added once more
+    noisier = np.array([solve(estimator, replace(system, W=W), gauge, scales, instruments)[0] for W in sides])
     bias = bias_of(v, noisier)
     covariance = sandwich(system, gauge, scales, instruments, v, weights, overlap(data.rows[0]))
+    # an encoder's rounding repeats with the motion, so that the residuals understate what it does
     variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
-    covariance = raised(covariance, variance)
+    factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
+    covariance = covariance * np.outer(factor, factor)
+    A = stack(system.W, scales)[:, gauge.free]
     return Regression(
         parameters=_constants(names, fixed_values, gauge, beta, bias, covariance, dependent, model),
         orders=orders, combinations=_combinations(names, dependent, beta), estimator=estimator,
         residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
         weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
         fit_percent=fit_percents(system, beta), noise_ratio=ratio,
-        condition_number=condition_number_of(stack(system.W, scales)[:, gauge.free]),
+        condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))),
         samples=len(weights),
         noise={n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))},
         amplitude=max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -54,9 +55,8 @@ def machine() -> dict[str, str]:
 @cache
 def _processor() -> str:
     """Its model, where Linux says it; else what Python knows."""
-    try:
+    lines: list[str] = []
+    with suppress(OSError, ValueError):
         lines = text_of(Path("/proc/cpuinfo")).splitlines()
-    except (OSError, ValueError):
-        lines = []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()

@@ -24,14 +24,14 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, computed_field
+from pydantic import Field
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.runs.environment import code, machine
 from fracid.runs.folder import CODE, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Infinite, Listed, Record, fault_of, read_if_whole
+from fracid.safety.schema import Infinite, Listed, Record, computed, fault_of, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
 
@@ -85,20 +85,17 @@ class Reproduction(CardDisplay, Record):
     changed: Mapping[str, tuple[str, str]]
     """What is not as it was, versions, machine, own code → before and now."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def identical(self) -> bool:
         """Whether no value differs in its last bit."""
         return not self.differences
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def reproduced(self) -> bool:
         """Whether it came out as it should: the same to the bit, or with other versions or elsewhere nearly so."""
         return self.identical or (bool(self.changed) and all(d.excused for d in self.differences))
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def verdict(self) -> str:
         """In words."""
         but = f" {_listed(self.changed)}: not as before." if self.changed else ""
@@ -268,7 +265,8 @@ def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -
         blocks, names = FOUND
         is_estimate = path[0] in blocks and any(name in names for name in path[-2:])
         half = width if path[-1] == "value" else 0.0
-        yield Difference(".".join(path), _shown(before), _shown(after), *_sizes(before, after, half), is_estimate)
+        was, now = ("missing" if v is _MISSING else v for v in (before, after))
+        yield Difference(".".join(path), was, now, *_sizes(before, after, half), is_estimate)
 
 
 def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
@@ -284,10 +282,6 @@ def _of_study(d: Difference, half_widths: Mapping[str, float]) -> Difference:
 
 _MISSING = object()
 """In place of a value that only one of the results has."""
-
-
-def _shown(value: Any) -> Any:
-    return "missing" if value is _MISSING else value
 
 
 def _half_width(estimate: Mapping[str, Any]) -> float:

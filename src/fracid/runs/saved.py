@@ -292,10 +292,8 @@ def _text(path: Path) -> str | None:
 
 def _places(folder: Path) -> Iterator[Path]:
     """Where the project file may lie: as the run names it, from here or above the run; or in fracid itself."""
-    arguments = [
-        *_optional(folder / "environment.json", "command", []),
-        *_optional(folder / "run.json", "options", {}).values(),
-    ]
+    command = _optional(folder / "environment.json", "command", [])
+    arguments = [*command, *_optional(folder / "run.json", "options", {}).values()]
     words = [w for w in arguments[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
     for word in dict.fromkeys(words):
         yield from (place / word for place in (Path(), *folder.resolve().parents))

@@ -68,8 +68,10 @@ Interval = Annotated[tuple[float, ...], Pair]
 
 if TYPE_CHECKING:
     Ends = tuple[float, float]
+    computed = property
 else:
     Ends = Interval  # which says of another length what is wrong
+    computed = computed_field  # a property that is written with the fields
 
 T = TypeVar("T")
 Listed = Annotated[tuple[T, ...], Field(strict=False)]

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, computed_field
+from pydantic import BeforeValidator, Field
 
 from fracid.arrays import FloatArray
 from fracid.safety.json_files import json_number
-from fracid.safety.schema import Ends, Listed, Number, Record, _listed
+from fracid.safety.schema import Ends, Listed, Number, Record, _listed, computed
 
 SECONDS = 10.0
 """Of a trial."""
@@ -189,34 +189,29 @@ class ControlRecord(Record):
     loop: Annotated[Any, Field(exclude=True)] = None
     """What simulates it, in the session that designed it."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def share(self) -> float:
         """Of the draws on which it holds."""
         return self.design.held / self.design.draws
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def gain_margin95(self) -> tuple[float | None, float | None]:
         """In which 95 % of the draws have theirs [dB]; None for any."""
         low, high = _band([math.inf if t.gain_margin is None else t.gain_margin for t in self.trials])
         return json_number(low), json_number(high)
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def phase_margin95(self) -> tuple[float, float]:
         """In which 95 % of the draws have theirs [°]."""
         return _band([t.phase_margin for t in self.trials])
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def up95(self) -> tuple[float, float] | None:
         """In which 95 % of the draws that are swung up and held are there [s]."""
         swung = [t.up for t in self.trials if t.holds and self.design.controller.swing is not None]
         return _band(swung) if swung else None
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def sentence(self) -> str:
         """What was found."""
         low, high = (100 * v for v in self.share95)

@@ -245,13 +245,9 @@ def _believed(values: FloatArray, copies: FloatArray, q: float) -> Lattice | Non
     within = float(off[order[np.searchsorted(share, MOST)]])
     if within > SCATTER:
         return None
-    divergence = _divergence(MOST, 2 * max(within, 1e-10))
+    chance = 2 * max(within, 1e-10)
+    divergence = MOST * math.log(MOST / chance) + (1 - MOST) * math.log((1 - MOST) / (1 - chance))
     if (len(cells) - 2) * divergence < EVIDENCE + math.log(np.ptp(k)):
         return None
     error = float(np.sqrt(np.mean((x[near] - edge - q * k[near]) ** 2) / spread))
     return Lattice(float(f"{q:.12g}"), max(error, 1e-12 * q))
-
-
-def _divergence(p: float, chance: float) -> float:
-    """Of a part p from its chance."""
-    return p * math.log(p / chance) + (1 - p) * math.log((1 - p) / (1 - chance))

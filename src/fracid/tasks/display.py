@@ -123,11 +123,8 @@ class _Display:
         self._surface, self._stage, self._result = surface, _Stage("", 0.0), result
         self._mark = "✓"
         self._compilation = _Compiling(self)
-
-    @property
-    def observer(self) -> Observer:
+        self.observer = Observer(surface.notice, self.progress, self.stage, self.interrupted, result=self.result)
         """What a workflow speaks to."""
-        return Observer(self._surface.notice, self.progress, self.stage, self.interrupted, result=self.result)
 
     def stage(self, name: str) -> None:
         """The stage before has ended, this one begins; none, for an empty name; one that goes on stays."""
