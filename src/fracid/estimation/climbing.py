@@ -88,22 +88,16 @@ def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
     late, values = late_rungs(problem), dict(problem.parameter_starts)
     for k, names in enumerate(((), *late.values())):
         later = [n for rung in list(late)[k:] for n in late[rung]]
-        values |= on_windows(without(problem, later), values, names, watch)
+        simple = without(problem, later)
+        pieces = in_windows(simple)
+        starts = [embedded(pieces, {**values, **entry}) for entry in entries(simple, names)]
+        ends = [uninterrupted(refined(pieces, x, watch, **ROUGH)).best for x in starts]
+        best = uninterrupted(refined(pieces, min(ends, key=lambda e: e.cost).point, watch, **FINE)).best
+        values |= shared_values(pieces, best.point)
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:  # first of what each recording has for itself, then of all
         values |= alone.named(growing(alone, alone.start, watch).best.point)
     return refined(problem, embedded(problem, values), watch, **options)
-
-
-def on_windows(
-    problem: Problem, values: Mapping[str, float], names: Sequence[str], watch: Watch
-) -> Mapping[str, float]:
-    """Orders and parameters that fit windows best, from these values and from each entry of the elements `names`."""
-    pieces = in_windows(problem)
-    starts = [embedded(pieces, {**values, **entry}) for entry in entries(problem, names)]
-    ends = [uninterrupted(refined(pieces, x, watch, **ROUGH)).best for x in starts]
-    best = min(ends, key=lambda e: e.cost)
-    return shared_values(pieces, uninterrupted(refined(pieces, best.point, watch, **FINE)).best.point)
 
 
 def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:

@@ -72,7 +72,6 @@ References
 .. [SL] S. Self, K.-Y. Liang, J. Amer. Statist. Assoc. 82 (1987) 605: likelihood ratios at a bound.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
 .. [Sa] F. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of a sum of squares.
-.. [K] J. Kent, Biometrika 69 (1982) 19: likelihood ratios of wrong likelihoods.
 .. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 """
 
@@ -232,11 +231,6 @@ class Sandwich:
     """Of the column-scaled Jacobian."""
     widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_free,)."""
-
-    def inflation(self, which: NDArray[np.intp]) -> FloatArray:
-        """By how much twice the rise of the cost, profiled over `which`, exceeds a χ²: C_A⁻¹C_S, shape (k, k) [K]_."""
-        at = np.searchsorted(self.free, which)
-        return np.asarray(np.linalg.pinv(self.inverse[np.ix_(at, at)]) @ self.covariance[np.ix_(at, at)])
 
 
 def uncertainty(
@@ -442,8 +436,11 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
     _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
     nonzero = singular > UNSEEN * max(singular[0], 1e-300)
     rounding = edges(problem, errors, J, loss_of(problem).psi)
-    if rounding is not None:
-        _leave_out(problem, errors, J, rounding.alone, scores, norm)
+    if rounding is not None:  # an output that noise and rounding explain is left out of the scores
+        loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
+        for s, e, j, w, explained in zip(scores, errors, J, weights, rounding.alone, strict=True):
+            if explained.any():
+                s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
     S, bandwidth = _long_run(scores)
     scale = np.outer(norm, norm)
     inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
@@ -463,17 +460,6 @@ def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], f
         free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
         bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
     )  # fmt: skip
-
-
-def _leave_out(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray], outputs: tuple[FloatArray, ...],
-    scores: list[FloatArray], norm: FloatArray,
-) -> None:  # fmt: skip
-    """Take those outputs whose errors are noise and rounding alone, 1 of each recording's, out of the scores."""
-    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    for s, e, j, w, explained in zip(scores, errors, J, weights, outputs, strict=True):
-        if explained.any():
-            s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
 
 
 def _white_squares(

@@ -138,13 +138,9 @@ class Surface:
             return 2 * max(self.top.cost, 1e-300) / CHI2_95[1]  # W = 3.84 where the cost has doubled
         shape = self.sandwich(i)
         at = int(np.searchsorted(shape.free, i))
-        identifiable = shape.inverse[at, at] > 0 and not _blind(shape, at)
-        scale = shape.inflation(np.array([i]))[0, 0] if identifiable else self._mean_kappa(shape)
-        return float(max(scale, 1e-300))
-
-    @staticmethod
-    def _mean_kappa(shape: Sandwich) -> float:
-        return float(np.trace(np.linalg.pinv(shape.inverse) @ shape.covariance) / max(1, len(shape.free)))
+        own = [at] if shape.inverse[at, at] > 0 and not _blind(shape, at) else range(len(shape.free))
+        scale = np.trace(np.linalg.pinv(shape.inverse[np.ix_(own, own)]) @ shape.covariance[np.ix_(own, own)])
+        return float(max(scale / len(own), 1e-300))
 
     def rise(self, e: Evaluation, i: int) -> float:
         """How far V has risen over its minimum, in units of the likelihood's."""
@@ -178,8 +174,7 @@ class Surface:
 
 def _blind(shape: Sandwich, at: int) -> bool:
     """Whether an unknown takes part in a direction that J does not see."""
-    norm = np.linalg.norm(shape.directions, axis=1) if len(shape.directions) else np.empty(0)
-    return bool(np.any(np.abs(shape.directions[:, at]) > 1e-6 * norm)) if len(norm) else False
+    return bool(np.any(np.abs(shape.directions[:, at]) > 1e-6 * np.linalg.norm(shape.directions, axis=1)))
 
 
 # --- the walk ------------------------------------------------------------------------------------------
