@@ -255,9 +255,8 @@ def _redrawn(
 ) -> list[float] | None:
     """A few steps of least squares for one draw; None where every run fails."""
     median = _rests_on_median(problem)
-    records = tuple(
-        replace(e, measured=e.measured + e.in_units(resampled(error, length, rng, median=median) - error))
-        for e, error in zip(problem.experiments, errors, strict=True)
-    )
+    pairs = zip(problem.experiments, errors, strict=True)
+    moved = ((e, e.in_units(resampled(error, length, rng, median=median) - error)) for e, error in pairs)
+    records = tuple(replace(e, measured=e.measured + by) for e, by in moved)
     best = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))
     return best.point.tolist() if math.isfinite(best.cost) else None

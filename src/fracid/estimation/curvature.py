@@ -216,10 +216,8 @@ def start_shift(
     for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
         # its start moves no other
         alone = replace(problem, initial_state=LOOSER[problem.initial_state], experiments=(e,))
-        initial_indices = [
-            i for i, u in enumerate(alone.unknowns)
-            if u.kind == "initial" and u.target not in e.initial and e.past is None
-        ]  # fmt: skip
+        started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and u.target not in e.initial]
+        initial_indices = started if e.past is None else []
         if not initial_indices:
             continue
         point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors

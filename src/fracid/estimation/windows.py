@@ -272,11 +272,8 @@ def can_be_windowed(problem: Problem) -> bool:
     model, rates = problem.model, problem.parametrisation.rates
     known = {model.states[i] for pair in rates.items() for i in pair} | {*model.relaxing, *model.follows}
     known |= {model.states[model.output_states[n]] for n in problem.outputs if n in model.output_states}
-    return (
-        problem.cost_function.loss is not None
-        and known >= {*model.states}
-        and all(e.times is None and e.source is None and e.past is None and not e.initial for e in problem.experiments)
-    )
+    plain = all(e.times is None and e.source is None and e.past is None and not e.initial for e in problem.experiments)
+    return problem.cost_function.loss is not None and known >= {*model.states} and plain
 
 
 def dies(e: Experiment) -> bool:

@@ -377,10 +377,8 @@ class Rows:
         for i in range(len(many)):
             arm_rates, rates = ((x[:, i], a[:, i]) for x, a in both_rates)
             both = _columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
-            arm, pendulum = (
-                fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[rows]
-                for W, rows in zip(both, self.kept, strict=True)
-            )
+            sides = zip(both, self.kept, strict=True)
+            arm, pendulum = (fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[rows] for W, rows in sides)
             pairs.append((arm, pendulum))
         return pairs
 

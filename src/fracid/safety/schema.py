@@ -239,13 +239,10 @@ def faults_by_place(error: ValidationError, alternatives: Iterable[str] = ()) ->
     tried : iterable of str
         Models that are one of several alternatives.
     """
-    notes = {"float", "int", "str", "bool", *alternatives}
+    notes, tried = {"float", "int", "str", "bool", *alternatives}, ("literal[", "dict[", "function-")
     faults: dict[tuple[str | int, ...], list[Any]] = {}
     for fault in error.errors(include_url=False):
-        where = tuple(
-            key for key in fault["loc"]
-            if key not in notes and not str(key).startswith(("literal[", "dict[", "function-"))
-        )  # fmt: skip
+        where = tuple(key for key in fault["loc"] if key not in notes and not str(key).startswith(tried))
         faults.setdefault(where, []).append(fault)
     return faults
 
