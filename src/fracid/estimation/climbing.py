@@ -156,10 +156,9 @@ def embedded(problem: Problem, values: Mapping[str, float]) -> FloatArray:
 
 def starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
     """The same, the search for its parameters to begin at those of these values."""
-    return replace(problem, parameters={
-        n: replace(v, start=values[n]) if isinstance(v, Free) and n in values else v
-        for n, v in problem.parameters.items()
-    })  # fmt: skip
+    free = {n: v for n, v in problem.parameters.items() if isinstance(v, Free) and n in values}
+    begun = {n: replace(v, start=values[n]) for n, v in free.items()}
+    return replace(problem, parameters={**problem.parameters, **begun})
 
 
 def _off(problem: Problem, names: Sequence[str]) -> dict[str, float]:

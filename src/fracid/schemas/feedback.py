@@ -216,10 +216,8 @@ class ControlRecord(Record):
         """What was found."""
         low, high = (100 * v for v in self.share95)
         swung = "" if self.up95 is None else ", swung up after {:.3g} to {:.3g} s in 95 % of them".format(*self.up95)
-        return (
-            f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held} of "
-            f"{self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %){swung}."
-        )
+        holds = f"{self.design.controller.kind} holds {self.conditions.posture} in {self.design.held}"
+        return f"{holds} of {self.design.draws} draws (95 % interval {low:.3g} to {high:.3g} %){swung}."
 
 
 def margin_text(value: float | None, band: tuple[float | None, float | None], unit: str) -> str:

@@ -132,10 +132,9 @@ def run_tasks(
                 if journal is not None:
                     journal.append(task.key, results[task.key], outcome.seconds)
                 tell()
-        except KeyboardInterrupt:
-            raise Unfinished(f"Interrupted. {_kept(part, len(results), len(tasks), journal)}") from None
-        except Stopped as stopped:
-            raise Unfinished(f"{stopped} {_kept(part, len(results), len(tasks), journal)}") from stopped.__cause__
+        except (KeyboardInterrupt, Stopped) as end:
+            why = end if isinstance(end, Stopped) else "Interrupted."
+            raise Unfinished(f"{why} {_kept(part, len(results), len(tasks), journal)}") from end.__cause__
     return {t.key: results[t.key] for t in tasks}
 
 
