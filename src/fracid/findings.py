@@ -18,7 +18,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from typing import Any
 
 from fracid.safety.door import own_text
@@ -73,10 +73,10 @@ class Words:
 
     file: str
 
-    @cached_property
+    @property
     def table(self) -> dict[str, Any]:
-        """The content of the file."""
-        return tomllib.loads(own_text(self.file))
+        """The content of the file, read once for all who say it."""
+        return _content(self.file)
 
     def __call__(self, code: str, /, **values: object) -> Note:
         """A sentence with these values."""
@@ -87,6 +87,11 @@ class Words:
         values |= {"where": where, "number": number, "limit": limit}
         entry = {key: text.format(**values) for key, text in ({"code": name} | self.table[name]).items()}
         return Finding(entry["code"], where, number, limit, entry["unit"], entry["says"])
+
+
+@cache
+def _content(file: str) -> dict[str, Any]:
+    return tomllib.loads(own_text(file))
 
 
 class Note(str):

@@ -204,7 +204,7 @@ def _more_than_mathematics(code: str) -> str:
 
 def fuzz(numbers: range) -> Ended:
     """Read texts; return how they ended."""
-    for text in ("\x00", "2*sign(speed)", "log(not m, 2)"):  # what is read or imported at the first use
+    for text in ("\x00", "2*sign(speed)", "log(not m, 2)", "spespeed"):  # what is read or imported at the first use
         judged(text)
     gc.disable()  # when garbage is looked for is Python's affair, and is no text's time
     ended, failures = Counter[str](), dict[int, str]()
