@@ -38,7 +38,7 @@ and of the minimum :func:`after` asks
                     twice the geometric mean of noise and motion
 ==================  ==============================================================================================
 
-What a check needs of recordings and model is laid out first (:class:`Linearisation`, :class:`Hanging`,
+What a check needs of recordings and model is laid out first (:class:`Hanging`,
 :class:`fracid.validation.reversed_signs.Reversal`); a check then reads numbers, and yields findings.
 
 Nothing is repaired in silence: a finding says what to type.  Another fault explains a recording as well as the one
