@@ -28,7 +28,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from fracid.errors import InputError, at_least, unknown_name, writing
 from fracid.export.compilers import PLATFORMS
@@ -51,20 +51,37 @@ ON_REQUEST = ("mjcf", "urdf", "bam", "observer")
 
 @dataclass(frozen=True)
 class Options:
-    """How a run is written."""
+    """How a run is written.
+
+    Raises
+    ------
+    InputError
+        For a value that means nothing.
+    """
 
     steps: int | None = None
-    """Longest run that the memory of programs holds."""
+    """Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
+    :data:`HOURS` for the C function."""
     precision: Literal["double", "single"] = "double"
-    """Of the C function."""
+    """Of the C functions: ``single`` for processors without a double unit."""
     fmi: Literal["2", "3"] = "2"
-    """Version of the FMU."""
-    platforms: tuple[str, ...] = ()
-    """For which it holds libraries; this one if empty."""
+    """Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``."""
+    platforms: Sequence[str] = ()
+    """For which the FMU holds a library, of :data:`fracid.export.compilers.PLATFORMS`; this one if empty."""
     actuator: str = ""
-    """What BAM calls the servo."""
+    """What BAM calls the servo, such as ``xl330``."""
     slow: Mapping[str, float] = field(default_factory=dict)
-    """Constants and orders that the observer estimates."""
+    """Constants and orders that the observer estimates too, as of :func:`fracid.observer`."""
+
+    def __post_init__(self) -> None:
+        """Refuse what means nothing."""
+        known: list[tuple[str, str, Collection[str]]]
+        known = [("precision", self.precision, ("double", "single")), ("version of FMI", self.fmi, ("2", "3"))]
+        for what, value, values in [*known, *(("platform", n, PLATFORMS) for n in self.platforms)]:
+            if value not in values:
+                raise unknown_name(what, value, values)
+        if self.steps is not None:
+            at_least("steps", self.steps, 1)
 
 
 @dataclass(frozen=True)
@@ -76,18 +93,7 @@ class Export:
     """What could not be written, and why; what to know of what was."""
 
 
-def export_run(
-    run: SavedRun,
-    folder: str | Path,
-    formats: Sequence[str] = (),
-    *,
-    steps: int | None = None,
-    precision: Literal["double", "single"] = "double",
-    fmi: Literal["2", "3"] = "2",
-    platforms: Sequence[str] = (),
-    actuator: str = "",
-    slow: Mapping[str, float] | None = None,
-) -> Export:
+def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), **options: Any) -> Export:
     """Write a run for other programs.
 
     Parameters
@@ -98,19 +104,9 @@ def export_run(
         Where the files go; made where it is missing.
     formats : sequence of str
         Of :data:`FORMATS`; all but those :data:`ON_REQUEST` if empty.
-    steps : int, optional
-        Longest run that the memory of the programs must hold: if left out the longest recording's for ``model.m``, and
-        :data:`HOURS` for the C function.
-    precision : str
-        Of the C functions: ``double``, or ``single`` for processors without a double unit.
-    fmi : str
-        Version of the interface of an FMU: ``2``, which nearly every tool imports, or ``3``.
-    platforms : sequence of str
-        For which the FMU holds a library, of :data:`fracid.export.compilers.PLATFORMS`; this one if empty.
-    actuator : str
-        What BAM calls the servo, such as ``xl330``.
-    slow : mapping, optional
-        Constants and orders that the observer estimates too, as of :func:`fracid.observer`.
+    **options
+        The fields of :class:`fracid.export.Options`: ``steps``, ``precision``, ``fmi``, ``platforms``, ``actuator``,
+        ``slow``.
 
     Returns
     -------
@@ -126,16 +122,10 @@ def export_run(
     >>> list(FORMATS)
     ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'observer', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
-    named: list[tuple[str, str, Collection[str]]]
-    named = [("precision", precision, ("double", "single")), ("version of FMI", fmi, ("2", "3"))]
-    named += [("format", n, FORMATS) for n in formats]
-    named += [("platform", n, PLATFORMS) for n in platforms]
-    for what, value, known in named:
-        if value not in known:
-            raise unknown_name(what, value, known)
-    if steps is not None:
-        at_least("steps", steps, 1)
-    folder, options = Path(folder), Options(steps, precision, fmi, tuple(platforms), actuator, dict(slow or {}))
+    how, folder = Options(**options), Path(folder)
+    for name in formats:
+        if name not in FORMATS:
+            raise unknown_name("format", name, FORMATS)
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run, wanted)]
@@ -144,7 +134,7 @@ def export_run(
         for name in wanted:
             before = len(files)
             try:
-                for thing in FORMATS[name].write(run, folder, options):
+                for thing in FORMATS[name].write(run, folder, how):
                     if isinstance(thing, str):
                         notes.append(thing)
                     else:
