@@ -56,7 +56,6 @@ from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
-from fracid.solver.schemes import _keep_relaxing, _relax
 from fracid.solver.solve import integrate, time_scale
 from fracid.units import with_unit
 
@@ -87,11 +86,8 @@ OVERDAMPED = 0.95
 STIFF = 1e3
 """Poles [rad/s] from which on an explicit solver would need small steps."""
 
-SWEEPS = 30
-"""At most, of a step."""
-
-HALVINGS = 4
-"""How often a simulation may halve its step."""
+EXACT = 1e-7
+"""Relative error of a simulation."""
 
 
 @dataclass(frozen=True)
@@ -383,57 +379,28 @@ class IntegerModel:
 
     def f(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
         """The right-hand side."""
-        return self._f_and_rates(x, u, parameters)[: len(x)]
-
-    def _f_and_rates(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
-        """The same, and behind it the rates of states that relax."""
         out = np.zeros(len(x) * (1 + bool(self.model.relaxing)))
         p = self.parameters if parameters is None else parameters
         getattr(self.model.rhs, "py_func", self.model.rhs)(0.0, x, u, p, out)
-        return out
+        return out[: len(x)]
 
     def simulate(self, x0: FloatArray, inputs: FloatArray, step: float, steps: int) -> FloatArray:
-        """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure.
+        """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure."""
+        from scipy.integrate import solve_ivp
 
-        Each z is integrated exactly for an f that is linear over a step: second order, however fast its pole.
-        """
-        for fine in 2 ** np.arange(HALVINGS):
-            at = np.arange(steps * fine + 1) / fine
-            u = inputs if len(inputs) == 1 else np.column_stack([np.interp(at, np.arange(len(c)), c) for c in inputs.T])
-            states, settled = self._steps(x0, u, step / fine, steps * int(fine))
-            if settled:
-                break
-        return states[::fine]
+        driven = len(inputs) > 1
 
-    def _steps(self, x0: FloatArray, u: FloatArray, h: float, steps: int) -> tuple[FloatArray, bool]:
-        """By sweeps; the second is whether they settled at every step."""
-        ph = self.decay * h
-        slow = ph < 1e-6
-        safe = np.where(slow, 1.0, ph)
-        propagator, mean = np.exp(-ph), np.where(slow, 1 - ph / 2, -np.expm1(-safe) / safe)
-        end = h * np.where(slow, 0.5 - ph / 6, (1 - mean) / safe)
-        old, new, newest = h * mean - end, end, self.C @ (end[:, None] * self.B)
+        def slope(t: float, z: FloatArray) -> FloatArray:
+            k = min(int(t / step), len(inputs) - 2)
+            u = inputs[k] + (t / step - k) * (inputs[k + 1] - inputs[k]) if driven else inputs[0]
+            return np.asarray(-self.decay * z + self.B @ self.f(x0 + self.C @ z, u))
+
+        time = step * np.arange(steps + 1)
+        found = solve_ivp(slope, time[[0, -1]], np.zeros(len(self.decay)), "LSODA", time, rtol=EXACT, atol=1e-2 * EXACT,
+                          max_step=step if driven else np.inf)  # fmt: skip
         states = np.full((steps + 1, len(x0)), np.nan)
-        states[0], z, driven = x0, np.zeros(len(ph)), self.B.argmax(axis=1)
-        relaxing = np.array(self.model.relaxing_states, dtype=np.int64)
-        newest[relaxing], start = 0.0, np.zeros((len(relaxing), 4))
-        f = self._f_and_rates(x0, u[0])
-        _keep_relaxing.py_func(relaxing, x0, f, start)
-        for n in range(1, steps + 1):
-            z = propagator * z + old * f[driven]
-            history, x = x0 + self.C @ z, states[n - 1]
-            for _ in range(SWEEPS):
-                f = self._f_and_rates(x, u[min(n, len(u) - 1)])
-                _relax.py_func(relaxing, x, f, start, h, history)
-                last, x = x, history + newest @ f[: len(x)]
-                if np.abs(x - last).max() < 1e-10:
-                    break
-            else:
-                return states, False
-            z = z + new * f[driven]
-            states[n] = x
-            _keep_relaxing.py_func(relaxing, x, f, start)
-        return states, True
+        states[: len(found.t)] = x0 + found.y.T @ self.C.T
+        return states
 
     def linearised(
         self, name: str, about: FloatArray, parameters: FloatArray, inputs: FloatArray | None = None
@@ -470,17 +437,11 @@ class IntegerModel:
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
         """Time, and the outputs after a unit step, of integer order and fractional, (points + 1, n_outputs)."""
-        from scipy.linalg import expm
+        from scipy.signal import step
 
-        h, n = end / points, len(linear.A)
-        block = np.zeros((n + 1, n + 1))
-        block[:n, :n], block[:n, n] = linear.A, linear.B[:, 0]
-        transition, z = expm(h * block), np.append(np.zeros(n), 1.0)
-        integer = np.zeros((points + 1, len(linear.outputs)))
-        for k in range(1, points + 1):
-            z = transition @ z
-            integer[k] = linear.C @ z[:n]
-        return h * np.arange(points + 1), integer, self._exact_step(linear, h, points)
+        time = np.linspace(0.0, end, points + 1)
+        _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
+        return time, integer.reshape(len(time), -1), self._exact_step(linear, end / points, points)
 
     def _exact_step(self, linear: LinearModel, h: float, points: int) -> FloatArray:
         """By the solver, from an input too small for anything but the linear part."""
