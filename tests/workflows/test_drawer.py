@@ -5,8 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -78,49 +79,53 @@ def test_what_leads_the_process_beside_has_ended_before_the_program_may():
 
 
 class Pool:
-    """Does at once what it is given, or never."""
+    """Does at once what it is given."""
 
-    def __init__(self, idle=False):
-        self.idle, self.given = idle, []
+    def __init__(self):
+        self.given = []
 
     def submit(self, work, *what):
         self.given.append((work.__name__, what))
         future = Future()
-        if not self.idle:
-            future.set_result(work(*what))
+        future.set_result(work(*what))
         return future
 
 
-def test_what_is_asked_for_first_goes_before_what_waits():
-    pool = Pool(idle=True)
-    beside = Drawer(pool)
-    beside.asked(its_process, 0)  # is with the process
-    waiting = [beside.asked(str, n) for n in (1, 2)] + [beside.asked(str, 3, first=True)]
-    assert [piece.what for piece in beside._waiting] == [(3,), (1,), (2,)]
-    waiting[0].drop()
-    assert [piece.what for piece in beside._waiting] == [(3,), (2,)]
-    assert (waiting[1](), waiting[2]()) == ("2", "3")
-    assert [what for _, what in pool.given] == [(0,)]
+def test_what_waits_is_taken_back():
+    busy, end = threading.Event(), threading.Event()
+    with ThreadPoolExecutor(1) as giver:
+        giver.submit(lambda: busy.set() or end.wait())
+        busy.wait()
+        beside = Drawer(Pool(), giver)
+        waiting = [beside.asked(str, n) for n in range(3)]
+        waiting[0].drop()
+        assert waiting[1]() == "1"
+        end.set()
+    assert beside.pool.given == [("str", (2,))]
 
 
 @pytest.mark.broad
 def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a_lower_one_is_found(tmp_path):
     time = np.arange(0, 1, 0.01)
     swing = np.cos(6 * time)
-    recording = RecordingFit("swing", "fit", time, {"alpha": swing}, {"alpha": 0.9 * swing}, 0.1, {}, {})
-    pool = Pool()
-    project = type("Loaded", (), {"resolutions": {"swing": {}}})
-    drawing = Drawing(project, tmp_path, 1, None, Drawer(pool), None)
-    names = ["analysed", "_drawn", "_drawn"]
-    drawing.begin({"swing": recording})
-    assert [name for name, _ in pool.given] == names
+    recordings = {n: RecordingFit(n, "fit", time, {"alpha": swing}, {"alpha": 0.9 * swing}, 0.1, {}, {}) for n in "ab"}
+    project = type("Loaded", (), {"resolutions": {n: {} for n in recordings}})
+    drawing = Drawing(project, tmp_path, 1, None, Drawer(Pool()), None)
+
+    def given():
+        drawing.drawer.giver.submit(int).result()  # after all that was asked for before
+        return [name for name, _ in drawing.drawer.pool.given]
+
+    drawing.begin(recordings)
+    first = [*["analysed"] * 2, *["_drawn"] * 4]  # the page waits for what is tested
+    assert given() == first
     figures = {p.name for p in (tmp_path / "figures").glob("*.svg")}
-    assert figures == {"figure2-swing.svg", "figure3-swing-alpha.svg"}
-    examined = replace(recording, parameters={"b": None})
-    assert drawing._of_recordings({"swing": examined})[0].residuals()["swing"]["alpha"].analysis.samples == 100
-    assert [name for name, _ in pool.given] == names
-    drawing._of_recordings({"swing": replace(recording, fitted={"alpha": swing}, cost=0.0)})
-    assert [name for name, _ in pool.given] == 2 * names
+    assert figures == {f"figure{k}.svg" for k in ("2-a", "3-a-alpha", "2-b", "3-b-alpha")}
+    examined = {n: replace(r, parameters={"b": None}) for n, r in recordings.items()}
+    assert drawing._of_recordings(examined)[0].residuals()["a"]["alpha"].analysis.samples == 100
+    assert given() == first
+    drawing._of_recordings(examined | {"a": replace(recordings["a"], fitted={"alpha": swing}, cost=0.0)})
+    assert given() == [*first, "analysed", "_drawn", "_drawn"]
 
 
 SCRIPT = """

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import gc
 import os
-import threading
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -31,8 +30,7 @@ T = TypeVar("T")
 class Drawer:
     """Who draws: the process beside this one, or this one.
 
-    The process is given one piece at a time; the others wait here, where they can be taken back.  (Before Python 3.12
-    a pool that dies with a cancelled piece forgets the others.)
+    A thread gives the process one piece after the other; those that wait for it can be taken back.
 
     Examples
     --------
@@ -43,71 +41,40 @@ class Drawer:
 
     pool: ProcessPoolExecutor | None
     """Of one process; None where this one does all."""
-    _waiting: deque[Asked[Any]] = field(default_factory=deque)
-    _given: list[Future[Any]] = field(default_factory=list)
-    """The unfinished one."""
-    _lock: threading.RLock = field(default_factory=threading.RLock)
+    giver: ThreadPoolExecutor = field(default_factory=partial(ThreadPoolExecutor, 1))
 
-    def asked(self, work: Callable[..., T], *what: Any, first: bool = False) -> Asked[T]:
-        """Have something done; what is given back waits for its result.
-
-        What is asked for `first` goes before all that waits.
-        """
-        piece = Asked(self, work, what)
-        with self._lock:
-            (self._waiting.appendleft if first else self._waiting.append)(piece)
-        self._give()
-        return piece
-
-    def taken_back(self, piece: Asked[Any]) -> bool:
-        """Whether a piece waited still, and now does no more."""
-        with self._lock:
-            here = piece in self._waiting
-            if here:
-                self._waiting.remove(piece)
-        return here
-
-    def _give(self) -> None:
-        """The process its next piece, as long as it lives."""
-        with self._lock:
-            while self.pool is not None and self._waiting and not self._given:
-                try:
-                    future = self.pool.submit(self._waiting[0].work, *self._waiting[0].what)
-                except (OSError, RuntimeError):
-                    return
-                self._waiting.popleft().future = future
-                self._given.append(future)
-                future.add_done_callback(self._done)
-
-    def _done(self, future: Future[Any]) -> None:
-        if future.cancelled() or isinstance(future.exception(), BrokenExecutor):
-            return  # nor ask a pool that is ending for its lock
-        with self._lock:
-            self._given.remove(future)
-        self._give()
+    def asked(self, work: Callable[..., T], *what: Any) -> Asked[T]:
+        """Have something done; what is given back waits for its result."""
+        return Asked(work, what, None if self.pool is None else self.giver.submit(_beside, self.pool, work, *what))
 
 
-@dataclass(eq=False)
+def _beside(pool: ProcessPoolExecutor, work: Callable[..., T], *what: Any) -> T:
+    try:
+        future = pool.submit(work, *what)
+    except (OSError, RuntimeError) as error:  # it has died, or ends
+        raise BrokenExecutor from error
+    return future.result()
+
+
+@dataclass(frozen=True)
 class Asked(Generic[T]):
-    """Something to do, and its future where the process has it."""
+    """Something to do, and its future where the process may have it."""
 
-    drawer: Drawer
     work: Callable[..., T]
     what: tuple[Any, ...]
-    future: Future[T] | None = None
+    future: Future[T] | None
 
     def __call__(self) -> T:
         """Its result: here and now where nobody has begun, else waited for."""
-        if not self.drawer.taken_back(self) and self.future is not None:
+        if self.future is not None and not self.future.cancel():
             with suppress(BrokenExecutor):
                 return self.future.result()
         return self.work(*self.what)
 
     def drop(self) -> None:
         """Have nobody begin it; what is begun is waited for."""
-        if not self.drawer.taken_back(self) and self.future is not None:
-            with suppress(BrokenExecutor):
-                self.future.result()
+        if self.future is not None and not self.future.cancel():
+            wait([self.future])
 
 
 @contextmanager
@@ -131,16 +98,17 @@ def drawer(jobs: int) -> Iterator[Drawer]:
     )  # not above: help would wait
 
     pool = None
-    try:
-        with suppress(*UNSTARTED):  # where none can be started, this one draws
-            pool = fresh_processes(1, _prepare)
-            with deaf_to_ctrl_c(), without_main():
-                pool.submit(int)  # starts it
-        yield Drawer(pool)
-    finally:
-        _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
-        if pool is not None:  # waits: an exit that comes meanwhile writes to a pipe that is just closed
-            pool.shutdown(cancel_futures=True)
+    with ThreadPoolExecutor(1) as giver:
+        try:
+            with suppress(*UNSTARTED):  # where none can be started, this one draws
+                pool = fresh_processes(1, _prepare)
+                with deaf_to_ctrl_c(), without_main():
+                    pool.submit(int)  # starts it
+            yield Drawer(pool, giver)
+        finally:
+            _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
+            if pool is not None:  # waits: an exit that comes meanwhile writes to a pipe that is just closed
+                pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

@@ -101,25 +101,19 @@ class Drawing:
 
     def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
         """Ask for what each recording needs; what is asked of the same simulation already is not asked again."""
-        stems = file_stems(recordings)
-        for name, recording in recordings.items():
-            before = self._begun.get(name)
-            if before is not None and _looks_alike(before.recording, recording):
-                continue
-            if before is not None:
-                before.drop()
-            self._begun[name] = self._of_recording(recording, stems[name])
-        return [self._begun[name] for name in recordings]
-
-    def _of_recording(self, recording: RecordingFit, stem: str) -> _Drawn:
         from fracid.validation.residual_analyses import analysed
 
+        begun, stems, resolutions = self._begun, file_stems(recordings), self.project.resolutions
+        new = {n: r for n, r in recordings.items() if n not in begun or not _looks_alike(begun[n].recording, r)}
+        for name in new.keys() & begun.keys():
+            begun[name].drop()
         # What is tested first: the page waits for it.
-        residuals = self.drawer.asked(analysed, {recording.name: recording}, self.project.resolutions, first=True)
-        resolution = self.project.resolutions.get(recording.name, {})
-        figures = [self.drawer.asked(_drawn, _of_recording, self.folder, name, recording, output, resolution)
-                   for name, output in _pictures(recording, stem)]  # fmt: skip
-        return _Drawn(recording, residuals, figures)
+        tested = {n: self.drawer.asked(analysed, {n: r}, resolutions) for n, r in new.items()}
+        for name, r in new.items():
+            figures = [self.drawer.asked(_drawn, _of_recording, self.folder, stem, r, output, resolutions.get(name, {}))
+                       for stem, output in _pictures(r, stems[name])]  # fmt: skip
+            begun[name] = _Drawn(r, tested[name], figures)
+        return [begun[name] for name in recordings]
 
 
 @dataclass(frozen=True)
