@@ -14,7 +14,6 @@ from fracid.estimation.covariance import residual_bandwidth, uncertainty
 from fracid.estimation.profile_walk import refit
 from fracid.problem import Free, Problem
 from fracid.problem.costs import COSTS, Cost
-from fracid.tasks.journal import Journal
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -86,49 +85,16 @@ def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
         assert np.all(drawn.standard_error > 2 * known.white)
 
 
-@pytest.mark.broad
-@pytest.mark.parametrize("cost", ["rmse", "itae"])
-def test_refits_and_one_step_draw_the_same_where_the_model_bends_little(cost):
-    p, x = fitted(swing(rho=0.5, end=2.0), cost_function=COSTS[cost])
-    quick, slow = (bootstrap(p, x, variant=v, draws=60, seed=3) for v in ("one-step", "refit"))
-    assert quick.block == slow.block
-    assert slow.standard_error == pytest.approx(quick.standard_error, rel=0.25)
-    # draw by draw: the same residuals, the same answer
-    assert np.corrcoef(quick.draws[:, 1], slow.draws[:, 1])[0, 1] > 0.95
-
-
-@pytest.mark.broad
-def test_a_start_taken_from_the_first_samples_adds_its_noise_to_refits_alone():
-    e = replace(swing(end=2.0), initial={})
-    p, x = fitted(e)
-    one_step, again = (bootstrap(p, x, variant=v, draws=40) for v in ("one-step", "refit"))
-    assert again.standard_error[1] > 1.5 * one_step.standard_error[1]
-
-
-def test_refits_stay_within_the_bounds_and_one_step_leaves_alone_what_lies_there():
+def test_what_lies_at_a_bound_is_left_alone():
     p, x = fitted(swing(end=1.0), orders={"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.94, 0.5, 0.9401)})
-    assert np.all(bootstrap(p, x, variant="refit", draws=10).draws[:, 1] <= 0.9401)
     assert np.ptp(bootstrap(p, x, draws=10).draws[:, 1]) == 0
 
 
 def test_the_seed_decides_and_jobs_do_not():
     p, x = fitted(swing(end=1.0))
-    one, three, other = (bootstrap(p, x, variant="refit", draws=6, seed=s, jobs=j) for s, j in ((1, 1), (1, 3), (2, 1)))
+    one, three, other = (bootstrap(p, x, draws=6, seed=s, jobs=j) for s, j in ((1, 1), (1, 3), (2, 1)))
     assert np.array_equal(one.draws, three.draws)
     assert not np.array_equal(one.draws, other.draws)
-
-
-@pytest.mark.broad
-def test_refits_are_the_same_in_other_processes_and_none_is_done_twice(tmp_path):
-    p, x = fitted(swing(end=1.0))
-    same = {"variant": "refit", "draws": 4, "seed": 1}
-    here = bootstrap(p, x, **same)
-    assert np.array_equal(bootstrap(p, x, executor="processes", jobs=2, **same).draws, here.draws)
-    seen = []
-    for _ in range(2):
-        with Journal(tmp_path / "journal.jsonl", {}) as journal:
-            assert np.array_equal(bootstrap(p, x, journal=journal, progress=seen.append, **same).draws, here.draws)
-    assert [p.done for p in seen] == [0, 1, 2, 3, 4, 4]
 
 
 def test_the_record_says_its_method_its_block_and_too_few_blocks():
@@ -142,7 +108,6 @@ def test_the_record_says_its_method_its_block_and_too_few_blocks():
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"variant": "jackknife"}, "unknown variant 'jackknife'"),
     ({"draws": 1}, "draws = 1; expected a whole number, 2 or more"),
     ({"block": 0}, "block = 0; expected a whole number, 1 or more"),
     ({"jobs": 0}, "jobs = 0"),
@@ -165,7 +130,7 @@ def test_a_users_own_cost_nothing_free_and_a_run_that_fails_are_told():
 
 
 def test_an_interval_holds_95_of_100_draws():
-    found = Bootstrap(("a",), "one-step", np.zeros(1), np.arange(1001.0)[:, None], 1, 0)
+    found = Bootstrap(("a",), np.zeros(1), np.arange(1001.0)[:, None], 1)
     assert found.interval(0) == (25.0, 975.0)
 
 

@@ -1,63 +1,40 @@
-r"""What repeating the experiment would give: resampled residuals, and each recording alone.
+r"""What repeating the experiment would give: resampled residuals.
 
 **Moving blocks** [K]_.  A record that might as well have been measured is the fitted one plus residuals drawn again:
 blocks of l neighbouring residuals, all outputs together, laid end to end, less their mean at each place in a block, so
 that their correlation in time outlives the shuffling.  l is five correlation times (Sokal's window, as in
-:mod:`fracid.estimation.covariance`), so that a block's sum knows its scatter to some 10 %.  Each such record is fitted
-again:
-
-=============  ==============================================================================================
-``one-step``   one Newton step with the Jacobian of the minimum, :math:`\hat x + A^{-1} \sum_t w_t ρ'(e^*_t) J_t`:
-               thousands of draws in a second; it sees the noise, and nothing of the model's curvature
-``refit``      a few steps of least squares from :math:`\hat x`, each with runs of the model: it also sees
-               curvature, bounds, and a start that is taken from the first samples
-=============  ==============================================================================================
+:mod:`fracid.estimation.covariance`), so that a block's sum knows its scatter to some 10 %.  One Newton step with the
+Jacobian of the minimum, :math:`\hat x + A^{-1} \sum_t w_t ρ'(e^*_t) J_t`, fits the model to each such record:
+thousands of draws in a second.  They see the noise.  How the model bends is seen by profiles
+(:mod:`fracid.estimation.cost_profile`), and what the noise of a start does that is taken from the first samples by
+:func:`fracid.estimation.curvature.start_shift`.
 
 The interval lies between the 2.5 % and 97.5 % quantiles of the draws.  It assumes that the residuals scatter alike all
 along the record; the sandwich does not, and where the two differ by much, they do not.
 
-**Recordings alone.**  Where there are several, each is fitted by itself.  What all share should come out the same
-within each one's interval; how much it does not, as the factor :math:`\sqrt{χ^2/(k-1)}` of Birge [B]_, is model error
-that no interval from residuals knows of.
-
 References
 ----------
 .. [K] H. Künsch, Ann. Statist. 17 (1989) 1217.
-.. [B] R. Birge, Phys. Rev. 40 (1932) 207.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar, get_args
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import Failure, InputError, at_least, unknown_name
-from fracid.estimation.covariance import METHODS, residual_bandwidth, sandwich, uncertainty
-from fracid.estimation.derivatives import jacobian, rows_and_scores
-from fracid.estimation.profile_walk import refit
+from fracid.errors import Failure, InputError, at_least
+from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
+from fracid.estimation.derivatives import jacobian, loss_of, rows_and_scores
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.profiles import BootstrapBlock
 from fracid.solver.trajectory import vector
-from fracid.tasks.job import Progress, Task
-from fracid.tasks.journal import Journal
-from fracid.tasks.tasks import Execution
 
 T = TypeVar("T")
-
-Variant = Literal["one-step", "refit"]
-
-QUICK: dict[str, Any] = {"tolerance": 1e-4, "budget": 6}
-"""Of a refit where the loss is square, and a step from the minimum lands next to the new one."""
-
-PATIENT: dict[str, Any] = {"tolerance": 1e-6, "budget": 60}
-"""Of a refit for |e|, whose rows bend at every sample: stopped early it would scatter too little."""
 
 FEW_BLOCKS = 20
 """Below so many blocks in all the scatter itself is badly known."""
@@ -68,15 +45,12 @@ class Bootstrap(CardDisplay):
     """Draws of the unknowns."""
 
     names: tuple[str, ...]
-    variant: Variant
     x: FloatArray
     """The minimum, shape (n_unknowns,)."""
     draws: FloatArray
-    """Shape (n_draws, n_unknowns); those whose runs failed are left out."""
+    """Shape (n_draws, n_unknowns)."""
     block: int
     """Length of a block [samples]."""
-    failed: int
-    """Draws left out."""
     warning: str = ""
     """Where there are too few blocks."""
 
@@ -99,7 +73,7 @@ class Bootstrap(CardDisplay):
         """Plain JSON values, without the draws."""
         se, bias = self.standard_error.tolist(), self.bias.tolist()
         return as_json(BootstrapBlock, vars(self) | {
-            "method": f"{METHODS['bootstrap']}, {self.variant}", "draws": len(self.draws),
+            "method": f"{METHODS['bootstrap']}, one-step", "draws": len(self.draws),
             "unknowns": {n: {"standard_error": se[i], "bias": bias[i], "interval95": self.interval(i)}
                          for i, n in enumerate(self.names)},
         })  # fmt: skip
@@ -109,14 +83,10 @@ def bootstrap(
     problem: Problem,
     x: FloatArray,
     *,
-    variant: Variant = "one-step",
     draws: int = 400,
     block: int | None = None,
     seed: int = 1,
     jobs: int = 1,
-    executor: str = "threads",
-    journal: Journal | None = None,
-    progress: Callable[[Progress], None] | None = None,
 ) -> Bootstrap:
     """Draw the unknowns as often as if the experiment had been repeated.
 
@@ -126,24 +96,18 @@ def bootstrap(
         With a cost of known loss.
     x : array, shape (n_unknowns,)
         Its minimum.
-    variant : {"one-step", "refit"}
-        See the module's table.
     draws : int
     block : int, optional
         Length of a block [samples]; five correlation times if left out.
     seed : int
         Each draw has its own stream, so that `jobs` changes nothing.
     jobs : int
-        Threads, or processes of ``refit``.
-    executor, journal, progress
-        Of ``refit``, as for :func:`fracid.tasks.tasks.run_tasks`.
+        Threads.
 
     Raises
     ------
     InputError
         For a user's own cost, nothing free, a run that fails at x, or an impossible option.
-    Unfinished
-        By ``refit``, as :func:`fracid.tasks.tasks.run_tasks`.
 
     Examples
     --------
@@ -156,13 +120,11 @@ def bootstrap(
     >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.9, 0.5, 1.2), "mu": Free(0.95, 0.5, 1.2)},
     ...                   initial_state="held")
-    >>> found = bootstrap(problem, refit(problem, problem.start).point, draws=50)
+    >>> found = bootstrap(problem, fracid.identify(problem).x, draws=50)
     >>> low, high = found.interval(1)
     >>> low < 0.95 < high
     True
     """
-    if variant not in get_args(Variant):
-        raise unknown_name("variant", variant, get_args(Variant))
     if problem.cost_function.loss is None:
         raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no bootstrap of it.")
     if not problem.names:
@@ -175,19 +137,11 @@ def bootstrap(
     length = min(length, min(map(len, errors)))
     streams = np.random.default_rng(seed).spawn(draws)
     x = vector("x", x)
-    estimates: Iterable[Any]
-    if variant == "refit":
-        tasks = [Task(f"draw {i}", (problem, x, errors, length, rng)) for i, rng in enumerate(streams, 1)]
-        estimates = Execution(executor, jobs, journal, progress).run(_redrawn, tasks).values()
-    else:
-        estimates = _stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1))
-    good = [point for point in estimates if point is not None]
-    if len(good) < 2:
-        raise InputError(f"All but {len(good)} of the {draws} refits failed: the minimum lies beside runs that fail.")
+    points = np.array(_stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1)))
     blocks = sum(len(e) // length for e in errors)
     warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "
                "intervals are too narrow.") if blocks < FEW_BLOCKS else ""  # fmt: skip
-    return Bootstrap(problem.names, variant, x, np.array(good), length, draws - len(good), warning)
+    return Bootstrap(problem.names, x, points, length, warning)
 
 
 def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, median: bool = False) -> FloatArray:
@@ -216,23 +170,16 @@ def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, medi
     return np.asarray(sample - np.tile(mean, (len(starts), 1))[:n])
 
 
-def _rests_on_median(problem: Problem) -> bool:
-    """Whether the minimum of the loss rests on the residuals' median."""
-    loss = problem.cost_function.loss
-    return loss is not None and loss.centre == "median"
-
-
 def _stepped(
     problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
 ) -> list[FloatArray]:
     """One Newton step for each draw; unknowns at their bounds stay."""
-    precision = _known(uncertainty(problem, x, jobs=jobs))
-    free = np.flatnonzero(~precision.at_bound)
+    free = np.flatnonzero(~at_bound(problem, x, jobs=jobs))
     if not len(free):
         return [x.copy() for _ in streams]
     J = _known(jacobian(problem, x, free, jobs=jobs))
     shape = _known(sandwich(problem, x, free, jobs=jobs))
-    median = _rests_on_median(problem)
+    median = loss_of(problem).centre == "median"  # on that the minimum rests
 
     def step(rng: np.random.Generator) -> FloatArray:
         samples = [resampled(e, length, rng, median=median) for e in errors]
@@ -248,15 +195,3 @@ def _known(found: T | Failure) -> T:
     if isinstance(found, Failure):
         raise InputError(f"There is no Newton step: {found}.")
     return found
-
-
-def _redrawn(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, rng: np.random.Generator
-) -> list[float] | None:
-    """A few steps of least squares for one draw; None where every run fails."""
-    median = _rests_on_median(problem)
-    pairs = zip(problem.experiments, errors, strict=True)
-    moved = ((e, e.in_units(resampled(error, length, rng, median=median) - error)) for e, error in pairs)
-    records = tuple(replace(e, measured=e.measured + by) for e, by in moved)
-    best = refit(replace(problem, experiments=records), x, **(PATIENT if median else QUICK))
-    return best.point.tolist() if math.isfinite(best.cost) else None

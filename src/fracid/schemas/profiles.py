@@ -103,7 +103,7 @@ class BootstrapBlock(Block):
 
     method: str
     draws: int
-    failed: int
+    failed: int = 0
     block: int
     warning: str
     unknowns: dict[str, DrawsOfOne]
