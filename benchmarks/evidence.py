@@ -197,10 +197,10 @@ def cut():
         fit = fracid.identify(replace(project, validation=()), jobs=2)
         found = cut_check(fit.problem, fit.x, fit.uncertainty, whole=whole_records(project), jobs=2)
     print("\nThe release of a real SRV02 from 92 deg, by what is taken for the motion before its start")
-    orders = ", ".join(f"{n} {v:.4f} ± {found.half_width[n]:.4f}" for n, v in found.orders.items())
-    print(f"  {'as fitted':20} {orders}; {np.degrees(found.cost):.3f} deg")
-    for t in found.treatments:
-        print(f"  {t.name:20} " + ", ".join(f"{n} {v:.4f}" for n, v in t.orders.items())
+    orders = ", ".join(f"{n} {v:.4f} ± {found.half_width[n]:.4f}" for n, v in found.as_fitted.orders.items())
+    print(f"  {'as fitted':20} {orders}; {np.degrees(found.as_fitted.cost):.3f} deg")
+    for name, t in found.treatments.items():
+        print(f"  {name:20} " + ", ".join(f"{n} {v:.4f}" for n, v in t.orders.items())
               + f"; {np.degrees(t.cost):.3f} deg")  # fmt: skip
     print(f"  {found.verdict}")
 

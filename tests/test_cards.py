@@ -46,8 +46,9 @@ def fit():
 
 def profile():
     values = np.linspace(0.8, 1.0, 5)
-    return Profile(HOSTILE, "rad", 0.9, values, values, values, values[:, None], (End.CROSSED, End.CROSSED),
-                   (0.85, None), (0.84, 0.96), "two-sided")  # fmt: skip
+    return Profile(name=HOSTILE, unit="rad", best=0.9, values=values, rise=values, cost=values,
+                   ends=(End.CROSSED, End.CROSSED), interval95=(0.85, None), wald95=(0.84, 0.96), verdict="two-sided",
+                   sentence="two-sided")  # fmt: skip
 
 
 def comparison():

@@ -466,8 +466,8 @@ def test_confounded_constants_are_named_in_the_result():
 def test_recordings_that_do_not_agree_are_told():
     swings = twin("calm", noise=1e-3, seed=1), twin("rough", noise=1e-3, seed=2, parameters={"b_alpha": 4e-3})
     fit = identify(problem(*swings, orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
-    assert fit.spread.names == ("mu",)
-    assert fit.spread.birge[0] > 2
+    assert list(fit.spread.unknowns) == ["mu"]
+    assert fit.spread.unknowns["mu"].birge > 2
     assert any(w.startswith("mu differs from recording to recording by") for w in fit.warnings)
     assert fit.to_json()["spread"]["recordings"] == ["calm", "rough"]
     alone = identify(problem(swings[0], orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
@@ -485,7 +485,7 @@ def test_what_is_tied_is_checked_with_what_it_follows():
 def test_how_far_the_orders_move_with_the_cut_is_found_where_it_is_asked_for():
     asked = identify(problem(orders={"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="estimate"), cut=True)
     assert asked.cut.orders == {"mu": asked.orders["mu"].value}
-    assert {t.name.split(" by")[0] for t in asked.cut.treatments} == {"cut later"}
+    assert {name.split(" by")[0] for name in asked.cut.treatments} == {"cut later"}
     assert asked.to_json()["cut"]["treatments"]
     none_free = identify(
         problem(orders={"lambda": 0.9, "mu": 0.95}, parameters=free(0.3, 3.0, 1.0, "b_alpha")), cut=True

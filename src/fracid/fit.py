@@ -19,7 +19,6 @@ from fracid.findings import Finding
 from fracid.optimise.base import Outcome
 from fracid.problem import Problem
 from fracid.safety.schema import Block, Infinite, Listed, Number, Unknown, as_json
-from fracid.schemas.scatter import CutBlock, SpreadBlock
 from fracid.selection.claim import ClaimWord
 from fracid.selection.doubts import claimed, doubts
 from fracid.selection.integer_rival import Alternative
@@ -96,8 +95,6 @@ class Fit(CardDisplay, WithPosterior):
             "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
             "starts": [vars(s) | {"point": p.named(s.point), "end": p.named(s.end)} for s in self.starts],
             "start_that_won": None if (best := won(self.starts)) is None else best.origin,
-            "spread": None if self.spread is None else self.spread.to_json(),
-            "cut": None if self.cut is None else self.cut.to_json(),
             "interval_methods": {n: METHODS[n] for n in ("sandwich", "white", "walk")} if self.uncertainty else {},
         })  # fmt: skip
 
@@ -207,8 +204,8 @@ class FitBlock(Block):
     alternative: Alternative | None = None
     starts: list[StartBlock] = Field([])
     start_that_won: str | None = None
-    spread: SpreadBlock | None = None
-    cut: CutBlock | None = None
+    spread: Spread | None = None
+    cut: CutCheck | None = None
     interval_methods: dict[str, str] = Field({})
     warnings: Listed[str]
     findings: Listed[Finding] = ()

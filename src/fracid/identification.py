@@ -508,7 +508,7 @@ def _each_alone(analysis: _Findings, given: _Given) -> None:
     problem = analysis.problem
     if len(problem.recordings) > 1 and problem.cost_function.loss is not None:
         analysis.spread = spread(problem, analysis.result.best.point, jobs=given.jobs)
-        analysis.warnings += analysis.spread.sentences()
+        analysis.warnings += analysis.spread.sentences
 
 
 def _polished(analysis: _Findings, given: _Given) -> None:

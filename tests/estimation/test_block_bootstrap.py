@@ -140,17 +140,19 @@ def test_an_interval_holds_95_of_100_draws():
 def test_recordings_of_one_truth_agree_within_their_standard_errors():
     p, x = fitted(*(swing(f"swing {k}", seed=k, end=2.0) for k in range(1, 6)))
     found = spread(p, x)
-    assert found.values.shape == found.standard_error.shape == (5, 2)
-    assert np.all(found.birge < 2)
-    assert found.sentences() == ()
-    assert found.standard_deviation == pytest.approx(found.standard_error.mean(axis=0), rel=0.8)
+    assert found.sentences == ()
+    assert list(found.unknowns) == ["lambda", "mu"]
+    for u in found.unknowns.values():
+        assert len(u.values) == len(u.standard_errors) == 5
+        assert u.birge < 2
+        assert u.standard_deviation == pytest.approx(u.standard_errors.mean(), rel=0.8)
 
 
 def test_recordings_that_disagree_are_told_with_how_far():
     p, x = fitted(swing("slow", seed=1, end=2.0), swing("fast", seed=2, mu=0.96, end=2.0))
     found = spread(p, x)
-    assert found.birge[1] > 5
-    (said,) = [s for s in found.sentences() if s.startswith("mu")]
+    assert found.unknowns["mu"].birge > 5
+    (said,) = [s for s in found.sentences if s.startswith("mu")]
     assert "from 0.95 to 0.96" in said
     record = found.to_json()
     assert record["unknowns"]["mu"]["values"] == pytest.approx([0.95, 0.96], abs=1e-3)
@@ -162,8 +164,8 @@ def test_what_each_recording_has_for_itself_is_left_out_and_jobs_change_nothing(
     cable = {"theta_rest": Free(0.0, -0.5, 0.5), "cable_stiffness": 0.01}
     p, x = fitted(*swings, initial_state="rest", parameters=cable, per_recording=("theta_rest",))
     one, two = (spread(p, x, jobs=jobs) for jobs in (1, 2))
-    assert one.names == ("lambda", "mu")
-    assert np.array_equal(one.values, two.values)
+    assert list(one.unknowns) == ["lambda", "mu"]
+    assert all(np.array_equal(u.values, two.unknowns[n].values) for n, u in one.unknowns.items())
 
 
 def test_a_spread_needs_two_recordings_and_a_known_loss():

@@ -30,7 +30,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.recording import Recording
 from fracid.selection.amplitude import AmplitudeTest, Drift
 from fracid.selection.comparison_records import Comparison, Row, Score
-from fracid.validation.unknown_past import CutCheck, Treatment
+from fracid.validation.unknown_past import AsFitted, CutCheck, Treatment
 from lettering import faults_of_lettering
 from twins import COUNT, fit_of, release
 
@@ -101,9 +101,9 @@ def scores(recording, rungs):
     return {recording: Score({"alpha": 0.01 / rungs}, {"alpha": 95.0}, {"alpha": 0.1})}
 
 
-CUT = CutCheck({"lambda": 0.9, "mu": 1.0}, {"lambda": None, "mu": 0.01}, 0.1, {"alpha": 0.1},
-               (Treatment("with the past", {"lambda": 0.95, "mu": 1.05}, {"lambda": 0.05, "mu": 0.05}, 0.1,
-                          {"alpha": 0.1}, False),), {})  # fmt: skip
+PAST = Treatment({"lambda": 0.95, "mu": 1.05}, {"lambda": 0.05, "mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+CUT = CutCheck(AsFitted({"lambda": 0.9, "mu": 1.0}, 0.1, {"alpha": 0.1}), {"lambda": None, "mu": 0.01},
+               {"with the past": PAST}, {})  # fmt: skip
 DRIFTS = tuple(Drift(order, "release 92°", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)
                for order in ("lambda", "mu"))  # fmt: skip
 STARTS = [Start("given", np.zeros(1), 1.0, np.zeros(1), 0.1, "converged", 9),

@@ -12,7 +12,7 @@ from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import piece
 from fracid.problem import Free, Problem
 from fracid.problem.costs import cost_from_name
-from fracid.validation.unknown_past import CutCheck, Treatment, cut_check, whole_records
+from fracid.validation.unknown_past import AsFitted, CutCheck, Treatment, cut_check, whole_records
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", b_theta=1e-2, b_alpha=3e-4)
@@ -44,17 +44,17 @@ def checked(problem, whole=None, **options):
 def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_truth():
     whole = twin()
     found = checked(Problem(RIG, (cut(whole, PLATEAU + 1.3),), FREE), {"twin": whole})
-    by = {t.name.split(" by ")[0]: t for t in found.treatments}
+    by, fit = {name.split(" by ")[0]: t for name, t in found.treatments.items()}, found.as_fitted
     assert set(by) == {"with the past", "from the plateau", "cut later"}
-    assert abs(found.orders["lambda"] - 0.9) > 0.01
+    assert abs(fit.orders["lambda"] - 0.9) > 0.01
     for name in ("with the past", "from the plateau"):
         for order, true in TRUE.items():
             assert abs(by[name].orders[order] - true) < 0.001, (name, order)
-            assert by[name].shift[order] == by[name].orders[order] - found.orders[order]
-        assert by[name].cost < 0.1 * found.cost
+            assert by[name].shift[order] == by[name].orders[order] - fit.orders[order]
+        assert by[name].cost < 0.1 * fit.cost
     warning = found.warnings[-1]
     assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls from ")
-    assert f"(λ {found.orders['lambda']:.4g} → {by['with the past'].orders['lambda']:.4g}, μ " in warning
+    assert f"(λ {fit.orders['lambda']:.4g} → {by['with the past'].orders['lambda']:.4g}, μ " in warning
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
 
@@ -62,9 +62,8 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
 def test_a_treatment_that_fits_worse_is_no_rival():
     whole = twin()
     found = checked(Problem(RIG, (cut(whole, PLATEAU + 1.3, past=True),), FREE))
-    without = next(t for t in found.treatments if t.name == "without the past")
-    assert abs(without.shift["lambda"]) > found.half_width["lambda"]
-    assert without not in found.rivals
+    assert abs(found.treatments["without the past"].shift["lambda"]) > found.half_width["lambda"]
+    assert "without the past" not in found.rivals
     assert found.warnings == ()
     assert found.verdict.startswith("No order moves by more than its interval")
 
@@ -78,7 +77,7 @@ def test_orders_of_a_right_start_stay_within_their_intervals_wherever_the_record
     else:
         problem = Problem(RIG, (cut(whole, PLATEAU + 0.7, past=True),), FREE)
     found = checked(problem)
-    later = [t for t in found.treatments if t.name.startswith("cut later by")]
+    later = [t for name, t in found.treatments.items() if name.startswith("cut later by")]
     assert len(later) == 1
     assert all(abs(s) < found.half_width[n] for n, s in later[0].shift.items())
     assert abs(later[0].orders["mu"] - 0.95) < 1e-3
@@ -89,7 +88,7 @@ def test_integer_orders_have_no_memory_so_the_past_changes_nothing():
     whole = twin({"lambda": 1.0, "mu": 1.0}, noise=1e-3)
     near_one = {n: Free(1.0, 0.5, 1.2) for n in TRUE}
     found = checked(Problem(RIG, (cut(whole, PLATEAU + 0.7, past=True),), near_one))
-    without = next(t for t in found.treatments if t.name == "without the past")
+    without = found.treatments["without the past"]
     assert all(abs(s) < found.half_width[n] for n, s in without.shift.items())
 
 
@@ -111,7 +110,7 @@ def test_a_treatment_is_left_out_where_it_is_done_already_or_cannot_be(initial_s
     at = PLATEAU + (0.0 if initial_state in ("rest", "held") else 0.7)
     problem = Problem(RIG, (cut(whole, at, past),), {"lambda": 0.9, "mu": FREE["mu"]}, initial_state=initial_state)
     found = cut_check(problem, problem.start, None, whole={"twin": whole} if earlier else None, budget=1)
-    assert {t.name.split(" by ")[0] for t in found.treatments} == names
+    assert {name.split(" by ")[0] for name in found.treatments} == names
     assert set(found.left_out) == {"with the past", "without the past", "from the plateau", "cut later"} - names
     assert all(found.left_out.values())
 
@@ -127,7 +126,7 @@ def test_a_recording_without_an_arm_has_no_past_and_the_check_says_so():
 def test_a_motion_that_does_not_turn_early_is_not_cut_later():
     problem = Problem(RIG, (twin(end=0.3, plateau=0.0),), {"lambda": 0.9, "mu": FREE["mu"]}, initial_state="held")
     found = cut_check(problem, problem.start, None)
-    assert found.treatments == ()
+    assert found.treatments == {}
     assert "no turning point was found in the first 25% of the record" in found.verdict
     assert found.verdict.startswith("The cut was not checked: ")
 
@@ -162,20 +161,22 @@ def test_what_cannot_be_checked_is_told_in_a_sentence(change, words, tmp_path):
 # --- in words and as JSON -----------------------------------------------------------------------------------
 
 
-def made(half, shift, level=0.1, more=(), **options):
-    t = Treatment(
-        "with the past", {"mu": 1.0 + shift}, {"mu": shift}, 0.1, {"alpha": level}, options.get("stopped", False)
-    )
-    return CutCheck({"mu": 1.0}, {"mu": half}, 0.1, {"alpha": 0.1}, (t, *more), {})
+AS_FITTED = AsFitted({"mu": 1.0}, 0.1, {"alpha": 0.1})
+LATER_NAME = "cut later by 0.3 s"
 
 
-LATER = Treatment("cut later by 0.3 s", {"mu": 1.08}, {"mu": 0.08}, 0.1, {"alpha": 0.1}, False)
+def made(half, shift, level=0.1, later=None, **options):
+    t = Treatment({"mu": 1.0 + shift}, {"mu": shift}, 0.1, {"alpha": level}, options.get("stopped", False))
+    return CutCheck(AS_FITTED, {"mu": half}, {"with the past": t} | ({LATER_NAME: later} if later else {}), {})
+
+
+LATER = Treatment({"mu": 1.08}, {"mu": 0.08}, 0.1, {"alpha": 0.1}, False)
 
 
 @pytest.mark.parametrize(("found", "words"), [
     (made(0.006, 0.05), "μ moves by +0.05 with what is taken for the motion before it (1 as fitted, 1.05 with the "
                         "past), 8.3 times its interval of ± 0.006"),
-    (made(0.006, 0.05, more=[LATER]), "μ moves by +0.08 with where the record is cut"),
+    (made(0.006, 0.05, later=LATER), "μ moves by +0.08 with where the record is cut"),
     (made(0.006, -0.05), "the interval ignores model error. Take 0.95 … 1 for what is known of μ."),
     (made(0.006, 0.05, stopped=True), "1.05 with the past, and still moving when the refit was stopped"),
     (made(0.1, 0.05), "No order moves by more than its interval, wherever the record is cut; at most they move: μ by"),
@@ -194,14 +195,15 @@ def test_the_record_goes_through_json():
     assert record["treatments"]["with the past"]["shift"] == {"mu": 0.05}
     assert record["range"] == {"mu": [1.0, 1.05]}
     assert len(record["warnings"]) == 1
+    assert CutCheck.of_json(record) == made(0.006, 0.05)
 
 
 def test_the_figure_shows_each_order_with_its_interval_and_each_treatment_by_its_name():
     from fracid.plots import cut_shifts
 
     worse = replace(LATER, levels={"alpha": 0.3})
-    (axes,) = cut_shifts(made(0.006, 0.05, more=[worse])).axes
-    assert [label.get_text() for label in axes.get_yticklabels()] == [worse.name, "with the past", "as fitted"]
+    (axes,) = cut_shifts(made(0.006, 0.05, later=worse)).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == [LATER_NAME, "with the past", "as fitted"]
     fit, rival, no_rival = sorted(axes.lines, key=lambda line: float(line.get_xdata()[0]))
     assert (fit.get_ydata()[0], rival.get_ydata()[0], no_rival.get_ydata()[0]) == (2, 1, 0)
     assert rival.get_markerfacecolor() != "white"
@@ -215,7 +217,7 @@ def test_there_is_no_figure_of_nothing():
     from fracid.plots import cut_shifts
 
     with pytest.raises(fracid.InputError, match="There is no treatment to draw: The cut was not checked: "):
-        cut_shifts(CutCheck({"mu": 1.0}, {"mu": None}, 0.1, {"alpha": 0.1}, (), {"cut later": "it is short"}))
+        cut_shifts(CutCheck(AS_FITTED, {"mu": None}, {}, {"cut later": "it is short"}))
 
 
 # --- the whole record of a project ------------------------------------------------------------------------------

@@ -8,11 +8,10 @@ factor by which they are too narrow where it is larger.  A model that is wrong i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
@@ -23,8 +22,7 @@ from fracid.estimation.profile_walk import refit
 from fracid.estimation.tangent import Tangent
 from fracid.findings import Words
 from fracid.problem import Problem
-from fracid.safety.schema import as_json
-from fracid.schemas.scatter import SpreadBlock
+from fracid.safety.schema import Array, Listed, Record, Unknown, computed
 from fracid.tasks.job import in_threads
 
 SAYS = Words("estimation/agreement.toml")
@@ -32,56 +30,47 @@ SAYS = Words("estimation/agreement.toml")
 # --- each recording alone ------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class SpreadOfOne(Record):
+    """One unknown, by each recording alone."""
+
+    values: Array
+    """Shape (n_recordings,); NaN where a recording's run fails."""
+    standard_errors: Array
+    """By the sandwich of each recording, shape (n_recordings,); NaN where it cannot tell."""
+
+    @property
+    def _told(self) -> tuple[FloatArray, FloatArray]:
+        """Values and errors of the recordings that can tell."""
+        tell = np.isfinite(self.values) & (self.standard_errors > 0)
+        return self.values[tell], self.standard_errors[tell]
+
+    @computed
+    def standard_deviation(self) -> Unknown:
+        """Over the recordings that can tell; NaN below two."""
+        values, _ = self._told
+        return float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
+
+    @computed
+    def birge(self) -> Unknown:
+        """√(χ²/(k − 1)) about the weighted mean: about 1 where the intervals are honest."""
+        v, errors = self._told
+        w = errors**-2.0
+        return math.sqrt(np.sum(w * (v - np.sum(w * v) / np.sum(w)) ** 2) / (len(v) - 1)) if len(v) > 1 else math.nan
+
+
 @dataclass(frozen=True, repr=False)
-class Spread(CardDisplay):
+class Spread(CardDisplay, Record):
     """What each recording says alone of the unknowns that all share."""
 
-    names: tuple[str, ...]
-    """Names of the shared unknowns."""
-    recordings: tuple[str, ...]
-    values: FloatArray
-    """Shape (n_recordings, n_shared); NaN where a recording's run fails."""
-    standard_error: FloatArray
-    """By the sandwich of each recording, shape (n_recordings, n_shared); NaN where it cannot tell."""
+    recordings: Listed[str]
+    unknowns: Mapping[str, SpreadOfOne]
 
-    @property
-    def standard_deviation(self) -> FloatArray:
-        """Over the recordings that can tell, shape (n_shared,); NaN below two."""
-        return np.array([np.std(v[t], ddof=1) if t.sum() > 1 else np.nan
-                         for v, t in zip(self.values.T, self._tell, strict=True)])  # fmt: skip
-
-    @property
-    def birge(self) -> FloatArray:
-        """√(χ²/(k − 1)) about the weighted mean, shape (n_shared,): about 1 where the intervals are honest."""
-        ratios = np.full(len(self.names), np.nan)
-        for i, tell in enumerate(self._tell):
-            if tell.sum() > 1:
-                v, w = self.values[tell, i], self.standard_error[tell, i] ** -2.0
-                ratios[i] = math.sqrt(np.sum(w * (v - np.sum(w * v) / np.sum(w)) ** 2) / (len(v) - 1))
-        return ratios
-
-    @property
-    def _tell(self) -> NDArray[np.bool_]:
-        """Which recordings can tell, shape (n_shared, n_recordings)."""
-        return np.asarray((np.isfinite(self.values) & (self.standard_error > 0)).T)
-
+    @computed
     def sentences(self) -> tuple[str, ...]:
         """What the recordings do not agree on, in words."""
-        each = zip(self.names, self.birge, self.values.T, strict=True)
-        return tuple(SAYS("differs", name=n, ratio=r, low=np.nanmin(v), high=np.nanmax(v)) for n, r, v in each if r > 2)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        deviation, birge = self.standard_deviation, self.birge
-        return as_json(SpreadBlock, {
-            "recordings": self.recordings,
-            "unknowns": {
-                n: {"values": self.values[:, i].tolist(), "standard_errors": self.standard_error[:, i].tolist(),
-                    "standard_deviation": deviation[i], "birge": birge[i]}
-                for i, n in enumerate(self.names)
-            },
-            "sentences": self.sentences(),
-        })  # fmt: skip
+        apart = ((n, u.birge, u.values) for n, u in self.unknowns.items() if u.birge > 2)
+        return tuple(SAYS("differs", name=n, ratio=r, low=np.nanmin(v), high=np.nanmax(v)) for n, r, v in apart)
 
 
 def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
@@ -112,7 +101,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
     ...     return Experiment(f"{seed}", 5e-3, run.states[:, [0, 2]] + noise, np.zeros((1, 1)), initial={"alpha": 0.3})
     >>> problem = Problem(rig, (swing(1), swing(2), swing(3)), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)},
     ...                   initial_state="held")
-    >>> bool(spread(problem, problem.start).birge[0] < 2)
+    >>> spread(problem, problem.start).unknowns["mu"].birge < 2
     True
     """
     if len(problem.recordings) < 2:
@@ -134,8 +123,9 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
 
     estimates = in_threads(at_least("jobs", jobs, 1), alone, problem.recordings)
     values, errors = (np.array(rows) for rows in zip(*estimates, strict=True))
-    names = tuple(problem.names[i] for i in shared)
-    return Spread(names, tuple(problem.recordings), values, errors)
+    return Spread(tuple(problem.recordings), {
+        problem.names[i]: SpreadOfOne(*of_one) for i, *of_one in zip(shared, values.T, errors.T, strict=True)
+    })  # fmt: skip
 
 
 def _alone(one: Problem, x: FloatArray, J: FloatArray | None) -> tuple[FloatArray, Uncertainty | Failure | None]:

@@ -29,9 +29,9 @@ from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
 from fracid.estimation.derivatives import jacobian, loss_of, rows_and_scores
+from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
-from fracid.schemas.profiles import BootstrapBlock
 from fracid.solver.trajectory import vector
 
 T = TypeVar("T")

@@ -47,10 +47,11 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
@@ -61,8 +62,21 @@ from fracid.figures import Style, draw
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
 from fracid.quantiles import CHI2_95, NORMAL_95
-from fracid.safety.schema import as_json
-from fracid.schemas.profiles import JointBlock, ProfileBlock, ProfilesBlock
+from fracid.safety.json_files import short_text
+from fracid.safety.schema import (
+    Array,
+    Block,
+    Coherent,
+    InfiniteArray,
+    InfiniteMatrix,
+    Interval,
+    Number,
+    OpenInterval,
+    Pair,
+    Record,
+    Unknown,
+    as_json,
+)
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Progress, in_threads
@@ -75,43 +89,43 @@ if TYPE_CHECKING:
     from fracid.problem.project import Project
 
 
-@dataclass(frozen=True, repr=False)
-class Profile(CardDisplay):
+Two = Annotated[tuple[str, ...], Pair]
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Profile(CardDisplay, Record):
     """The profile of one unknown."""
 
-    name: str
-    unit: str
-    best: float
+    name: Annotated[str, Field(exclude=True)] = ""
+    best: Annotated[float, Field(alias="value")]
     """The value at the minimum."""
-    values: FloatArray
-    """In ascending order, the best among them, shape (n_points,)."""
-    rise: FloatArray
-    """W at each, shape (n_points,)."""
-    cost: FloatArray
-    """The problem's cost at each, shape (n_points,)."""
-    points: FloatArray
-    """All unknowns at each, shape (n_points, n_unknowns)."""
-    ends: tuple[End, End]
-    """Below and above."""
-    interval95: tuple[float | None, float | None]
+    unit: str
+    interval95: OpenInterval
     """Where W = 3.84, None on a side where that is not reached."""
-    wald95: tuple[float, float] | None
+    method: str = METHODS["profile"]
+    wald95: Interval | None
     """The sandwich's interval; None where it knows none."""
+    wald_method: str = METHODS["sandwich"]
     verdict: str
     """See the module's table; "no threshold" for a user's own cost."""
+    sentence: str
+    """The verdict with the reason on each side that has no end."""
+    ends: Two
+    """Why the walk ended, below and above."""
+    values: Array
+    """In ascending order, the best among them, shape (n_points,)."""
+    rise: InfiniteArray
+    """W at each, shape (n_points,)."""
+    cost: InfiniteArray
+    """The problem's cost at each, shape (n_points,)."""
+    points: Annotated[Any, Field(exclude=True)] = None
+    """All unknowns at each, shape (n_points, n_unknowns); None of what was read."""
 
     @property
     def two_sided(self) -> tuple[float, float] | None:
         """The interval, where it has two sides."""
         low, high = self.interval95
         return None if low is None or high is None else (low, high)
-
-    @property
-    def sentence(self) -> str:
-        """The verdict with the reason on each side that has no end."""
-        sides = [f"{side} {end.value}" for side, end in zip(("below", "above"), self.ends, strict=True)
-                 if end is not End.CROSSED]  # fmt: skip
-        return self.verdict + (f": {', '.join(sides)}" if sides else "")
 
     def _card(self) -> Card:
         points = f"{self.values.size} from {self._shown(self.values[0])} to {self._shown(self.values[-1])}"
@@ -130,48 +144,54 @@ class Profile(CardDisplay):
     def _shown(self, value: float | None) -> str:
         return "open" if value is None else with_unit(value, self.unit or "1", ".6g").replace("-", "−")
 
-    def _interval(self, ends: tuple[float | None, float | None]) -> str:
+    def _interval(self, ends: Sequence[float | None]) -> str:
         return " to ".join(map(self._shown, ends))
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values, without the other unknowns along the way."""
-        return as_json(ProfileBlock, vars(self) | {
-            "method": METHODS["profile"], "wald_method": METHODS["sandwich"], "sentence": self.sentence,
-            "ends": [end.value for end in self.ends],
-        })  # fmt: skip
 
-
-@dataclass(frozen=True)
-class JointProfile:
+@dataclass(frozen=True, kw_only=True)
+class JointProfile(Record):
     """The profile of two unknowns together."""
 
-    names: tuple[str, str]
-    units: tuple[str, str]
-    best: tuple[float, float]
-    first: FloatArray
+    names: Two
+    units: Two
+    best: Interval
+    first: Array
     """Values of the first, shape (n,)."""
-    second: FloatArray
+    second: Array
     """Values of the second, shape (m,)."""
-    rise: FloatArray
-    """W, shape (n, m); infinite where the runs fail.  The 95 % region is where it is below 5.99."""
-    correlation: float
+    threshold: float = CHI2_95[2]
+    rise: InfiniteMatrix
+    """W, shape (n, m); infinite where the runs fail.  The 95 % region is where it is below the threshold."""
+    correlation: Unknown
     """Of the two by the sandwich."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(JointBlock, vars(self) | {"threshold": CHI2_95[2]})
+
+class CostAtBest(Block):
+    """The cost that the profiles rise from."""
+
+    name: str
+    value: float
 
 
-def _profile_of(name: str, block: ProfileBlock, unknowns: int) -> Profile:
-    own: dict[str, Any] = {f.name: getattr(block, f.name, name) for f in fields(Profile) if f.name != "points"}
-    arrays = {key: np.array(own[key]) for key in ("values", "rise", "cost")}
-    points = np.full((len(block.values), unknowns), math.nan)
-    return Profile(**own | arrays | {"points": points, "ends": tuple(map(End, block.ends))})
+class ProfilesBlock(Coherent):
+    """Profiles of several unknowns from one minimum."""
 
+    cost: CostAtBest
+    minimum: dict[str, float]
+    threshold: Number
+    profiles: dict[str, Profile]
+    joint: JointProfile | None = None
+    notes: list[str]
 
-def _joint_of(block: JointBlock) -> JointProfile:
-    own: dict[str, Any] = {f.name: getattr(block, f.name) for f in fields(JointProfile)}
-    return JointProfile(**own | {key: np.array(own[key]) for key in ("first", "second", "rise")})
+    def incoherence(self) -> str:
+        """Lists that do not belong together."""
+        for name, p in self.profiles.items():
+            if not 0 < len(p.values) == len(p.rise) == len(p.cost):
+                return f"the profile of {short_text(name)} has lists of different lengths"
+        joint = self.joint
+        if joint and [len(joint.second)] * len(joint.first) != [len(row) for row in joint.rise]:
+            return "its joint profile has lists of different lengths"
+        return ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -193,9 +213,9 @@ class Profiles(CardDisplay):
             "cost": {"name": self.problem.cost_function.name, "value": self.cost},
             "minimum": self.problem.named(self.x),
             "threshold": None if self.problem.cost_function.loss is None else CHI2_95[1],
-            "profiles": {n: p.to_json() for n, p in self.profiles.items()},
-            "joint": None if self.joint is None else self.joint.to_json(),
-            "notes": self.notes,
+            "profiles": self.profiles,
+            "joint": self.joint,
+            "notes": list(self.notes),
         })  # fmt: skip
 
     @classmethod
@@ -211,9 +231,8 @@ class Profiles(CardDisplay):
         """
         block = ProfilesBlock.model_validate(content)
         x = np.array([block.minimum[n] for n in problem.names])
-        profiles = {n: _profile_of(n, p, len(x)) for n, p in block.profiles.items()}
-        joint = None if block.joint is None else _joint_of(block.joint)
-        return cls(problem, x, block.cost.value, profiles, joint, tuple(block.notes))
+        profiles = {n: replace(p, name=n) for n, p in block.profiles.items()}
+        return cls(problem, x, block.cost.value, profiles, block.joint, tuple(block.notes))
 
     def _card(self) -> Card:
         joint = "" if self.joint is None else f" and {' with '.join(GREEK.get(n, n) for n in self.joint.names)}"
@@ -393,11 +412,15 @@ def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
     if not surface.calibrated:
         ends = (None, None)
     se = surface.standard_error(i)
+    verdict, sides = _verdict(surface, i, below, above), {"below": below.end, "above": above.end}
+    open_ = ", ".join(f"{side} {end.value}" for side, end in sides.items() if end is not End.CROSSED)
+    known = math.isfinite(se) and i not in surface.at_bound
     return Profile(
-        parameter.name, parameter.unit, best, values, rise, np.array([e.cost for e in path]),
-        np.array([e.point for e in path]), (below.end, above.end), ends,
-        (best - NORMAL_95 * se, best + NORMAL_95 * se) if math.isfinite(se) and i not in surface.at_bound else None,
-        _verdict(surface, i, below, above),
+        name=parameter.name, unit=parameter.unit, best=best, values=values, rise=rise,
+        cost=np.array([e.cost for e in path]), points=np.array([e.point for e in path]),
+        ends=(below.end, above.end), interval95=ends,
+        wald95=(best - NORMAL_95 * se, best + NORMAL_95 * se) if known else None,
+        verdict=verdict, sentence=f"{verdict}: {open_}" if open_ else verdict,
     )  # fmt: skip
 
 
@@ -447,7 +470,8 @@ def _joint(
     first, second = (surface.problem.unknowns[i] for i in pair)
     names, units = (first.name, second.name), (first.unit, second.unit)
     best = (float(top[pair[0]]), float(top[pair[1]]))
-    return JointProfile(names, units, best, axes[0], axes[1], rises, float(correlation))
+    return JointProfile(names=names, units=units, best=best, first=axes[0], second=axes[1], rise=rises,
+                        correlation=float(correlation))  # fmt: skip
 
 
 def _axis(surface: Surface, i: int, curve: Profile | None, points: int) -> FloatArray:

@@ -13,7 +13,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 
@@ -38,7 +38,7 @@ LOWER = 0.05
 """A rise that matters: a point lower than the minimum by more means that it was none."""
 
 
-class End(Enum):
+class End(StrEnum):
     """Why a walk to one side ended; the value is the sentence."""
 
     CROSSED = "the cost reaches the 95 % limit"

@@ -38,20 +38,21 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
 
     Examples
     --------
-    >>> from fracid.validation.unknown_past import CutCheck, Treatment
-    >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
-    >>> figure = cut_shifts(CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {}))
+    >>> from fracid.validation.unknown_past import AsFitted, CutCheck, Treatment
+    >>> past = Treatment({"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+    >>> fit = AsFitted({"mu": 1.0}, 0.1, {"alpha": 0.1})
+    >>> figure = cut_shifts(CutCheck(fit, {"mu": 0.01}, {"with the past": past}, {}))
     >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]
     ['with the past', 'as fitted']
     """
     if not check.treatments:
         raise InputError(f"There is no treatment to draw: {check.verdict}")
-    names, rows = list(check.orders), [*reversed(check.treatments)]
+    names, rows = list(check.as_fitted.orders), [*reversed(check.treatments)]
     figure = new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1), style)
     panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
     for axes, name in zip(panels, names, strict=True):
         _order(axes, check, name)
-        axes.set_yticks(range(len(rows) + 1), [*(t.name for t in rows), "as fitted"])
+        axes.set_yticks(range(len(rows) + 1), [*rows, "as fitted"])
         axes.set_ylim(-0.6, len(rows) + 0.6)
         label(axes, "", f"order {symbol(name)} [–]", "")
     finish(figure, "orders, by what is taken for the motion before the start")
@@ -59,12 +60,12 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
 
 
 def _order(axes: Axes, check: CutCheck, name: str) -> None:
-    value, half, top = check.orders[name], check.half_width[name], len(check.treatments)
+    value, half, top = check.as_fitted.orders[name], check.half_width[name], len(check.treatments)
     if half is not None:
         axes.axvspan(value - half, value + half, color=BLUE, alpha=0.15, lw=0, label="95 % interval of the fit")
     axes.plot([value], [top], ls="", marker="o", ms=8, color=BLUE, clip_on=False)
-    for row, t in enumerate(reversed(check.treatments)):
-        rival = t in check.rivals
+    for row, (treatment, t) in enumerate(reversed(check.treatments.items())):
+        rival = treatment in check.rivals
         axes.plot([t.orders[name]], [row], ls="", marker="D", ms=7, mec=VERMILLION, mew=1.4,
                   mfc=VERMILLION if rival else "white", clip_on=False,
                   label="fits as well" if rival else "fits worse")  # fmt: skip

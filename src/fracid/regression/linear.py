@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
-from fracid.safety.schema import Block, Number, Pair, Record, as_json, computed
+from fracid.safety.schema import Block, Number, OpenInterval, Record, as_json, computed
 from fracid.signals.resolution import resolution
 
 SAYS = Words("regression/linear.toml")
@@ -588,7 +588,7 @@ class SearchedOrder(Block):
     """An order, and its interval where it was searched."""
 
     value: float
-    interval95: Annotated[tuple[Number, ...], Pair] | None
+    interval95: OpenInterval | None
 
 
 class RegressionBlock(Block):

@@ -14,6 +14,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
+from fracid.estimation.cost_profile import ProfilesBlock
 from fracid.estimation.records import RecordingFit
 from fracid.fit import Fit, ResultBlock
 from fracid.models import Model
@@ -24,7 +25,6 @@ from fracid.report.sentences import in_unit
 from fracid.runs.evaluations import tried
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, read_as
-from fracid.schemas.profiles import ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.units import shown_unit

@@ -22,6 +22,8 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError, writing
+from fracid.estimation.cost_profile import ProfilesBlock
+from fracid.estimation.likelihood_record import LikelihoodBlock
 from fracid.experiments.plan import PlanBlock
 from fracid.fit import ResultBlock
 from fracid.report.charts import Axis
@@ -34,7 +36,6 @@ from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, fault_of, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord, margin_text
-from fracid.schemas.profiles import LikelihoodBlock, ProfilesBlock
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
 from fracid.units import GREEK, half_of, number, shown_unit, to_second_digit, typeset_unit, with_unit

@@ -8,12 +8,12 @@ import sys
 from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.errors import InputError, unknown_name
+from fracid.estimation.likelihood_record import LikelihoodBlock
 from fracid.fit import ResultBlock
 from fracid.regression.linear import RegressionResultBlock
 from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord
-from fracid.schemas.profiles import LikelihoodBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.validation.residual_records import ResidualsBlock
 from fracid.validation.study_records import StudyBlock

@@ -39,12 +39,11 @@ from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
 from fracid.safety.json_files import from_json, json_of
 from fracid.safety.paths import path_of, refuse_mistaken
-from fracid.safety.schema import Block, fault_of, read_if_whole, record_of
+from fracid.safety.schema import Block, as_json, fault_of, read_if_whole, record_of
 from fracid.safety.text import ascii_short
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.units import with_unit
-from fracid.validation.unknown_past import CutCheck
 
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""
@@ -55,7 +54,7 @@ MOST_WORDS = 1000
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class SavedRun(Fit):
-    """What :func:`load_run` gives: a :class:`fracid.Fit` that was read; its covariance and its spread are not read.
+    """What :func:`load_run` gives: a :class:`fracid.Fit` that was read; its covariance is not read.
 
     Its recordings are simulated when they are first asked for, with the values of validation recordings too.
     """
@@ -187,11 +186,10 @@ def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> Sav
     own: dict[str, Any] = {
         "folder": folder, "result": result, "project": project, "values": values, "problem": problem, "x": x,
         "orders": Estimates({n: record_of(Estimate, entry) for n, entry in result["orders"].items()}),
-        "parameters": Estimates(block.parameters), "uncertainty": None, "spread": None,
+        "parameters": Estimates(block.parameters), "uncertainty": None,
         "recordings": _Recordings(partial(_simulated, problem, x, values, result, project)),
         "cost": from_json(block.cost.value, math.inf), "claim": block.claim or "undecided",
         "starts": tuple(_start(start, problem) for start in block.starts),
-        "cut": CutCheck.of_json(result["cut"]) if block.cut else None,
     }  # fmt: skip
     return SavedRun(**{n: value for n, value in block if n in SavedRun.__dataclass_fields__} | own)
 
@@ -246,7 +244,7 @@ def _read(path: Path) -> dict[str, Any]:
     if isinstance(content, dict):
         if fault := fault_of(content, ResultBlock):
             raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
-        return content
+        return content | as_json(ResultBlock, content)  # with what follows from the rest, whatever stood there
     kind = _optional(path.parent / "run.json", "kind", "")
     if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
         raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")

@@ -5,7 +5,8 @@
 ``Unknown``        a number or null, which is NaN
 ``Infinite``       a number or null, which is infinite
 ``Numbers``        a list of numbers, from an array too
-``Interval``       a list of two numbers; ``Ends``, of which the type knows that they are two
+``Array``          an array, in which null is NaN; infinite in an ``InfiniteArray`` and an ``InfiniteMatrix``
+``Interval``       a list of two numbers; ``Ends``, of which the type knows that they are two; ``OpenInterval``
 =================  ==========================================================================================
 
 A dataclass that is a :class:`Record` is its own description: its fields are the keys, a key that is called otherwise
@@ -31,7 +32,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
+import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -45,6 +48,7 @@ from pydantic import (
 )
 from pydantic_core.core_schema import CoreSchema, ValidationInfo
 
+from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.safety.door import opened, own_text, text_of
 from fracid.safety.json_files import LONGEST, excess_of, from_json, json_number, json_of, place, short_text, shown
@@ -66,6 +70,9 @@ Pair = Field(strict=False, min_length=2, max_length=2)
 
 Interval = Annotated[tuple[float, ...], Pair]
 
+OpenInterval = Annotated[tuple[Number, ...], Pair]
+"""Null on a side where it has no end."""
+
 if TYPE_CHECKING:
     Ends = tuple[float, float]
     computed = property
@@ -83,6 +90,16 @@ def _listed(value: Any) -> Any:
 
 
 Numbers = Annotated[list[float], BeforeValidator(_listed)]
+
+if TYPE_CHECKING:
+    Array = FloatArray
+    InfiniteArray = FloatArray
+    InfiniteMatrix = FloatArray
+else:
+    _as_lists = PlainSerializer(lambda a: np.where(np.isfinite(a), a, None).tolist(), return_type=list[Any])
+    _array = BeforeValidator(_listed), AfterValidator(np.array), _as_lists
+    Array, InfiniteArray = (Annotated[list[value], *_array] for value in (Unknown, Infinite))
+    InfiniteMatrix = Annotated[list[list[Infinite]], *_array]
 
 # --- blocks ------------------------------------------------------------------------------------------
 

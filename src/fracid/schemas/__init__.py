@@ -2,8 +2,6 @@
 
 ================================  =================================================================
 :mod:`fracid.schemas.run_record`  ``environment.json`` and the lines of logs
-:mod:`fracid.schemas.profiles`    ``profiles.json``
-:mod:`fracid.schemas.scatter`      parts of ``result.json``
 :mod:`fracid.schemas.draws`       ``posterior.json``
 ================================  =================================================================
 

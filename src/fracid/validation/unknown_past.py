@@ -33,9 +33,10 @@ import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
@@ -50,8 +51,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
-from fracid.safety.schema import as_json
-from fracid.schemas.scatter import CutBlock
+from fracid.safety.schema import Number, Record, computed
 from fracid.units import GREEK, half_of
 
 SAYS = Words("validation/unknown_past.toml")
@@ -79,53 +79,58 @@ RELEASED = 0.05
 
 
 @dataclass(frozen=True)
-class Treatment:
+class AsFitted(Record):
+    """What the treatments are held against."""
+
+    orders: Mapping[str, float]
+    """Free orders → value."""
+    cost: float
+    levels: Annotated[Mapping[str, float], Field(alias="rmse")]
+    """Output → rms of its residual [rad]."""
+
+
+@dataclass(frozen=True)
+class Treatment(Record):
     """The orders, with something else taken for the motion before the start."""
 
-    name: str
-    """As in the module's table; ``cut later by 0.34 s``."""
     orders: Mapping[str, float]
     """Free orders → value."""
     shift: Mapping[str, float]
     """How far each lies from the fit's."""
     cost: float
-    levels: Mapping[str, float]
+    levels: Annotated[Mapping[str, float], Field(alias="rmse")]
     """Output → rms of its residual [rad]; of the samples that this treatment scores."""
-    stopped: bool
+    stopped: Annotated[bool, Field(alias="still_moving")]
     """Whether the budget ended the refit: the orders were still moving."""
 
 
 @dataclass(frozen=True, repr=False)
-class CutCheck(CardDisplay):
+class CutCheck(CardDisplay, Record):
     """What :func:`cut_check` found."""
 
-    orders: Mapping[str, float]
-    """Free orders → value, as fitted."""
-    half_width: Mapping[str, float | None]
+    as_fitted: AsFitted
+    half_width: Mapping[str, Number]
     """Order → half-width of its 95 % interval; None where there is none."""
-    cost: float
-    levels: Mapping[str, float]
-    """Output → rms of its residual [rad], as fitted."""
-    treatments: tuple[Treatment, ...]
+    treatments: dict[str, Treatment]
+    """By the names of the module's table; ``cut later by 0.34 s``."""
     left_out: Mapping[str, str]
     """Treatment → why it does not apply, in words."""
 
-    @property
-    def rivals(self) -> tuple[Treatment, ...]:
+    @computed
+    def rivals(self) -> tuple[str, ...]:
         """Treatments that fit as well."""
-        return tuple(t for t in self.treatments if self._ratio(t) < RIVAL)
+        return tuple(name for name, t in self.treatments.items() if self._ratio(t) < RIVAL)
 
-    @property
+    @computed
     def range(self) -> dict[str, tuple[float, float]]:
         """Order → its least and its greatest value over the fit and its alternatives."""
-        rows = [self.orders, *(t.orders for t in self.rivals)]
-        return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.orders}
+        rows = [self.as_fitted.orders, *(self.treatments[name].orders for name in self.rivals)]
+        return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.as_fitted.orders}
 
-    @property
+    @computed
     def warnings(self) -> tuple[str, ...]:
         """A sentence for each order that moves by more than its interval, and one for a past that belongs in."""
-        better = (self._better(t) for t in self.treatments if t.name == "with the past")
-        return tuple(w for w in (*map(self._moves, self.orders), *better) if w)
+        return tuple(w for w in (*map(self._moves, self.as_fitted.orders), self._better()) if w)
 
     @property
     def verdict(self) -> str:
@@ -136,67 +141,45 @@ class CutCheck(CardDisplay):
             return " ".join(self.warnings)
         if not self.rivals:
             return "Nothing else that is taken for the motion before the start fits as well."
-        shifts = ", ".join(f"{GREEK.get(n, n)} by {_signed(self._farthest(n).shift[n])}" for n in self.orders)
+        most = {n: self._farthest(n)[1].shift[n] for n in self.as_fitted.orders}
+        shifts = ", ".join(f"{GREEK.get(n, n)} by {_signed(shift)}" for n, shift in most.items())
         return f"No order moves by more than its interval, wherever the record is cut; at most they move: {shifts}."
 
     def _ratio(self, t: Treatment) -> float:
         """Its residual's rms over that of the fit, a geometric mean over the outputs: each counts by its own size."""
-        logs = [math.log(max(t.levels[n], 1e-300) / max(level, 1e-300)) for n, level in self.levels.items()]
+        logs = [math.log(max(t.levels[n], 1e-300) / max(level, 1e-300)) for n, level in self.as_fitted.levels.items()]
         return math.exp(sum(logs) / len(logs))
 
-    def _farthest(self, name: str) -> Treatment:
-        return max(self.rivals, key=lambda t: abs(t.shift[name]))
+    def _farthest(self, order: str) -> tuple[str, Treatment]:
+        rivals = {name: self.treatments[name] for name in self.rivals}
+        return max(rivals.items(), key=lambda rival: abs(rival[1].shift[order]))
 
     def _moves(self, name: str) -> str:
         half = self.half_width[name]
-        if not self.rivals or half is None or abs(self._farthest(name).shift[name]) <= max(LEAST_SHIFT, half):
+        if not self.rivals or half is None:
             return ""  # without an interval the order is not known anyway, and the fit says why
-        far, (low, high) = self._farthest(name), self.range[name]
-        by = far.shift[name]
-        cause = "where the record is cut" if far.name.startswith("cut") else "what is taken for the motion before it"
+        (treatment, far), (low, high) = self._farthest(name), self.range[name]
+        by, fitted = far.shift[name], self.as_fitted.orders[name]
+        if abs(by) <= max(LEAST_SHIFT, half):
+            return ""
+        cause = "where the record is cut" if treatment.startswith("cut") else "what is taken for the motion before it"
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
-        return SAYS("moves", order=GREEK.get(name, name), by=_signed(by), cause=cause, fitted=self.orders[name],
-                    there=far.orders[name], way=f"{far.name}{stopped}", times=abs(by) / half, half=half, low=low,
+        return SAYS("moves", order=GREEK.get(name, name), by=_signed(by), cause=cause, fitted=fitted,
+                    there=far.orders[name], way=f"{treatment}{stopped}", times=abs(by) / half, half=half, low=low,
                     high=high)  # fmt: skip
 
-    def _better(self, t: Treatment) -> str:
-        if self._ratio(t) > BETTER:
+    def _better(self) -> str:
+        t, fit = self.treatments.get("with the past"), self.as_fitted
+        if t is None or self._ratio(t) > BETTER:
             return ""
         was, now = (
             ", ".join(f"{GREEK.get(n, n)} {math.degrees(v):.3g}°" for n, v in at.items())
-            for at in (self.levels, t.levels)
+            for at in (fit.levels, t.levels)
         )
-        orders = ", ".join(f"{GREEK.get(n, n)} {self.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
-        plateau = any(other.name == "from the plateau" for other in self.treatments)
+        orders = ", ".join(f"{GREEK.get(n, n)} {fit.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
+        plateau = "from the plateau" in self.treatments
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
         return SAYS("better", was=was, now=now, orders=orders, what=what)
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything, as plain JSON values; angles in radians."""
-        return as_json(CutBlock, {
-            "as_fitted": self,
-            "half_width": self.half_width,
-            "treatments": {t.name: t for t in self.treatments},
-            "left_out": self.left_out,
-            "rivals": [t.name for t in self.rivals],
-            "range": self.range,
-            "warnings": self.warnings,
-        })  # fmt: skip
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> CutCheck:
-        """The same from :meth:`to_json`.
-
-        Examples
-        --------
-        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
-        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
-        >>> CutCheck.of_json(check.to_json()) == check
-        True
-        """
-        block = CutBlock.model_validate(content)
-        treatments = tuple(Treatment(name, **dict(t)) for name, t in block.treatments.items())
-        return cls(**dict(block.as_fitted), half_width=block.half_width, treatments=treatments, left_out=block.left_out)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.
@@ -208,8 +191,9 @@ class CutCheck(CardDisplay):
 
         Examples
         --------
-        >>> past = Treatment("with the past", {"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
-        >>> check = CutCheck({"mu": 1.0}, {"mu": 0.01}, 0.1, {"alpha": 0.1}, (past,), {})
+        >>> past = Treatment({"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> fit = AsFitted({"mu": 1.0}, 0.1, {"alpha": 0.1})
+        >>> check = CutCheck(fit, {"mu": 0.01}, {"with the past": past}, {})
         >>> check.plot().axes[0].get_xlabel()
         'order $\\\\mu$ [–]'
         """
@@ -260,8 +244,8 @@ def cut_check(
     >>> swing = Experiment("twin", 5e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing.until(4.0),), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
     >>> found = cut_check(problem, problem.start, uncertainty(problem, problem.start))
-    >>> [t.name for t in found.treatments], abs(found.treatments[0].shift["mu"]) < 2e-3
-    (['cut later by 0.33 s'], True)
+    >>> {name: abs(t.shift["mu"]) < 2e-3 for name, t in found.treatments.items()}
+    {'cut later by 0.33 s': True}
     """
     if not problem.order_indices:
         return Failure(FailureReason.NOTHING_FREE, "no order is free")
@@ -271,7 +255,7 @@ def cut_check(
         return Failure(FailureReason.RUN, f"the fit's own run fails: {failure}")
     records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
     names = [problem.unknowns[i].target for i in problem.order_indices]
-    treatments, left_out = [], {}
+    treatments, left_out = dict[str, Treatment](), dict[str, str]()
     for name, treatment in TREATMENTS.items():
         try:
             other = treatment(problem, records)
@@ -281,12 +265,13 @@ def cut_check(
         if isinstance(result, Failure):
             left_out[name] = str(result)
         else:
-            treatments.append(result)
+            treatments |= result
     ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
+    levels = problem.levels(x)
     return CutCheck(
-        dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)),
+        AsFitted(dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)), problem.cost(x), levels),
         {n: None if end is None else half_of(end) for n, end in zip(names, ends, strict=True)},
-        problem.cost(x), problem.levels(x), tuple(treatments), left_out,
+        treatments, left_out,
     )  # fmt: skip
 
 
@@ -456,7 +441,8 @@ def _onwards(whole: Experiment, e: Experiment, k: int) -> Experiment:
 
 def _refitted(
     name: str, problem: Problem, x: FloatArray, other: Problem, jobs: int, budget: int
-) -> Treatment | Failure:
+) -> dict[str, Treatment] | Failure:
+    """The treatment by its full name."""
     begun = _carried(problem, x, other)
     result = uninterrupted(refined(other, begun, Watch(jobs), tolerance=1e-5, budget=budget))
     best = result.best
@@ -467,10 +453,8 @@ def _refitted(
     before = {problem.unknowns[i].target: float(x[i]) for i in problem.order_indices}
     orders = {n: float(best.point[i]) for n, i in at.items()}
     label = f"{name} by {later:.2g} s" if later > 0 else name
-    return Treatment(
-        label, orders, {n: orders[n] - before[n] for n in orders}, best.cost, other.levels(best.point),
-        result.outcome is Outcome.BUDGET_SPENT,
-    )  # fmt: skip
+    shift, stopped = {n: orders[n] - before[n] for n in orders}, result.outcome is Outcome.BUDGET_SPENT
+    return {label: Treatment(orders, shift, best.cost, other.levels(best.point), stopped)}
 
 
 def _signed(shift: float) -> str:

@@ -15,6 +15,7 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
 from fracid.estimation.cost_profile import Profiles, profile
 from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
+from fracid.estimation.likelihood_record import LikelihoodBlock
 from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
@@ -22,7 +23,6 @@ from fracid.problem import Problem
 from fracid.runs.folder import MEMO
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import as_json
-from fracid.schemas.profiles import LikelihoodBlock
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
@@ -120,7 +120,7 @@ def run_profiles(
             "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": verdicts,
             "bootstrap": str(resampling) if isinstance(resampling, Failure) else resampling.to_json(),
-            "spread": spread(problem, likelihood.x, jobs=jobs).to_json() if several else None,
+            "spread": spread(problem, likelihood.x, jobs=jobs) if several else None,
             "seed": seed,
         })  # fmt: skip
         finished = FinishedProfiles.written(folder, record, plotted("profiles", likelihood), watching,

@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 
 from fracid.errors import InputError
-from fracid.estimation.cost_profile import Profiles
+from fracid.estimation.cost_profile import Profiles, ProfilesBlock
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
@@ -17,7 +17,6 @@ from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import read_as, record_of
-from fracid.schemas.profiles import ProfilesBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
