@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import Field, computed_field
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
@@ -41,7 +41,7 @@ from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_text
-from fracid.safety.schema import Block, Number, Record, as_json
+from fracid.safety.schema import Block, Number, Record, as_json, computed
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -71,8 +71,7 @@ class Value(Record):
     standard_error_now: Number
     """Of what has been recorded, predicted in the same way; None where that does not show it."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def interval95(self) -> tuple[float, float] | None:
         """To be expected after the plan."""
         if self.standard_error is None:

@@ -53,7 +53,7 @@ from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
-from fracid.safety.schema import Infinite, Listed, Record
+from fracid.safety.schema import Infinite, Listed, Record, computed
 from fracid.selection.ladder import ORDER
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import envelope, swing_period
@@ -134,8 +134,7 @@ class Drift(Record):
     unit: str = "rad"
     """Of the amplitudes."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def drifts(self) -> bool:
         """Whether it changes with amplitude by more than its intervals."""
         return self.differs and self.explained >= EXPLAINED and abs(self.change) >= CHANGE
@@ -145,8 +144,7 @@ class Drift(Record):
         """Whether it is not one number, whatever the reason."""
         return self.probability < PROBABILITY and max(self.values) - min(self.values) >= CHANGE
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def sentence(self) -> str:
         """What it means."""
         where = "over the releases" if self.over == RELEASES else f"within {self.over}"
@@ -175,8 +173,7 @@ class AmplitudeTest(CardDisplay, Record):
         """Whether any order drifts."""
         return any(d.drifts for d in self.drifts)
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def sentences(self) -> tuple[str, ...]:
         """What it means, in words."""
         return (*(d.sentence for d in self.drifts), *self.notes)

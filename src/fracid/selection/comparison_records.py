@@ -32,6 +32,7 @@ from fracid.safety.schema import (
     Record,
     Unknown,
     also_called,
+    computed,
     fault_of,
     lacking,
 )
@@ -175,8 +176,7 @@ class Comparison(CardDisplay, Record):
             raise unknown_name("structure", name, tuple(rows))
         return rows[name]
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def held_out(self) -> tuple[str, ...]:
         """Names of the held-out recordings."""
         return tuple(self.rows[0].held_out)

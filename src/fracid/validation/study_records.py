@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import Field, computed_field
 
 from fracid.findings import Finding
-from fracid.safety.schema import Block, Coherent, Interval, Number, Record, also_called, fault_of, lacking
+from fracid.safety.schema import Block, Coherent, Interval, Number, Record, also_called, computed, fault_of, lacking
 from fracid.units import with_unit
 
 
@@ -33,20 +33,17 @@ class Statistics(Record):
     held: int
     """Those whose interval contains the true value."""
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def coverage(self) -> float | None:
         """The share of intervals that contain the true value."""
         return self.held / self.intervals if self.intervals else None
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def coverage95(self) -> tuple[float, float] | None:
         """The exact binomial 95 % interval of the coverage."""
         return binomial95(self.held, self.intervals) if self.intervals else None
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def bias_error(self) -> float | None:
         """Standard error of the bias [unit]."""
         return None if self.spread is None else self.spread / math.sqrt(self.estimates)
@@ -83,8 +80,7 @@ class Cell(Record):
         """The encoder's counts a turn; None for no encoder, and where no angle is measured."""
         return 2 * math.pi / self.resolution if self.resolution and self.unit == "rad" else None
 
-    @computed_field  # type: ignore[prop-decorator]
-    @property
+    @computed
     def failed(self) -> int:
         """Repetitions without a minimum."""
         return sum(self.failures.values())
