@@ -87,11 +87,11 @@ def test_each_output_is_headed_by_its_fit_and_rmse():
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("zero", "said"), [("hanging", "0 = hanging"), ("upright", "0 = upright")])
 def test_figure_2_says_where_alpha_is_zero(zero, said):
-    assert said in words(fitted_over_time(twin(200), zero=zero))
+    assert said in words(fitted_over_time(replace(twin(200), zero=zero)))
 
 
 def test_a_model_without_a_zero_says_none():
-    assert "0 =" not in words(fitted_over_time(twin(200), zero=""))
+    assert "0 =" not in words(fitted_over_time(replace(twin(200), zero="")))
 
 
 @pytest.mark.broad

@@ -100,8 +100,8 @@ def style_of(figure: Figure) -> Style:
     return style
 
 
-def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = "") -> None:
-    """Give all panels one look, the figure its heading and one legend for all, and everything its style.
+def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = "") -> Figure:
+    """Give all panels one look, the figure its heading and one legend for all, and everything its style; gives it back.
 
     `caption` is what a brief style leaves out of the figure: it follows the heading in the file's metadata.
     """
@@ -127,6 +127,7 @@ def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = ""
     figure.align_labels(panels)
     _no_latex(figure)
     _bring_to(style, figure)
+    return figure
 
 
 def _legend(figure: Figure, entries: Mapping[str, Any]) -> None:
@@ -336,11 +337,6 @@ def plain_log(axis: Axis, subs: Sequence[float]) -> None:
     axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def corner(axes: Axes, text: str) -> None:
-    """Write small into the upper right corner."""
-    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
 
 
 def extent(x: FloatArray) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from fracid.plots.appearance import (
     VERMILLION,
     axis_unit,
     finish,
+    label,
     new,
     plain,
     plain_log,
@@ -79,8 +80,7 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
             title(axes, heading if output == comparison.outputs[0] else "")
         unit, _ = axis_unit(comparison.units.get(output, "rad"))
         panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")
-    finish(figure, "RMSE by friction model")
-    return figure
+    return finish(figure, "RMSE by friction model")
 
 
 def _columns(comparison: Comparison) -> Mapping[str, tuple[str, Sequence[str], str]]:
@@ -168,8 +168,7 @@ def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
     figure = new(max(5.0, 4.2 * len(orders)), 3.9, style)
     for axes, order in zip(figure.subplots(1, len(orders), squeeze=False)[0], orders, strict=True):
         _order(axes, order, [d for d in test.drifts if d.order == order])
-    finish(figure, "the order in windows of falling amplitude")
-    return figure
+    return finish(figure, "the order in windows of falling amplitude")
 
 
 def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
@@ -185,6 +184,4 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
-    title(axes, verdict)
-    axes.set_xlabel(f"mean amplitude of the swing [{unit}]")
-    axes.set_ylabel(f"order {symbol(order)} [–]")
+    label(axes, verdict, f"mean amplitude of the swing [{unit}]", f"order {symbol(order)} [–]", None)

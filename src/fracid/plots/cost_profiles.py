@@ -83,8 +83,7 @@ def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
         _profile(axes, panel, calibrated, model)
     if profiles.joint is not None:
         _joint_profile(grid[count - 1], profiles.joint, model)
-    finish(figure, f"Profiles of the cost, {cost_label(profiles.problem.cost_function.name)[0]}")
-    return figure
+    return finish(figure, f"Profiles of the cost, {cost_label(profiles.problem.cost_function.name)[0]}")
 
 
 def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None:

@@ -60,5 +60,5 @@ def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Fi
     label(motion, "motion of the worst draw", "time [s]", f"from {c.posture}")
     drive.step(time, u, where="post", color=INK, lw=0.7)
     label(drive, "its input", "time [s]", f"{plain(c.input)} [{c.unit}]")
-    finish(figure, f"{plain(control.model)}, {c.posture}: {control.design.held} of {control.design.draws} draws hold")
-    return figure
+    held = f"{control.design.held} of {control.design.draws} draws hold"
+    return finish(figure, f"{plain(control.model)}, {c.posture}: {held}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +43,6 @@ SWINGS = 6
 def fitted_over_time(
     recording: RecordingFit,
     *,
-    zero: str | None = None,
     resolution: Mapping[str, float | None] | None = None,
     style: str | Style = "screen",
 ) -> Figure:
@@ -54,8 +52,6 @@ def fitted_over_time(
     ----------
     recording : RecordingFit
         One of ``fit.recordings``; values that are not finite are shown as missing.
-    zero : str, optional
-        Where the pendulum angle is zero: as the recording has it from its model; "" where that has no meaning.
     resolution : mapping, optional
         Output → step of its encoder [rad], None where unknown; drawn as a band one step high.
     style : str or Style
@@ -76,7 +72,6 @@ def fitted_over_time(
     >>> [axes.get_title(loc="left") for axes in fitted_over_time(twin).axes][0]
     '$\\\\alpha$: fit 98.0 %, RMSE 0.287°'
     """
-    recording = recording if zero is None else replace(recording, zero=zero)
     outputs, time = tuple(recording.measured), recording.time
     steps = {n: encoder_step(resolution, n) for n in outputs}
     spans = [slice(0, time.size), *_fast_part(time, recording.measured)]
@@ -108,8 +103,7 @@ def fitted_over_time(
     role = "measured and fitted"
     if recording.use == "validate":
         role = "held out, predicted; at most its initial state and its own parameters were refitted"
-    finish(figure, f"{plain(recording.name)}: {role}", caption="; ".join(headings))
-    return figure
+    return finish(figure, f"{plain(recording.name)}: {role}", caption="; ".join(headings))
 
 
 def _simulated(recording: RecordingFit) -> str:

@@ -93,8 +93,7 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
         label(phase, "", frequency, "phase [°]", None)
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
-    finish(figure, f"{plain(system.model.name)}, linear about {posture}")
-    return figure
+    return finish(figure, f"{plain(system.model.name)}, linear about {posture}")
 
 
 def _duration(system: Any, posture: str) -> Any:

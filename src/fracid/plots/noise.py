@@ -72,8 +72,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
         axes.set_xlabel(f"noise, standard deviation [{axis_unit(study.cells[0].unit)[0]}]")
     more = f" (the first {len(rows)} of {len(names)} free parameters)" if len(names) > len(rows) else ""
     cost = cost_label(study.cost_name)[0]
-    finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
-    return figure
+    return finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
 
 
 def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str) -> None:

@@ -73,8 +73,7 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     grid[0][1].set_xlim(*near)
-    finish(figure, f"{plain(recording.name)}: {plain(recording.report.verdict, 200)}")
-    return figure
+    return finish(figure, f"{plain(recording.name)}: {plain(recording.report.verdict, 200)}")
 
 
 def _about_release(recording: Recording) -> tuple[float, float]:

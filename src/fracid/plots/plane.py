@@ -123,8 +123,7 @@ def cost_plane(
     if brief:
         axes.locator_params(axis="x", nbins=TICKS)
     heading = f"{cost_label(cost_name)[0]} over the orders"
-    finish(figure, heading, grid=False, caption="; ".join(places.values()))
-    return figure
+    return finish(figure, heading, grid=False, caption="; ".join(places.values()))
 
 
 def _checked_plane(

@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fracid.errors import InputError
-from fracid.plots.appearance import BLUE, INK, ORANGE, SERIES, angle_label, axis_unit, finish, new, plain, symbol, title
+from fracid.plots.appearance import (
+    BLUE,
+    INK,
+    ORANGE,
+    SERIES,
+    angle_label,
+    axis_unit,
+    finish,
+    label,
+    new,
+    plain,
+    symbol,
+    title,
+)
 from fracid.quantiles import NORMAL_95
 
 if TYPE_CHECKING:
@@ -68,10 +81,9 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                 axes.plot([c.release if by_release else c.seconds], [h], "*", color=INK, ms=12,
                           label="chosen", zorder=4)  # fmt: skip
         axes.set_yscale("log")
-        axes.set_xlabel("release [°]" if by_release else "duration [s]")
-        axes.set_ylabel(f"CI half-width of {symbol(name)} [{unit}]")
-    finish(figure, "Expected interval after one more experiment")
-    return figure
+        over = "release [°]" if by_release else "duration [s]"
+        label(axes, "", over, f"CI half-width of {symbol(name)} [{unit}]", None)
+    return finish(figure, "Expected interval after one more experiment")
 
 
 def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style = "screen") -> Figure:
@@ -108,5 +120,4 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
         title(row[0], plain(str(curve.candidate), 90), "left")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    finish(figure, "Expected curves")
-    return figure
+    return finish(figure, "Expected curves")

@@ -78,8 +78,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
         beside = labels[i] if j < i else "density [–]"
         label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")
     trust = "" if posterior.trusted else "; the draws cannot be trusted"
-    finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
-    return figure
+    return finish(figure, f"Posterior of {posterior.problem.model.name}{trust}")
 
 
 def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen") -> Figure:
@@ -131,8 +130,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
     shown = plain(e.name) if problem is posterior.problem else (
         f"the first {e.time[-1]:.3g} s of {plain(e.name)}"
     )  # fmt: skip
-    finish(figure, f"What the posterior leaves undetermined: {shown}")
-    return figure
+    return finish(figure, f"What the posterior leaves undetermined: {shown}")
 
 
 def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:

@@ -25,10 +25,10 @@ from fracid.plots.appearance import (
     INK,
     ORANGE,
     RESIDUAL,
+    SMALL,
     VERMILLION,
     angle_label,
     axis_unit,
-    corner,
     encoder_band,
     encoder_step,
     extent,
@@ -108,8 +108,7 @@ def residual_plots(
     figure = new(9.5, 7, style)
     _panels(figure.subplots(2, 2).flat, recording, output, step)
     _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes, FAILED)
-    finish(figure, _headline(recording, output, step))
-    return figure
+    return finish(figure, _headline(recording, output, step))
 
 
 def residual_diagnostics(
@@ -172,11 +171,10 @@ def residual_diagnostics(
     speed, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
     label(panels["speed"], "against the fitted speed", speed, value)
     label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
-    density = f"density of the power [{_squared(display_unit)}/Hz]"
+    density = f"density of the power [{'1' if display_unit == '–' else f'{display_unit}²'}/Hz]"
     label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
     _blank(() if mask.any() else figure.axes, FAILED)
-    finish(figure, _headline(recording, output, step))
-    return figure
+    return finish(figure, _headline(recording, output, step))
 
 
 def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: float | None) -> None:
@@ -186,7 +184,10 @@ def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: 
     unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
     residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     if residual.size:
-        _over_time(over_time, recording.time, factor * whole, step, unit)
+        ends = recording.time[[0, -1]]  # as long as the recording, the residual may end before
+        over_time.plot(ends, [0, 0], color="0.6", lw=0.8)
+        encoder_band(over_time, step, unit)
+        line(over_time, recording.time, factor * whole, **RESIDUAL)
         _over_fitted(over_fitted, fitted, residual, step, unit)
         _distribution(distribution, residual, step, unit)
         _normal_probability(probability, residual)
@@ -202,10 +203,6 @@ def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: 
 def _per(over: str, under: str) -> str:
     """A quotient of units, of which the one below may be none: ``°/s``, ``1/V``, ``–``."""
     return f"{'1' if over == '–' else over}/{under}" if under != "–" else "–"
-
-
-def _squared(unit: str) -> str:
-    return "1" if unit == "–" else f"{unit}²"
 
 
 def _blank(panels: Sequence[Axes], why: str) -> None:
@@ -288,12 +285,6 @@ def _of_spectrum(analysis: ResidualAnalysis) -> str:
     return f"spectrum: {', '.join(parts) or 'no frequency stands out'}"
 
 
-def _over_time(axes: Axes, time: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
-    axes.plot(time[[0, -1]], [0, 0], color="0.6", lw=0.8)  # as long as the recording, the residual may end before
-    encoder_band(axes, step, unit)
-    line(axes, time, residual, **RESIDUAL)
-
-
 def _over_fitted(axes: Axes, fitted: FloatArray, residual: FloatArray, step: float | None, unit: str) -> None:
     """Every sample, and the mean in each of twenty bins of the fitted value."""
     axes.axhline(0, color="0.6", lw=0.8)
@@ -326,7 +317,7 @@ def _distribution(axes: Axes, residual: FloatArray, step: float | None, unit: st
     axes.plot(x, normal, color=VERMILLION, lw=1.5, ls="--", label="normal distribution")
     shown = 0.0 if abs(mean) < 1e-3 * deviation else mean / factor  # what is left of it is rounding
     text = f"mean {with_unit(shown, unit, '.2g')}\ndeviation {with_unit(deviation / factor, unit)}"
-    corner(axes, text.replace("-", "−"))
+    axes.text(0.98, 0.97, text.replace("-", "−"), transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
 
 
 def _normal_probability(axes: Axes, residual: FloatArray) -> None:
@@ -350,17 +341,12 @@ def _bins(x: FloatArray, step: float) -> int | FloatArray:
 
     At rest a residual has the encoder's steps alone; in narrower bins that would be a comb.
     """
-    count = _bin_count(x)
+    quarter, three_quarters = np.percentile(x, (25, 75))
+    width = 2 * (three_quarters - quarter) / np.cbrt(x.size)  # Freedman and Diaconis'
+    count = int(np.clip(np.ceil(np.ptp(x) / max(width, np.ptp(x) / 80)), 5, 80))
     if step <= 0 or x.std() < step or np.ptp(x) / count >= step:
         return count
     return np.asarray((np.arange(np.floor(x.min() / step + 0.5), np.floor(x.max() / step + 0.5) + 2) - 0.5) * step)
-
-
-def _bin_count(x: FloatArray) -> int:
-    """Bins of the Freedman-Diaconis width, but at least 5 and at most 80."""
-    quarter, three_quarters = np.percentile(x, (25, 75))
-    width = 2 * (three_quarters - quarter) / np.cbrt(x.size)
-    return int(np.clip(np.ceil(np.ptp(x) / max(width, np.ptp(x) / 80)), 5, 80))
 
 
 def _all_equal(x: FloatArray) -> bool:

@@ -95,8 +95,7 @@ def rig_drawing(model: Model, *, style: str | Style = "screen") -> Figure:
     axes.set_axis_off()
     _note(figure, model)
     heading = model.source.split(". ")[0] if model.paper else model.about or model.name  # a rig is known by its maker
-    finish(figure, plain(heading, 90), grid=False)
-    return figure
+    return finish(figure, plain(heading, 90), grid=False)
 
 
 def _shown(model: Model, scene: Scene, constants: Sequence[float]) -> dict[str, float]:

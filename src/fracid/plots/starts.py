@@ -82,8 +82,7 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
                      f"final {name} {unit}".rstrip())  # fmt: skip
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
-    finish(figure, "where the starts ended")
-    return figure
+    return finish(figure, "where the starts ended")
 
 
 def _few_decades(axes: Axes) -> None:

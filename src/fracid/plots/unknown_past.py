@@ -55,8 +55,7 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
         axes.set_yticks(range(len(rows) + 1), [*rows, "as fitted"])
         axes.set_ylim(-0.6, len(rows) + 0.6)
         label(axes, "", f"order {symbol(name)} [–]", "")
-    finish(figure, "orders, by what is taken for the motion before the start")
-    return figure
+    return finish(figure, "orders, by what is taken for the motion before the start")
 
 
 def _order(axes: Axes, check: CutCheck, name: str) -> None:
