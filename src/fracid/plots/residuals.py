@@ -48,6 +48,7 @@ from fracid.units import shown_unit, with_unit
 from fracid.validation.residual_curves import log_bins
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residual_sentences import DRIFT
+from fracid.validation.residual_tests import normal_probability
 from fracid.validation.residuals import residual_analysis
 
 if TYPE_CHECKING:
@@ -325,9 +326,8 @@ def _normal_probability(axes: Axes, residual: FloatArray) -> None:
     if residual.size < 3 or _all_equal(residual):
         note(axes, "too few different values")
         return
-    from scipy.stats import probplot
-
-    (quantiles, ordered), (slope, mean, ppcc) = probplot(residual)
+    quantiles, ordered, ppcc = normal_probability(residual)
+    slope, mean = np.polyfit(quantiles, ordered, 1)
     # Some hundred points, evenly over the quantiles: the thousands in the middle lie on each other.
     indices = np.unique(np.searchsorted(quantiles, np.linspace(quantiles[0], quantiles[-1], 400)))
     size, ends = 2.5 if residual.size > 100 else 4, quantiles[[0, -1]]

@@ -27,7 +27,7 @@ from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import PART, kept, when_called
+from fracid.solver.compilation import PART, when_called
 from fracid.solver.weights import Kernel
 
 BLOCK = 8
@@ -257,7 +257,7 @@ def restore(_, before):
     return types.void(types.int32), emit
 
 
-@kept(types.void())
+@when_called(types.void(), allocates=False)
 def forget_mode():
     """Set the processor's rounding as every program finds it, after a run that did not come to its :func:`restore`."""
     restore(types.int32(0x1F80))

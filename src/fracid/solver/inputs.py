@@ -200,10 +200,12 @@ def low_passed_steps(driven: Driven, step: float, lowpass: float) -> Driven:
 
 def _filtered(left: FloatArray, right: FloatArray, step: float, lowpass: float) -> FloatArray:
     """z at the grid points where the input goes from `left` to `right` over each step, from rest at the first."""
-    from scipy.signal import lfilter
+    from scipy.linalg import solve_banded  # not lfilter: scipy.signal takes half a second to import
 
     r = step / lowpass
     rise = -math.expm1(-r)  # 1 − e^(−r)
     new = 1 - rise / r
-    z, _ = lfilter([1.0], [1.0, rise - 1], (rise - new) * left + new * right, zi=[(1 - rise) * left[0]])
-    return np.append(left[0], z)
+    enters = np.append(left[0], (rise - new) * left + new * right)
+    rows = [np.ones(len(enters)), np.full(len(enters), rise - 1)]  # z_k − e^(−r) z_(k−1)
+    z = solve_banded((1, 0), rows, enters, check_finite=False)
+    return np.asarray(z)

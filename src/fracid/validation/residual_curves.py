@@ -10,6 +10,7 @@ from fracid.arrays import FloatArray
 from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_tests import normal_quantiles
 
 LAGS, BINS, RANKS = 160, 120, 120
 """Points of each curve, at most."""
@@ -51,8 +52,6 @@ def residual_curves(recording: RecordingFit, analysis: ResidualAnalysis) -> Resi
     >>> bool(abs(curves.correlation[1]) < curves.white), curves.quantile.size, round(float(curves.ordered[-1]), 1)
     (True, 120, 3.7)
     """
-    from scipy.stats import norm
-
     if not analysis.whiteness.thinning:
         return None
     whole = recording.residual(analysis.output)
@@ -67,7 +66,7 @@ def residual_curves(recording: RecordingFit, analysis: ResidualAnalysis) -> Resi
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, RANKS)).astype(int))
     return ResidualCurves(
         lags * analysis.step, ρ[lags], float(1.96 / np.sqrt(e.size)), frequency, power,
-        np.asarray(norm.ppf((ranks + 0.625) / (e.size + 0.25))),
+        normal_quantiles(e.size)[ranks],
         np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300),
     )  # fmt: skip
 

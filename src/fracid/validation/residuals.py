@@ -93,6 +93,7 @@ from fracid.validation.residual_tests import (
     is_testable,
     ljung_box,
     mann_whitney,
+    normal_probability,
     spread_ratio,
     swing_band,
 )
@@ -217,11 +218,10 @@ def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) 
 
 
 def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality:
-    from scipy.stats import kurtosis, probplot, skew
-
-    ppcc = float(probplot(e)[1][2])
+    _, _, ppcc = normal_probability(e)
     A2, p = anderson_darling(thin) if is_testable(thin) else (NAN, NAN)
-    lean, tails = float(skew(e)), float(kurtosis(e))
+    z = (e - e.mean()) / e.std()
+    lean, tails = float(np.mean(z**3)), float(np.mean(z**4)) - 3
     return Normality(
         normality_sentence(ppcc, shape_phrases(lean, tails, variance), p, thin.size), ppcc, lean, tails, A2, p
     )

@@ -158,7 +158,6 @@ def _prepare() -> None:
         import matplotlib.backends.backend_agg
         import matplotlib.backends.backend_svg
         import matplotlib.figure  # noqa: F401
-        import scipy.stats  # noqa: F401
 
         import fracid.plots
         import fracid.validation.residual_analyses  # noqa: F401
