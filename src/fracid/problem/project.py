@@ -114,7 +114,7 @@ LONGEST_MESSAGE = 600
 class _Table(BaseModel):
     """A table of the file; unknown keys are refused, and so are texts and truth values for numbers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True, defer_build=True)
 
 
 class _Prior(_Table):

@@ -107,7 +107,7 @@ else:
 class Block(BaseModel):
     """A JSON object of a file; see the top of this module."""
 
-    model_config = ConfigDict(from_attributes=True, strict=True, frozen=True)
+    model_config = ConfigDict(from_attributes=True, strict=True, frozen=True, defer_build=True)
 
 
 class Record:
