@@ -42,7 +42,7 @@ def main():
                 f"{name} off by {s.bias:+.5f}, spread {s.spread:.5f}" for name, s in cell.unknowns.items()
             )
             print(f"  {cell.label:27} {found}")
-        for sentence in study.sentences():
+        for sentence in study.sentences:
             print(f"  {sentence}")
     study.plot().savefig(Path(__file__).with_suffix(".png"), dpi=120)
 

@@ -180,19 +180,19 @@ def test_a_coarse_step_is_a_bias_and_is_said_with_the_remedy():
     found = study(release(substeps=1, step=8e-3), seeds=25)
     mu = found.cells[0].unknowns["mu"]
     assert abs(mu.bias) > mu.spread
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "contain the true value" in s]
+    (sentence,) = [s for s in found.sentences if s.startswith("mu: ") and "contain the true value" in s]
     assert "they are too narrow at 0.1° of noise, 4096 counts" in sentence
     assert "times its spread" in sentence
-    assert "substeps = 2" in found.sentences()[-1]
-    assert 'initial_state = "rest"' in found.sentences()[-1]
+    assert "substeps = 2" in found.sentences[-1]
+    assert 'initial_state = "rest"' in found.sentences[-1]
 
 
 @pytest.mark.broad
 def test_a_scheme_of_first_order_and_a_cost_that_rounding_biases_are_named():
     found = study(release(method="gl", cost_function=COSTS["itae"]), seeds=12)
     assert found.cells[0].unknowns["mu"].coverage < 0.2
-    assert 'the scheme gl, of first order (type method = "pi2" in [fit])' in found.sentences()[-1]
-    assert "the cost itae, which rounding biases" in found.sentences()[-1]
+    assert 'the scheme gl, of first order (type method = "pi2" in [fit])' in found.sentences[-1]
+    assert "the cost itae, which rounding biases" in found.sentences[-1]
 
 
 @pytest.mark.broad
@@ -203,7 +203,7 @@ def test_a_start_that_is_taken_as_measured_claims_too_little():
     mu = found.cells[0].unknowns["mu"]
     assert mu.spread > 1.4 * mu.claimed
     assert mu.coverage < 0.8
-    (sentence,) = [s for s in found.sentences() if s.startswith("mu: ") and "contain the true value" in s]
+    (sentence,) = [s for s in found.sentences if s.startswith("mu: ") and "contain the true value" in s]
     assert "times the standard error" in sentence
 
 
@@ -216,7 +216,7 @@ def test_a_noisy_start_is_said_before_the_study_with_its_number_and_no_other_is(
     assert found.number > 1
     assert "initial = {" in found.sentence
     told = study(held, truth, seeds=1, levels=[4 * NOISE])
-    assert told.sentences()[0].startswith(f"{found.where}: the start is taken from the first sample")
+    assert told.sentences[0].startswith(f"{found.where}: the start is taken from the first sample")
     assert told.to_json()["findings"][0]["code"] == "noisy-start"
     rest = replace(held, initial_state="rest")
     at_rest = np.array([*truth, 0.0, 0.5])
@@ -227,13 +227,13 @@ def test_a_noisy_start_is_said_before_the_study_with_its_number_and_no_other_is(
 
 @pytest.mark.broad
 def test_intervals_that_keep_their_word_are_said_to():
-    sentences = study(seeds=25).sentences()
+    sentences = study(seeds=25).sentences
     assert len(sentences) == 2
     assert all(s.endswith("they can be believed.") for s in sentences)
 
 
 def test_so_few_repetitions_say_little():
-    assert all("too few" in s for s in study(seeds=3).sentences())
+    assert all("too few" in s for s in study(seeds=3).sentences)
 
 
 def test_exceptions_are_named_with_their_chance_and_the_others_together():
@@ -241,7 +241,9 @@ def test_exceptions_are_named_with_their_chance_and_the_others_together():
     held = dict(zip(problem.names, (2, 3, 4, 4, 4), strict=True))
     unknowns = {n: Statistics("", 1.0, 4, 0.0, 1.0, 1.0, 4, count) for n, count in held.items()}
     cell = Cell(NOISE, COUNT, 4, {}, 0, 9.0, None, unknowns)
-    first, others = NoiseStudy(problem, np.ones(5), (cell,), {}, "multistart", 4, 1).sentences()
+    first, others = (
+        NoiseStudy(truth=held, cost_name="rmse", optimiser="multistart", seeds=4, cells=(cell,)).concluded().sentences
+    )
     assert first.startswith("lambda: 2 of 4 intervals")
     assert "by chance this happens in 1.4 % of studies" in first
     assert others.startswith("mu, b_theta, b_alpha, coulomb_alpha: 75 to 100 % of their intervals of 95 %")
@@ -250,7 +252,7 @@ def test_exceptions_are_named_with_their_chance_and_the_others_together():
 def test_a_search_that_stops_short_of_the_truths_cost_is_counted():
     found = study(optimiser="least-squares", options={"budget": 1}, seeds=3)
     assert found.cells[0].stopped_short == 3
-    assert "stopped short of its minimum in 3 of 3 repetitions" in found.sentences()[0]
+    assert "stopped short of its minimum in 3 of 3 repetitions" in found.sentences[0]
 
 
 def explosive_rhs(t, x, u, p, out):
@@ -275,8 +277,8 @@ def test_a_repetition_that_finds_no_run_is_a_failure_with_its_reason():
     assert cell.failed == 3
     assert all("diverged" in reason for reason in cell.failures)
     assert cell.unknowns["q"].coverage is None
-    assert "3 of 3 repetitions found nothing: fall: " in found.sentences()[0]
-    assert "q: no repetition gave an interval." in found.sentences()
+    assert "3 of 3 repetitions found nothing: fall: " in found.sentences[0]
+    assert "q: no repetition gave an interval." in found.sentences
     json.dumps(found.to_json(), allow_nan=False)
     with pytest.raises(InputError, match="nothing to draw"):
         found.plot()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from fracid.figures import Style
     from fracid.validation.monte_carlo import NoiseStudy
-    from fracid.validation.study_records import Cell, Statistics, StudyBlock
+    from fracid.validation.study_records import Cell, Statistics
 
 MOST = 8
 """Unknowns that are drawn."""
@@ -26,7 +26,7 @@ BELIEVED = (90.0, 99.0)
 """Where a coverage keeps its word [%]."""
 
 
-def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen") -> Figure:
+def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     """Draw bias and spread of each unknown against the level of noise, with the coverage of its intervals beside.
 
     Parameters
@@ -60,7 +60,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
     >>> [axes.get_ylabel() for axes in noise_levels(study).axes]
     ['bias of $\\\\mu$ [–]', 'coverage [%]']
     """
-    names = [n for n in study.names if any(c.unknowns[n].estimates for c in study.cells)]
+    names = [n for n in study.truth if any(c.unknowns[n].estimates for c in study.cells)]
     if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     rows = names[:MOST]
@@ -75,7 +75,7 @@ def noise_levels(study: NoiseStudy | StudyBlock, *, style: str | Style = "screen
     return finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")
 
 
-def _unknown(left: Axes, right: Axes, study: NoiseStudy | StudyBlock, name: str) -> None:
+def _unknown(left: Axes, right: Axes, study: NoiseStudy, name: str) -> None:
     levels = list(dict.fromkeys(cell.level for cell in study.cells))
     resolutions = list(dict.fromkeys(cell.resolution for cell in study.cells))
     display_unit, factor = axis_unit(study.cells[0].unknowns[name].unit)

@@ -39,8 +39,8 @@ from fracid.schemas.feedback import ControlRecord, margin_text
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
 from fracid.units import GREEK, half_of, number, shown_unit, to_second_digit, typeset_unit, with_unit
-from fracid.validation.monte_carlo import ENOUGH
-from fracid.validation.study_records import StudyBlock, label_of
+from fracid.validation.monte_carlo import ENOUGH, NoiseStudy
+from fracid.validation.study_records import label_of
 
 ENVIRONMENT = "environment.json"
 
@@ -225,7 +225,7 @@ STUDIES = {
     "plan.json": Study(PlanBlock, _planned, **_SAID["plan.json"]),
     "posterior.json": Study(PosteriorBlock, _drawn, **_SAID["posterior.json"]),
     "profiles.json": Study(ProfilesBlock, _profiled, **_SAID["profiles.json"]),
-    "noise.json": Study(StudyBlock, _disturbed, **_SAID["noise.json"]),
+    "noise.json": Study(NoiseStudy, _disturbed, **_SAID["noise.json"]),
 }
 """By the file that the command writes; its page is called like that, with .html."""
 

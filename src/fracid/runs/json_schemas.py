@@ -15,8 +15,8 @@ from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord
 from fracid.selection.comparison_records import Comparison
+from fracid.validation.monte_carlo import NoiseStudy
 from fracid.validation.residual_records import ResidualsBlock
-from fracid.validation.study_records import StudyBlock
 
 FILES: dict[str, type[Block | Record]] = {
     "result.json": ResultBlock,
@@ -24,7 +24,7 @@ FILES: dict[str, type[Block | Record]] = {
     "profiles.json": LikelihoodBlock,
     "regression.json": RegressionResultBlock,
     "compare.json": Comparison,
-    "noise.json": StudyBlock,
+    "noise.json": NoiseStudy,
     "posterior.json": PosteriorBlock,
     "control.json": ControlRecord,
 }

@@ -46,7 +46,7 @@ from pydantic import (
     computed_field,
     model_validator,
 )
-from pydantic_core.core_schema import CoreSchema, ValidationInfo
+from pydantic_core.core_schema import CoreSchema, ValidationInfo, with_info_after_validator_function
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
@@ -123,7 +123,7 @@ class Record:
         while own["type"] != "dataclass":  # it is validated, too
             own = own["schema"]
         own["strict"] = False
-        return found
+        return with_info_after_validator_function(_together, found) if hasattr(cls, "incoherence") else found
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON values, angles in radians; a number that is not finite becomes null."""
@@ -172,13 +172,11 @@ described: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
 class Coherent(Block):
-    """One whose parts must fit together, where it is read."""
+    """One whose parts must fit together, where it is read; so must those of a record that has ``incoherence``."""
 
     @model_validator(mode="after")
-    def _together(self, info: ValidationInfo) -> Coherent:
-        if info.context != WRITING and (fault := self.incoherence()):
-            raise ValueError(fault)
-        return self
+    def _fits(self, info: ValidationInfo) -> Any:
+        return _together(self, info)
 
     def incoherence(self) -> str:
         """What does not fit together, in words; empty where all does."""
@@ -186,6 +184,12 @@ class Coherent(Block):
 
 
 WRITING = "writing"
+
+
+def _together(read: Any, info: ValidationInfo) -> Any:
+    if info.context != WRITING and (fault := read.incoherence()):
+        raise ValueError(fault)
+    return read
 
 
 def as_json(kind: type[Block | Record], record: Any) -> dict[str, Any]:

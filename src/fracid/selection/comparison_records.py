@@ -12,8 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, computed_field, model_validator
-from pydantic_core.core_schema import ValidationInfo
+from pydantic import BeforeValidator, Field, computed_field
 
 from fracid.cards import Card, CardDisplay, listed, tabulated
 from fracid.errors import unknown_name
@@ -21,7 +20,6 @@ from fracid.figures import Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
 from fracid.safety.schema import (
     AS_NULL,
-    WRITING,
     Block,
     Coherent,
     Infinite,
@@ -192,14 +190,8 @@ class Comparison(CardDisplay, Record):
         kinds = {"integer": False, "fractional": True}
         return {kind: self.best(fractional=fractional).name for kind, fractional in kinds.items()}
 
-    @model_validator(mode="after")
-    def _coherent(self, info: ValidationInfo) -> Comparison:
+    def incoherence(self) -> str:
         """Structures that are scored on other recordings or outputs are no comparison."""
-        if info.context != WRITING and (fault := self._incoherence()):
-            raise ValueError(fault)
-        return self
-
-    def _incoherence(self) -> str:
         if not self.rows:
             return "it has no structure"
         first = self.rows[0]

@@ -23,7 +23,7 @@ stopped short  repetitions whose search ended at a higher cost than that of the 
                a lower minimum, which it missed
 =============  ============================================================================================
 
-What makes intervals promise too much, then, shows as bias or as a claim below the spread; :meth:`NoiseStudy.sentences`
+What makes intervals promise too much, then, shows as bias or as a claim below the spread; :attr:`NoiseStudy.sentences`
 says which.  A fit whose own scheme is of first order is biased by its steps, one by ``itae`` by the rounding (see
 :mod:`fracid.problem.costs`).  One on a held start that nobody named is spread by the noise of the first sample, of
 which no interval knows: :attr:`Plan.findings` says so before the study, with the number.
@@ -42,11 +42,12 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay, listed, tabulated
@@ -60,7 +61,7 @@ from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Experiment, Problem
 from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
-from fracid.safety.schema import as_json
+from fracid.safety.schema import Listed, Record, as_json
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import gain_over, integer_rival, is_off
 from fracid.solver.methods import METHODS
@@ -77,7 +78,6 @@ from fracid.validation.study_records import (
     FailedBlock,
     RepetitionBlock,
     Statistics,
-    StudyBlock,
     binomial95,
     label_of,
 )
@@ -97,46 +97,43 @@ BIASED = 0.5
 """A bias above this part of the spread is what spoils a coverage."""
 
 
-@dataclass(frozen=True, repr=False)
-class NoiseStudy(CardDisplay):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class NoiseStudy(CardDisplay, Record):
     """The result of :func:`noise_study`."""
 
-    problem: Problem
-    truth: FloatArray
-    """The values that every repetition was to find, shape (n_unknowns,)."""
-    cells: tuple[Cell, ...]
-    """By resolution within level."""
-    repetitions: Mapping[str, Mapping[str, Any]]
-    """Each repetition's own result, by the key of its task."""
+    model: str = ""
+    truth: Mapping[str, float]
+    """The values that every repetition was to find."""
+    method: str = ""
+    cost_name: Annotated[str, Field(alias="cost")]
+    """Name of the cost that was minimised."""
+    outputs: Listed[str] = ()
     optimiser: str
     seeds: int
     """Repetitions a cell."""
-    seed: int
-    findings: tuple[Finding, ...] = ()
+    seed: int | None = None
+    cells: Listed[Cell]
+    """By resolution within level."""
+    sentences: Listed[str] = ()
+    """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
+    findings: Listed[Finding] = ()
     """What was known before it began to spoil the intervals."""
     sizes: Mapping[str, float] | None = None
     """Output → what levels and resolutions are multiples of; None where they are as they stand."""
+    repetitions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Each repetition's own result, by the key of its task."""
+    problem: Annotated[Any, Field(exclude=True)] = None
+    """That was simulated and fitted; None of what was read."""
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the unknowns."""
-        return self.problem.names
-
-    @property
-    def cost_name(self) -> str:
-        """Name of the cost that was minimised."""
-        return self.problem.cost_function.name
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values; angles in radians."""
-        return as_json(StudyBlock, vars(self) | {
-            "model": self.problem.model.name,
-            "truth": self.problem.named(self.truth),
-            "method": self.problem.method,
-            "cost_name": self.cost_name,
-            "outputs": self.problem.outputs,
-            "sentences": self.sentences(),
-        })  # fmt: skip
+    def incoherence(self) -> str:
+        """Cells of other unknowns, and counts that cannot be."""
+        if not self.cells:
+            return "it has no cell"
+        if any(set(cell.unknowns) != set(self.truth) for cell in self.cells):
+            return "the unknowns of its cells are others"
+        counts = (u for cell in self.cells for u in cell.unknowns.values())
+        possible = all(0 <= u.held <= u.intervals <= u.estimates for u in counts)
+        return "" if possible else "its counts are not possible"
 
     def table(self) -> Any:
         """The :meth:`lines` as a pandas ``DataFrame``, where pandas is installed."""
@@ -164,12 +161,12 @@ class NoiseStudy(CardDisplay):
         """
         return draw("noise_levels", self, style=style)
 
-    def sentences(self) -> tuple[str, ...]:
-        """What it comes to, in plain words: how the search did, and for each unknown what its intervals are worth."""
-        sentences = (*map(str, self.findings), *self._of_the_search(),
-                     *self._of_the_intervals())  # fmt: skip
-        causes = f"What may cause the bias: {'; '.join(self._causes())}."
-        return (*sentences, causes) if with_code(sentences, "biased") else sentences
+    def concluded(self) -> NoiseStudy:
+        """The same with its sentences."""
+        sentences = (*map(str, self.findings), *self._of_the_search(), *self._of_the_intervals())
+        if with_code(sentences, "biased"):
+            sentences = (*sentences, f"What may cause the bias: {'; '.join(self._causes())}.")
+        return replace(self, sentences=sentences)
 
     def _causes(self) -> Iterator[str]:
         """What makes a bias, and what to do about it."""
@@ -195,7 +192,7 @@ class NoiseStudy(CardDisplay):
 
     def _of_the_intervals(self) -> Iterator[str]:
         """What is wrong, a sentence each; then the others, in one sentence where they are many."""
-        judged = [self._judged(name) for name in self.problem.names]
+        judged = [self._judged(name) for name in self.truth]
         for kinds in (("narrow-at", "narrow"), ("none",), ("wide",), ("few",), ("believed",)):
             group = [j for j in judged if j.kind in kinds]
             if {*kinds} & TOGETHER and len(group) > ALONE:
@@ -394,10 +391,13 @@ class Plan:
         sizes = dict(zip(self.problem.outputs, self.how["sizes"], strict=True)) if self.how["sizes"] else None
         unit = unit_of(self.problem) if sizes is None else TIMES
         cells = tuple(_cell(self.problem, self.truth, *cell, each[cell], unit) for cell in self.cells)
+        p = self.problem
         return NoiseStudy(
-            self.problem, self.truth, cells, {key: results[key] for _, _, key in self._keys}, self.how["optimiser"],
-            self.seeds, self.seed, self.findings, sizes,
-        )  # fmt: skip
+            problem=p, model=p.model.name, truth=p.named(self.truth), method=p.method, outputs=p.outputs,
+            cost_name=p.cost_function.name, optimiser=self.how["optimiser"], seeds=self.seeds, seed=self.seed,
+            cells=cells, findings=self.findings, sizes=sizes,
+            repetitions={key: results[key] for _, _, key in self._keys},
+        ).concluded()  # fmt: skip
 
 
 def planned(

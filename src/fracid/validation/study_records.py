@@ -7,10 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pydantic import Field, computed_field
+from pydantic import computed_field
 
-from fracid.findings import Finding
-from fracid.safety.schema import Block, Coherent, Interval, Number, Record, also_called, computed, fault_of, lacking
+from fracid.safety.schema import Block, Interval, Number, Record, also_called, computed, fault_of, lacking
 from fracid.units import with_unit
 
 
@@ -116,39 +115,6 @@ def label_of(level: float, resolution: float, unit: str = "rad") -> str:
 
 
 # --- the files ---------------------------------------------------------------------------------------------
-
-
-class StudyBlock(Coherent):
-    """What noise does to the estimates: enough to draw it again."""
-
-    model: str = ""
-    truth: dict[str, float]
-    method: str = ""
-    cost_name: str = Field(alias="cost")
-    outputs: list[str] = Field([])
-    optimiser: str
-    seeds: int
-    seed: int | None = None
-    cells: list[Cell]
-    sentences: list[str] = Field([])
-    findings: list[Finding] = Field([])
-    sizes: dict[str, float] | None = Field(None)
-    repetitions: dict[str, dict[str, Any]] = Field({})
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the unknowns."""
-        return tuple(self.truth)
-
-    def incoherence(self) -> str:
-        """Cells of other unknowns, and counts that cannot be."""
-        if not self.cells:
-            return "it has no cell"
-        if any(set(cell.unknowns) != set(self.truth) for cell in self.cells):
-            return "the unknowns of its cells are others"
-        counts = (u for cell in self.cells for u in cell.unknowns.values())
-        possible = all(0 <= u.held <= u.intervals <= u.estimates for u in counts)
-        return "" if possible else "its counts are not possible"
 
 
 class RepetitionBlock(Block):

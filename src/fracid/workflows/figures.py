@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from fracid.selection.comparison_records import Comparison
     from fracid.validation.monte_carlo import NoiseStudy
     from fracid.validation.residual_analyses import Analyses, Residuals
-    from fracid.validation.study_records import StudyBlock
 
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
@@ -225,7 +224,7 @@ def of_posterior(drawn: Posterior) -> Figures:
     yield "posterior-predictive", drawn.plot_predictive()
 
 
-def of_study(study: NoiseStudy | StudyBlock, style: str = "screen") -> Figures:
+def of_study(study: NoiseStudy, style: str = "screen") -> Figures:
     """Bias, spread and coverage, where anything was estimated."""
     if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
         yield "noise", draw("noise_levels", study, style=style)

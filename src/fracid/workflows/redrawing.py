@@ -16,11 +16,11 @@ from fracid.problem.project import load_project
 from fracid.report import plane_of
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import read_as, record_of
+from fracid.safety.schema import read_as
 from fracid.selection.comparison_records import Comparison
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
-from fracid.validation.study_records import StudyBlock
+from fracid.validation.monte_carlo import NoiseStudy
 from fracid.workflows.figures import (
     Figures,
     of_comparison,
@@ -114,8 +114,8 @@ def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
         content = read_as(folder / "compare.json", Comparison, "fracid compare PROJECT", UNREAD)
         return of_comparison(Comparison.of_json(content), style)
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
-        content = read_as(folder / "noise.json", StudyBlock, "fracid noise RUN", UNREAD)
-        return of_study(record_of(StudyBlock, content), style)
+        content = read_as(folder / "noise.json", NoiseStudy, "fracid noise RUN", UNREAD)
+        return of_study(NoiseStudy.of_json(content), style)
     return _of_run(load_run(folder, trust=trust), style, jobs)
 
 
