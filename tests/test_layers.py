@@ -17,7 +17,7 @@ LAYERS = (
     {"figures", "qr", "quantiles"},
     {"arrowhead"},
     {"safety"},
-    {"cards", "schemas"},
+    {"cards", "schemas", "words"},
     {"findings", "signals", "tasks"},
     {"models", "optimise", "recording"},
     {"solver"},

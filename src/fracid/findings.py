@@ -15,14 +15,12 @@ made by                                       looks at
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
-from fracid.safety.door import own_text
 from fracid.safety.schema import Record, Unknown
+from fracid.words import Note as Note
+from fracid.words import Sentences
+from fracid.words import with_code as with_code
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,8 @@ class Finding(Record):
         return f"{self.where}: {self.sentence}" if self.where else self.sentence
 
 
-@dataclass(frozen=True)
-class Words:
-    """What one module says, by code: the words are in a TOML file beside it, the numbers are filled in here.
+class Words(Sentences):
+    """Sentences of which some are findings.
 
     Parameters
     ----------
@@ -71,60 +68,8 @@ class Words:
     'alpha: it stays at 0° throughout: is its encoder connected? A model of the pendulum needs it to swing.'
     """
 
-    file: str
-
-    @property
-    def table(self) -> dict[str, Any]:
-        """The content of the file, read once for all who say it."""
-        return _content(self.file)
-
-    def __call__(self, code: str, /, **values: object) -> Note:
-        """A sentence with these values."""
-        return Note(str(self.table[code]).format(**values), code)
-
     def finding(self, name: str, where: str, number: float, limit: float, /, **values: object) -> Finding:
         """A finding whose words have these values, and its own: ``where``, ``number`` and ``limit``."""
         values |= {"where": where, "number": number, "limit": limit}
         entry = {key: text.format(**values) for key, text in ({"code": name} | self.table[name]).items()}
         return Finding(entry["code"], where, number, limit, entry["unit"], entry["says"])
-
-
-@cache
-def _content(file: str) -> dict[str, Any]:
-    return tomllib.loads(own_text(file))
-
-
-class Note(str):
-    """A sentence that a program knows by its code, whatever its words.
-
-    Examples
-    --------
-    >>> note = Note("alpha has no unit: taken as rad.", "unit-assumed", "alpha")
-    >>> note, note.code, note.where
-    ('alpha has no unit: taken as rad.', 'unit-assumed', 'alpha')
-    """
-
-    code: str
-    where: str
-    """What it is about."""
-
-    def __new__(cls, sentence: str, code: str, where: str = "") -> Note:
-        """A sentence with its code."""
-        note = super().__new__(cls, sentence)
-        note.code, note.where = code, where
-        return note
-
-    def __getnewargs__(self) -> tuple[str, str, str]:  # type: ignore[override]
-        """What pickle makes it again from."""
-        return str(self), self.code, self.where
-
-
-def with_code(notes: Iterable[str], code: str) -> tuple[Note, ...]:
-    """Those notes that have a code.
-
-    Examples
-    --------
-    >>> with_code(["a sentence", Note("another", "blank")], "blank")
-    ('another',)
-    """
-    return tuple(note for note in notes if isinstance(note, Note) and note.code == code)

@@ -43,6 +43,9 @@ from fracid.safety.environment import ignore_settings, safe_children
 from fracid.safety.text import json_text, printable
 from fracid.tasks.display import shown
 from fracid.tasks.ending import ended_in_a_sentence, quiet_when_closed
+from fracid.words import Sentences
+
+SAYS = Sentences("cli/says.toml")
 
 TRACEBACK = "FRACID_TRACEBACK"
 """Set in the environment, a fault of fracid itself ends in its traceback."""
@@ -222,11 +225,8 @@ def _last_resort(error: Exception) -> str:
     what = " ".join(str(error).split())
     what = what if len(what) <= 300 else f"{what[:300]} …"
     machine = f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    return printable(
-        f"fracid itself is at fault, not you: {type(error).__name__}: {what} ({places}; fracid {__version__}, "
-        f"{machine}). Please send the maintainers this line, what you typed and, if you may, the files it reads. "
-        f"{TRACEBACK}=1 before the command shows the whole traceback."
-    )
+    return printable(SAYS("fault", kind=type(error).__name__, what=what, places=places, version=__version__,
+                          machine=machine, traceback=TRACEBACK))  # fmt: skip
 
 
 def _with_trust(error: FracidError, arguments: list[str] | None) -> str:

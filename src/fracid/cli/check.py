@@ -46,15 +46,8 @@ def check(
 
         clock = time_from_text(time, rate)
         own, notes = ({}, []) if column else _columns_of_model(file, clock, variable)
-        recording = inspect_recording(
-            file,
-            own or columns_from_texts(column),
-            time=clock,
-            start=start_from_text(start),
-            stop=stop,
-            variable=variable,
-            guess_units=True,
-        )
+        recording = inspect_recording(file, own or columns_from_texts(column), time=clock, stop=stop,
+                                      start=start_from_text(start), variable=variable, guess_units=True)  # fmt: skip
         figure = None if how.out is None else _figure(recording, how.out, observer)
     head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}

@@ -23,12 +23,15 @@ from fracid.cli.app import (
 )
 from fracid.errors import DataError
 from fracid.units import half_of, shown_unit, with_half_width, with_unit
+from fracid.words import Sentences
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from fracid.selection.comparison_records import Comparison, Row, Score
     from fracid.workflows.comparison import FinishedComparison
+
+SAYS = Sentences("cli/says.toml")
 
 MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
@@ -111,15 +114,10 @@ def _print_structures(console: Console, comparison: Comparison) -> None:
     if not print_table(console, headings, rows, fold=(), spare=len(scores)):
         _print_scores(console, comparison, [*comparison.rows[0].in_sample], "in_sample")
     unit = _one_unit(comparison)
-    say(
-        console,
-        f"[dim]{'angles' if unit == 'rad' else 'outputs'}: RMSE and fit; "
-        + ("" if unit is None else f"ITAE in {f'{shown_unit(unit)[0]} s²'.strip()}; ")
-        + f"BIC above the lowest, of {comparison.effective_samples:.0f} effective samples; "
-        + "log odds in nats against the most probable, bounds and priors as the project has them; " * len(odds)
-        + "← the paper's structure[/dim]",
-        "  ",
-    )
+    itae = "" if unit is None else f"ITAE in {f'{shown_unit(unit)[0]} s²'.strip()}; "
+    said = SAYS("scores", kind="angles" if unit == "rad" else "outputs", itae=itae, odds=SAYS("odds") if odds else "",
+                samples=comparison.effective_samples)  # fmt: skip
+    say(console, f"[dim]{said}[/dim]", "  ")
 
 
 def _print_scores(console: Console, comparison: Comparison, names: Sequence[str], where: str) -> None:

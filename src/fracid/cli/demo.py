@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -12,6 +13,7 @@ import typer
 
 from fracid.cli.app import How, command, echo_json, new_console, open_page, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
+from fracid.safety.door import own_text
 from fracid.safety.paths import default_folder
 from fracid.tasks.display import shown
 from fracid.workflows.drawer import drawer, importing
@@ -24,24 +26,11 @@ if TYPE_CHECKING:
 TRUE_ORDERS = {"lambda": 0.8623, "mu": 0.9146}
 """The orders that both twins were simulated with: the paper's result."""
 
-STORY = (
-    ("reference", None, "1. The reference twin (a solution ten times finer), identified by fracid: pi2, least squares"),
-    ("paper-on-paper", "paper", "2. The paper twin (stepped with gl-paper), identified by the paper's recipe"),
-    (
-        "paper-on-reference",
-        "paper",
-        "3. The reference twin, identified by the paper's recipe: what its scheme does to the orders",
-    ),
-)
-"""Folder, preset, headline."""
+STORY = tomllib.loads(own_text("cli/demo.toml"))["fit"]
 
 
 @command("out", "seed", "jobs", "json_", seed=None)
-def demo(
-    open_: bool | None = None,
-    *,
-    how: How,
-) -> None:
+def demo(open_: bool | None = None, *, how: How) -> None:
     """Run the paper's experiment on two SIMULATED recordings.
 
     λ = 0.8623, μ = 0.9146, and how well a fit recovers them.  Release from 10°, hanging, 20 s at 1000 Hz, 4096
@@ -53,10 +42,9 @@ def demo(
     console = new_console(file=sys.stderr if how.json_ else sys.stdout)
     results = {}
     console.print("The recordings of this demo are [bold]simulated[/bold] (λ = 0.8623, μ = 0.9146).")
-    for name, preset, headline in STORY:
-        twin = "paper" if name == "paper-on-paper" else "reference"
-        project = Path(str(files("fracid") / "twins" / f"{twin}-twin.toml"))
-        console.print(f"\n[bold]{headline}[/bold]", soft_wrap=True)
+    for part in STORY:
+        project = Path(str(files("fracid") / "twins" / f"{part['twin']}-twin.toml"))
+        console.print(f"\n[bold]{part['headline']}[/bold]", soft_wrap=True)
         with (
             beginning(),
             shown("recording", events=how.json_, result=partial(_show, console=console)) as observer,
@@ -65,9 +53,9 @@ def demo(
             with importing():
                 from fracid.workflows.fit import run  # here: it takes a second to import
 
-            ran = run(project, out=folder / name, preset=preset, seed=how.seed, jobs=how.jobs, observer=observer,
-                      command=sys.argv[1:], draws=draws)  # fmt: skip
-        results[name] = ran.result
+            ran = run(project, out=folder / part["folder"], preset=part.get("preset"), seed=how.seed, jobs=how.jobs,
+                      observer=observer, command=sys.argv[1:], draws=draws)  # fmt: skip
+        results[part["folder"]] = ran.result
         show_figures(ran, console)
         if ran.undrawn:
             say_undrawn(ran)

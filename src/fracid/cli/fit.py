@@ -32,15 +32,18 @@ from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
 from fracid.units import half_of, interval_beside, to_second_digit, with_unit
+from fracid.words import Sentences
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.estimation.records import Estimate, RecordingFit
+    from fracid.estimation.records import Estimate
     from fracid.fit import Fit
     from fracid.tasks.progress import Observer
     from fracid.workflows.fit import FinishedRun
+
+SAYS = Sentences("cli/says.toml")
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
@@ -119,24 +122,20 @@ def tell_fit(run: FinishedRun, *, json_: bool) -> None:
 
 def say_undrawn(run: FinishedRun) -> None:
     """Report what is there and what is not, and exit with 1: the work was interrupted."""
-    sys.stderr.write(
-        f"{printable(run.undrawn)} The result is whole, in {run.folder / 'result.json'}; its figures or the report are "
-        f"missing. To draw them: {typed('resume', run.folder, *['--trust'] * bool(run.project.own_code))}\n"
-    )
+    again = typed("resume", run.folder, trust=bool(run.project.own_code))
+    said = SAYS("undrawn", why=printable(run.undrawn), result=run.folder / "result.json", typed=again)
+    sys.stderr.write(f"{said}\n")
     raise typer.Exit(Unfinished.exit_code)
 
 
 def _say_next(run: FinishedRun, console: Console) -> None:
     from fracid.selection.ladder import has_friction
 
-    trust = ["--trust"] * bool(run.project.own_code)
-    ladder = [(typed("compare", run.project.path, *trust), "do the orders help, or is it friction?")]
-    say_next(
-        console,
-        (typed("report", run.folder, "--open", *trust), "look at the page"),
-        (typed("resid", run.folder, *trust), "are the residuals white noise, or does the model lack something?"),
-        *ladder * has_friction(run.project.problem.model),
-    )
+    trust = bool(run.project.own_code)
+    page = typed("report", run.folder, "--open", trust=trust), "look at the page"
+    noise = typed("resid", run.folder, trust=trust), "are the residuals white noise, or does the model lack something?"
+    ladder = typed("compare", run.project.path, trust=trust), "do the orders help, or is it friction?"
+    say_next(console, page, noise, *[ladder] * has_friction(run.project.problem.model))
 
 
 def show_figures(run: FinishedRun, console: Console) -> None:
@@ -154,20 +153,16 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     from rich.markup import escape
 
     from fracid.fit import PARTIAL
-    from fracid.selection.doubts import doubts, unsaid
+    from fracid.selection.doubts import doubts, in_motion, unsaid
 
     console = console or new_console()
     p, fit = run.fit.problem, run.fit
     if run.interrupted:
         say(console, PARTIAL.replace("PARTIAL", "[bold yellow]PARTIAL[/]"))
     print_claim(console, fit.claim, fit.claim_reasons, doubts(run.result))
-    say(
-        console,
-        f"[bold]{escape(p.model.name)}[/bold]{f', {p.model.zero}' if p.model.zero else ''}; "
-        f"{p.method}, memory {p.memory.name}, step {1e3 * p.experiments[0].step / p.substeps:g} ms; "
-        f"{fit.optimiser}, {fit.evaluations} evaluations: "
-        f"{escape(fit.outcome)}; result after {duration(run.seconds, fine=True)}, figures and page follow",
-    )
+    zero, step = f", {p.model.zero}" if p.model.zero else "", 1e3 * p.experiments[0].step / p.substeps
+    say(console, SAYS("fit", model=escape(p.model.name), zero=zero, p=p, step=step, fit=fit,
+                      outcome=escape(fit.outcome), seconds=duration(run.seconds, fine=True)))  # fmt: skip
     _print_estimates(console, fit)
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
@@ -181,7 +176,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         say(console, f"discretisation: {escape(_discretisation(fit))}", "  ")
     if fit.cut is not None and not fit.cut.warnings:
         say(console, f"cut: {escape(fit.cut.verdict)}", "  ")
-    elif fit.cut is None and _begins_in_motion(fit):
+    elif fit.cut is None and fit.problem.order_indices and in_motion(run.result):
         say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ")
     without = [n for n, e in fit.orders.items() if e.free and p.model.integer_order(n) is None]
     if fit.alternative is None and without:
@@ -206,7 +201,7 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     return folded
 
 
-SAID = ("fixed", "unknown")
+SAID = ("fixed", "unknown", "identifiable")
 """Verdicts that the interval's column says already."""
 
 
@@ -217,7 +212,7 @@ def _print_estimates(console: Console, fit: Fit) -> None:
     for recording in fit.recordings.values():
         own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
         estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
-    verdicts = {name: _verdict(e) for name, e in estimates.items()}
+    verdicts = {name: "" if e.identifiable in SAID else e.verdict for name, e in estimates.items()}
     rows = [(name, _digits(e.value, e), _interval(e), e.unit, verdicts[name]) for name, e in estimates.items()]
     fits = print_table(console, ("", "value", "95 % interval", "unit", ""), rows, spare=1)
     for verdict in dict.fromkeys(() if fits else verdicts.values()):
@@ -226,23 +221,16 @@ def _print_estimates(console: Console, fit: Fit) -> None:
             say(console, escape(f"{verdict}: {names}"), "  ")
 
 
-def _verdict(e: Estimate) -> str:
-    return "" if e.identifiable in (*SAID, "identifiable") else e.verdict
-
-
 def _print_recordings(console: Console, fit: Fit) -> None:
 
     outputs, cost = fit.problem.outputs, fit.problem.cost_function.name
     headings = ["recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"]
     rows = []
     for r in fit.recordings.values():
-        scores = [text for n in outputs for text in (_rmse(r, n), _percent(r.fit_percent[n]))]
+        errors = {n: with_unit(e, r.unit(n), ".4g") if isfinite(e) else "none" for n, e in r.rmse.items()}
+        scores = [text for n in outputs for text in (errors[n], _percent(r.fit_percent[n]))]
         rows.append([r.name, r.use, *scores, f"{r.cost:.6g}" if isfinite(r.cost) else "none"])
     print_table(console, headings, rows)
-
-
-def _rmse(r: RecordingFit, output: str) -> str:
-    return with_unit(r.rmse[output], r.unit(output), ".4g") if isfinite(r.rmse[output]) else "none"
 
 
 def _percent(fit: float) -> str:
@@ -268,13 +256,6 @@ def _interval(e: Estimate) -> str:
     if e.interval95 is None:
         return "none" if e.bound is None else "at its bound"
     return interval_beside(e.value, *e.interval95)
-
-
-def _begins_in_motion(fit: Fit) -> bool:
-    """Whether an order is free, and the speed at some start was found to be other than zero."""
-    speeds = [e for r in fit.recordings.values() if r.use == "fit" for n, e in r.initial.items() if n.startswith("D^")]
-    surely = any(e.interval95 is not None and not e.interval95[0] <= 0 <= e.interval95[1] for e in speeds)
-    return surely and bool(fit.problem.order_indices)
 
 
 def _starts(fit: Fit) -> str:

@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 
 @command()
-def models(
-    name: str | None = None,
-    json_: bool = False,
-) -> None:
+def models(name: str | None = None, json_: bool = False) -> None:
     """List the models of the library, with their inputs and outputs.
 
     Each stands by its name in a project file, fracid init, fracid simulate and fracid.model.

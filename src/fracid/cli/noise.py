@@ -6,6 +6,9 @@ from pathlib import Path
 
 from fracid.cli.app import LONG, How, command, numbers, print_found, typed
 from fracid.errors import InputError
+from fracid.words import Sentences
+
+SAYS = Sentences("cli/says.toml")
 
 
 @command("executor", "scheduler", *LONG)
@@ -30,9 +33,7 @@ def noise(
     sizes = None if levels is None else numbers("--levels", levels, "0.05,0.1,0.2", least=0.0)
     turns = None if counts is None else numbers("--counts", counts, "4096,20000", least=0.0)
     if few := [c for c in turns or () if 0 < c < 3]:
-        raise InputError(
-            f"--counts {few[0]:g} is not possible; expected counts a turn, e.g. 4096, or 0 for no rounding."
-        )
+        raise InputError(SAYS("few-counts", counts=few[0]))
     from fracid.workflows.monte_carlo import run_noise_study
 
     finished = how.done(run_noise_study, source, levels=sizes, resolutions=turns, angles=True, seeds=seeds, cost=cost,

@@ -8,13 +8,7 @@ from fracid.cli.app import LONG, How, command, print_found, typed
 
 
 @command("executor", "scheduler", *LONG)
-def posterior(
-    run: Path,
-    method: str = "laplace",
-    draws: int = 2000,
-    *,
-    how: How,
-) -> None:
+def posterior(run: Path, method: str = "laplace", draws: int = 2000, *, how: How) -> None:
     """Draw the free parameters from their posterior.
 
     Shows what intervals cannot: correlations, bounds, curved valleys, and the evidence of the model.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -76,9 +77,7 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
     for name, f in results.regressions.items():
         console.print(f"[bold]{escape(name)}[/bold]: {f.estimator}, {f.samples} rows", soft_wrap=True)
         _print_constants(console, f)
-        for heading, text in _lines(f):
-            console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
-        for heading, text in _start_lines(results, f):
+        for heading, text in _lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         warn(console, *filter(None, (f.belief, *f.warnings)))
     for note in results.asked.notes:
@@ -105,13 +104,18 @@ def _print_constants(console: Console, f: Regression) -> None:
         warn(console, f"{names}: {verdict}")
 
 
-def _lines(f: Regression) -> list[tuple[str, str]]:
-    """What stands below the table: what is only known together, orders, fit, filter."""
-    together = [("together", f"{name} = {value:.4g}") for name, value in f.combinations.items()]
+def _lines(results: FinishedRegression, f: Regression) -> Iterator[tuple[str, str]]:
+    """What stands below the table: what is only known together, orders, fit, filter, where a fit would start."""
+    for name, value in f.combinations.items():
+        yield "together", f"{name} = {value:.4g}"
     orders = ", ".join(f"{n} = {v:.4g}{_searched(f, n)}" for n, v in f.orders.items())
     fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in f.fit_percent.items())
-    return [*together, ("orders", orders), ("fit", "; ".join(filter(None, (fit, f.left_over)))),
-            ("low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}")]  # fmt: skip
+    yield "orders", orders
+    yield "fit", "; ".join(filter(None, (fit, f.left_over)))
+    yield "low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}"
+    if results.asked.problem is not None:
+        changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
+        yield "start", ", ".join(changes) or "the project's own: nothing that it frees was identified"
 
 
 def _searched(f: Regression, name: str) -> str:
@@ -119,11 +123,3 @@ def _searched(f: Regression, name: str) -> str:
         return " (given)"
     low, high = f.search.interval95[name]
     return f" ({low:.3g} … {high:.3g})" if high - low < float("inf") else " (not seen)"
-
-
-def _start_lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
-    """What of it a fit of the project would start from."""
-    if results.asked.problem is None:
-        return []
-    changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
-    return [("start", ", ".join(changes) or "the project's own: nothing that it frees was identified")]

@@ -12,13 +12,7 @@ from fracid.tasks.display import shown
 
 
 @command()
-def report(
-    run: Path,
-    out: Path | None = None,
-    open_: bool = False,
-    trust: bool = False,
-    jobs: int = CORES,
-) -> None:
+def report(run: Path, out: Path | None = None, open_: bool = False, trust: bool = False, jobs: int = CORES) -> None:
     """Write a fit, or a study, as one HTML page that opens offline.
 
     Verdict, data, equations, values, curves, residuals, and the rig in motion.  The page is one file and loads nothing

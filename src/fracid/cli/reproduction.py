@@ -24,11 +24,7 @@ SHOWN = 12
 
 
 @command("trust", "out", "jobs", "json_")
-def reproduce(
-    run: Path,
-    *,
-    how: How,
-) -> None:
+def reproduce(run: Path, *, how: How) -> None:
     """Do a run again, and compare the results value by value.
 
     Repeats it with its own project, recordings, seed and options.  The same versions on the same machine give the same

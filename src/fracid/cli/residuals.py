@@ -19,13 +19,7 @@ if TYPE_CHECKING:
 
 
 @command("trust", "out", "json_")
-def resid(
-    run: Path,
-    recording: list[str] | None = None,
-    output: list[str] | None = None,
-    *,
-    how: How,
-) -> None:
+def resid(run: Path, recording: list[str] | None = None, output: list[str] | None = None, *, how: How) -> None:
     """Test the residuals of a fit: white noise, or structure missing?
 
     Simulates each recording with the fitted values, validation recordings too.  Tests whether the residual is white
@@ -56,7 +50,9 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
     partial = [PARTIAL] if analysis.run.outcome is Outcome.INTERRUPTED else []
     warn(console, *partial, *analysis.run.notes)
     for a in analysis.all:
-        console.print(f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{_not_fitted(a)}", soft_wrap=True)
+        aside = "; ".join(["held out"] * (a.use == "validate") + [a.tested] * bool(a.missing))
+        heading = f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{f' ({aside})' if aside else ''}"
+        console.print(heading, soft_wrap=True)
         for effect, sentence in a.sentences.items():
             say(console, escape(sentence), f"  [dim]{effect:10}[/dim]  ")
     console.print()
@@ -81,9 +77,3 @@ def _sizes(a: ResidualAnalysis) -> tuple[str, ...]:
 
 def _number(value: float, digits: str, unit: str = "") -> str:
     return f"{value:{digits}}{unit}" if isfinite(value) else "–"
-
-
-def _not_fitted(a: ResidualAnalysis) -> str:
-    parts = ["held out"] if a.use == "validate" else []
-    parts += [a.tested] if a.missing else []
-    return f" ({'; '.join(parts)})" if parts else ""

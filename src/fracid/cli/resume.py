@@ -17,11 +17,7 @@ from fracid.safety.text import printable
 
 
 @command("executor", "scheduler", "trust", "jobs", "json_")
-def resume(
-    run: Path,
-    *,
-    how: How,
-) -> None:
+def resume(run: Path, *, how: How) -> None:
     """Resume an interrupted run, without repeating finished work.
 
     The result is the same as that of an uninterrupted run.  Resumes fit, noise and compare after Ctrl-C, a kill, a
