@@ -29,7 +29,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
-from fracid.recording.measures import SignalReport
 from fracid.recording.recording import Recording
 
 SAYS = Words("recording/columns.toml")
@@ -162,7 +161,10 @@ def _roles(recording: Recording) -> dict[str, str]:
     roles = {what: _first(what, moving if what == "voltage" else angles) for what in NAMES}
     commands = [n for n in angles if n not in roles.values() and len(angles) > 1 and _is_command(recording.signals[n])]
     roles["voltage"] = roles["voltage"] or next(iter(commands), None)
-    rest = _by_travel([reports[n] for n in angles if n not in roles.values()])
+    others = [reports[n] for n in angles if n not in roles.values()]
+    stepped = all(s.resolution and s.range < DIGITS * s.resolution for s in others)  # for units may differ
+    travel = {s.name: s.range / (s.resolution or 1.0) if stepped else s.range for s in others}
+    rest = sorted(travel, key=lambda n: travel[n], reverse=True)
     if roles["alpha"] is None:
         roles["alpha"] = rest.pop(0) if rest else angles[0]
     if roles["theta"] is None and rest:
@@ -176,13 +178,6 @@ def _first(what: str, names: Mapping[str, Any] | list[str]) -> str | None:
     """The first name that matches and is no rate: of several, one that says it is a position or an angle."""
     matches = [n for n in names if is_angle(n, what)]
     return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
-
-
-def _by_travel(signals: Sequence[SignalReport]) -> list[str]:
-    """The names, who moves most first: in steps of encoders where each has one, for units may differ."""
-    stepped = all(s.resolution and s.range < DIGITS * s.resolution for s in signals)
-    return [s.name for s in sorted(signals, key=lambda s: s.range / (s.resolution or 1.0) if stepped else s.range,
-                                   reverse=True)]  # fmt: skip
 
 
 def _column(name: str, header: Sequence[str]) -> int | str:

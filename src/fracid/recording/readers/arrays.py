@@ -162,7 +162,8 @@ def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
     start = f"{path.name} holds no arrays of numbers."
     single = [name for name, why in left_out.items() if why == SINGLE]
     if single:
-        start = f"{path.name} holds single numbers ({_names(single)}); a recording needs at least two samples."
+        names = _shortened([ascii_short(n)[1:-1] for n in single])
+        start = f"{path.name} holds single numbers ({names}); a recording needs at least two samples."
     others = [f"{ascii_short(n)[1:-1]} {why}" for n, why in left_out.items() if n not in single]
     if others:
         return f"{start} What it holds: {'; '.join(others[:3])}{'; and more' * (len(others) > 3)}."
@@ -181,10 +182,6 @@ def _named(flat: Mapping[str, Array | LeftOut], variable: str, path: Path) -> di
 def _list(arrays: Mapping[str, Array]) -> str:
     entries = [f"{ascii_short(k)[1:-1]} {'×'.join(map(str, a.shape))}" for k, a in arrays.items() if a.size > 1]
     return _shortened(entries)
-
-
-def _names(names: list[str]) -> str:
-    return _shortened([ascii_short(n)[1:-1] for n in names])
 
 
 def _shortened(entries: list[str]) -> str:

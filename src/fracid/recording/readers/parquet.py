@@ -38,22 +38,15 @@ def _columns(file: Any, path: Path) -> Content:
 
     schema, size = file.schema_arrow, path.stat().st_size
     count = Counter(schema.names)
-    names = [f.name for f in schema if _is_column(f.type, types) and count[f.name] == 1]
+    numbers = types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp
+    names = [f.name for f in schema if any(is_one(f.type) for is_one in numbers) and count[f.name] == 1]
     refuse_bomb(path, file.metadata.num_rows * len(names), size)
-    refuse_bomb(path, _declared(file.metadata) / 8, size)
+    # the sum of the groups' own: asking for a column's ends the process where its statistics are damaged (Arrow 26)
+    groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
+    refuse_bomb(path, sum(max(0, group.total_byte_size) for group in groups) / 8, size)
     others: dict[str, Any] = {
         n: same_name(count[n]) if count[n] > 1 else LeftOut("is no column of numbers")
         for n in schema.names if n not in set(names)
     }  # fmt: skip
     table = file.read(columns=names, use_threads=False)
     return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}
-
-
-def _declared(metadata: Any) -> int:
-    """Return the bytes that all pages are said to unpack to."""
-    # the sum of the groups' own: asking for a column's ends the process where its statistics are damaged (Arrow 26)
-    return sum(max(0, metadata.row_group(k).total_byte_size) for k in range(metadata.num_row_groups))
-
-
-def _is_column(kind: Any, types: Any) -> bool:
-    return any(is_one(kind) for is_one in (types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp))

@@ -90,8 +90,10 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
     except MemoryError:
         raise DataError(f"{path.name} needs more memory than there is; cut it into parts.") from None
     except DataError:
-        if (target := _elsewhere(path)) is None:
+        target = path.resolve()
+        if not path.is_symlink() or target.is_relative_to(path.parent.resolve()):
             raise
+        # a stranger's link may lead to any file, whose lines are not to be told
         raise DataError(SAYS("elsewhere", path=path, target=printable(str(target)))) from None
     if table is None or not table.values.size:
         raise DataError(SAYS("empty", name=path.name))
@@ -120,12 +122,6 @@ def _size(path: Path) -> int:
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path} is no plain file but a pipe or a device; save the recording to a file.")
     return status.st_size
-
-
-def _elsewhere(path: Path) -> Path | None:
-    """Where a link leads to, out of its folder: a stranger's may lead to any file, whose lines are not to be told."""
-    target = path.resolve()
-    return target if path.is_symlink() and not target.is_relative_to(path.parent.resolve()) else None
 
 
 def _nearby(path: Path) -> str:

@@ -154,12 +154,18 @@ def read_text(path: Path) -> Table:
         As :func:`parse_text`, and if the file is no text: zero bytes, or cut off in the middle of a character.
     """
     encoding, notes = _encoding(path)
+    try:
+        sample, tail = _sample(path, encoding)
+    except UnicodeError:
+        if encoding != "utf-8-sig":
+            raise DataError(SAYS("other-encoding", path=path, encoding=encoding.upper())) from None
+        encoding, notes = "latin-1", ("The text is not UTF-8: read as Latin-1.",)  # as which anything can be read
+        sample, tail = _sample(path, encoding)
 
     def read() -> Iterator[str]:
         with TextIOWrapper(opened(path), encoding) as file:
             yield from file
 
-    sample, tail = _sample(path, encoding)
     table = _parse(_Lines(path.name, read, sample, tail))
     return replace(table, notes=(*notes, *table.notes))
 
@@ -177,19 +183,7 @@ def _encoding(path: Path) -> tuple[str, tuple[str, ...]]:
             return encoding, ("The text is UTF-16 without a mark that says so.",)
     if b"\0" in start:
         raise DataError(f"{path.name} is not text: it holds zero bytes. Is it a binary file with a wrong ending?")
-    return ("utf-8-sig", ()) if _is_utf8(path) else ("latin-1", ("The text is not UTF-8: read as Latin-1.",))
-
-
-def _is_utf8(path: Path) -> bool:
-    decoder = codecs.getincrementaldecoder("utf-8")()
-    with opened(path) as file:
-        try:
-            while chunk := file.read(CHUNK):
-                decoder.decode(chunk)
-            decoder.decode(b"", final=True)
-        except UnicodeDecodeError:
-            return False
-    return True
+    return "utf-8-sig", ()
 
 
 def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
@@ -197,16 +191,13 @@ def _sample(path: Path, encoding: str) -> tuple[list[str], str]:
     lines: list[str] = []
     tail, lines_before = "", 0
     with TextIOWrapper(opened(path), encoding) as file:
-        try:
-            while chunk := file.read(CHUNK):
-                if "\0" in chunk:
-                    line = lines_before + chunk[: chunk.index("\0")].count("\n") + 1
-                    raise DataError(SAYS("zero-bytes", path=path, line=line))
-                before, end, rest = chunk.rpartition("\n")
-                lines += filter(_counts, before.split("\n", 20)[1:-1] if lines else before.split("\n"))
-                lines_before, tail = lines_before + chunk.count("\n"), rest if end else tail + rest
-        except UnicodeError:  # UTF-16 and UTF-32 only: anything is Latin-1
-            raise DataError(SAYS("other-encoding", path=path, encoding=encoding.upper())) from None
+        while chunk := file.read(CHUNK):
+            if "\0" in chunk:
+                line = lines_before + chunk[: chunk.index("\0")].count("\n") + 1
+                raise DataError(SAYS("zero-bytes", path=path, line=line))
+            before, end, rest = chunk.rpartition("\n")
+            lines += filter(_counts, before.split("\n", 20)[1:-1] if lines else before.split("\n"))
+            lines_before, tail = lines_before + chunk.count("\n"), rest if end else tail + rest
     return [*lines, *filter(_counts, [tail])], tail
 
 
@@ -257,7 +248,7 @@ def _parse(lines: _Lines) -> Table:
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         values = values[:, :-1]
         names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
-    notes = [*remarks, *_header_note(dialect, width, header, names), *_cut_note(lines)]
+    notes = [*remarks, *_doubts(dialect, width, header, names, lines)]
     if dialect.decimal == ",":
         notes.insert(0, "Its numbers have decimal commas.")
     names, units = zip(*map(name_and_unit, names, units, range(len(names))), strict=True)
@@ -347,14 +338,14 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
     return tuple(split[titles[0]]), tuple(split[titles[1]]) if below else blank
 
 
-def _header_note(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...]) -> list[str]:
-    """Say that a header was passed over for its count of names."""
-    if any(names) or not header or header[-1].startswith(COMMENT):
-        return []
-    cells = dialect.split(header[-1])
-    if not 1 < len(cells) == len(_text_cells(dialect, cells)):
-        return []
-    return [f"The header has {len(cells)} names and the rows {width} cells: columns are called by their position."]
+def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...], lines: _Lines) -> Iterator[str]:
+    """That a header was passed over for its count of names, and that the last number may have lost its end."""
+    cells = dialect.split(header[-1]) if header and not any(names) and not header[-1].startswith(COMMENT) else []
+    if 1 < len(cells) == len(_text_cells(dialect, cells)):
+        yield f"The header has {len(cells)} names and the rows {width} cells: columns are called by their position."
+    others, end = lines.sample[-200:-1], lines.tail
+    if end.strip() and len(others) >= 4 and len(end) < min(map(len, others)):
+        yield f"The last line, {ascii_short(end.strip())}, has no end: its last number may have been cut off."
 
 
 def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: str) -> None:
@@ -363,14 +354,6 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
     last: list[str] = next((cells for cells in rows if not all(map(dialect.is_number, cells))), [])
     if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
         raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
-
-
-def _cut_note(lines: _Lines) -> list[str]:
-    """Say that the last number may have lost its end."""
-    others = lines.sample[-200:-1]
-    if not lines.tail.strip() or len(others) < 4 or len(lines.tail) >= min(map(len, others)):
-        return []
-    return [f"The last line, {ascii_short(lines.tail.strip())}, has no end: its last number may have been cut off."]
 
 
 # --- the numbers ----------------------------------------------------------------------------------------
