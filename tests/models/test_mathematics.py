@@ -136,7 +136,7 @@ def test_a_friction_element_with_its_row_and_its_torque_is_in_the_equations_and_
         lines
     )
     assert "seal_alpha" not in constants_of(equalities(scratch.rotary_pendulum(), {"C1": 1.0, "J_theta": 1.0}))
-    for language in ("c", "c-single", "matlab", "javascript"):
+    for language in ("c", "matlab", "javascript"):
         assert re.search(r"p\.seal_alpha \* \w+\(", written(model, language)), language
     if GCC is None:
         pytest.skip("no C compiler")

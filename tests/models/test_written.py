@@ -10,9 +10,10 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from fracid.export.c import single_precision
 from fracid.models import Model, Parameter, rotary_pendulum
 from fracid.models.pendulum import STATES
-from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC
+from fracid.models.written.languages import C, JavaScript, Matlab, Python
 from fracid.models.written.reading import Untranslatable
 from fracid.models.written.tree import Assign, Call, Choice, Entry, Name, Number, Operation, Program
 from languages import GCC, NODE, OCTAVE, in_c, in_node, in_octave
@@ -86,7 +87,7 @@ def test_in_c_every_model_is_the_same_to_the_last_bit(tmp_path):
 @pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 def test_in_single_precision_it_is_the_same_but_for_its_rounding(tmp_path):
     model = MODELS["duffing"]
-    [f] = in_c(tmp_path, [SingleC(model.program).text()], [model.parameter_names], "float")
+    [f] = in_c(tmp_path, [single_precision(C(model.program).text())], [model.parameter_names], "float")
     for point, expected in zip(CASES["duffing"], EXPECTED["duffing"], strict=True):
         np.testing.assert_allclose(f(*point), expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 

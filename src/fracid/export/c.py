@@ -29,15 +29,14 @@ from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written, written_outputs
 from fracid.models import Model, Parameter
 from fracid.models.written.languages import C
+from fracid.models.written.reading import FUNCTIONS
 from fracid.safety.door import own_text, write_whole
 
 DIGITS = {"1e-14": "3e-7", "1e-12": "1e-6", "1e-11": "1e-5", "1e-9": "1e-6", "1e-6": "5e-3", "1e-7": "3e-4"}
 """Where iterations end, and steps of differences, in double precision → in single."""
 
-TOKEN = re.compile(r"(?P<comment>/\*.*?\*/)|\b(?P<word>double|fabs|fmax|fmin|pow|sin|sqrt|expm1)\b"
+TOKEN = re.compile(rf"(?P<comment>/\*.*?\*/)|\b(?P<word>double|fabs|fmax|fmin|pow|tgamma|{'|'.join(FUNCTIONS)})\b"
                    r"|(?<![\w.])(?P<number>\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])", re.DOTALL)  # fmt: skip
-
-HERE = "@right-hand side@"
 
 UNMEASURED = "How far it is off the double-precision function was not measured: no C compiler was found."
 
@@ -92,18 +91,27 @@ def c_text(template: str, model: Model, *, single: bool, **words: Any) -> str:
     'c_text'
     """
     text, taken = own_text(f"export/{template}"), words_of(template)
-    language = "c-single" if single else "c"
     text = re.sub(r"\b\d+e-\d+\b", lambda found: DIGITS.get(found[0], found[0]), text) if single else text
-    text = program(text, rhs=HERE, single=single, **words)
-    rhs = "\n".join(f(model, language, taken) for f in (written, written_outputs)) if HERE in text else ""
-    return (TOKEN.sub(_as_float, text) if single else text).replace(HERE, rhs)
+    rhs = "\n".join(f(model, "c", taken) for f in (written, written_outputs)) if "rhs" in taken else ""
+    text = program(text, rhs=rhs, single=single, **words)
+    return single_precision(text) if single else text
 
 
-def _as_float(found: re.Match[str]) -> str:
-    """Of doubles floats, of numbers the nearest, of functions those of floats."""
-    if found["number"]:
-        return f"{np.float32(found[0])!s}f"
-    return found[0] if found["comment"] else "float" if found[0] == "double" else f"{found[0]}f"
+def single_precision(text: str) -> str:
+    """C in which doubles are floats, numbers the nearest, and functions those of floats.
+
+    Examples
+    --------
+    >>> single_precision("double y = 0.1 * sin(x[0]);  /* 0.1 */")
+    'float y = 0.1f * sinf(x[0]);  /* 0.1 */'
+    """
+
+    def as_float(found: re.Match[str]) -> str:
+        if found["number"]:
+            return f"{np.float32(found[0])!s}f"
+        return found[0] if found["comment"] else "float" if found[0] == "double" else f"{found[0]}f"
+
+    return TOKEN.sub(as_float, text)
 
 
 def error_of_single(tables: Recursion, case: Case) -> str:

@@ -18,12 +18,12 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
-from fracid.models.written.languages import C, JavaScript, Matlab, Python, SingleC, Writer
+from fracid.models.written.languages import C, JavaScript, Matlab, Python, Writer
 from fracid.safety.text import one_line
 
 SAYS = Words("export/whole.toml")
 
-LANGUAGES: dict[str, type[Writer]] = {"c": C, "c-single": SingleC, "matlab": Matlab, "javascript": JavaScript}
+LANGUAGES: dict[str, type[Writer]] = {"c": C, "matlab": Matlab, "javascript": JavaScript}
 
 SIZES = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 """Of the states and inputs at which a right-hand side is looked at, each with :data:`POINTS` of them: joints that slide
@@ -36,7 +36,7 @@ MOVED = 0.01
 
 
 def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
-    """The right-hand side of a model in ``c``, ``c-single``, ``matlab`` or ``javascript``.
+    """The right-hand side of a model in ``c``, ``matlab`` or ``javascript``.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
 def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> str:
     """The outputs of a model as a function, for a text with its equations.
 
-    It is ``fracid_output`` in ``c`` or ``c-single``, ``modelOutputs`` in ``javascript``.
+    It is ``fracid_output`` in ``c``, ``modelOutputs`` in ``javascript``.
 
     Raises
     ------

@@ -68,7 +68,6 @@ class Writer:
     words: ClassVar[str] = ""
     """That a variable cannot be called."""
     indent: ClassVar[str] = "    "
-    real: ClassVar[str] = "double"
     cast: ClassVar[str] = ""
     """Before an integer that is used as a number."""
     first: ClassVar[int] = 0
@@ -120,7 +119,7 @@ class Writer:
 
     def say(self, what: str, *parts: object, **named: object) -> str:
         """A template with its parts."""
-        return self.says[what].format(*parts, real=self.real, **named)
+        return self.says[what].format(*parts, **named)
 
     def number(self, v: float) -> str:
         """To the last bit."""
@@ -317,18 +316,6 @@ class C(Writer):
     def quantity(self, e: Expression, level: int) -> str:
         """A truth value as a number."""
         return f"{self.cast}({self.expression(e)})" if is_truth(e) else super().quantity(e, level)
-
-
-class SingleC(C):
-    """C99 in single precision, for processors without a double unit."""
-
-    def number(self, v: float) -> str:
-        """With its suffix."""
-        return super().number(v) + "f" * math.isfinite(v)
-
-    def _called(self, f: str) -> str:
-        own = {g.name for g in self.program.functions} | {*self.lacks, *self.lacks.values()}
-        return super()._called(f) + "f" * (f not in own)
 
 
 class JavaScript(Writer):
