@@ -66,6 +66,8 @@ def initialiser(values: ArrayLike) -> str:
     '{0.1, 2.0}'
     """
     array = np.asarray(values)
+    if array.ndim == 0:
+        return "INFINITY" if np.isinf(array) else repr(array.item())
     if array.ndim > 1:
         return "{" + ",\n    ".join(initialiser(part) for part in array) + "}"
     words = [repr(v) for v in array.tolist()]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from string import Template
-
 import numpy as np
 
-from fracid._version import __version__
 from fracid.arrays import FloatArray
-from fracid.export.markup import c_comment, initialiser
+from fracid.export.markup import program
 from fracid.feedback.swing import law_of
 from fracid.safety.door import own_text
 from fracid.schemas.feedback import Conditions, Controller, ControlRecord
@@ -31,15 +27,7 @@ def c_controller(control: ControlRecord) -> str:
     k = np.arange(SAMPLES)[:, None] % (SAMPLES // 2)
     errors = np.array([c.off.get(n, 0.1) for n in c.outputs]) * np.cos(0.3 * k) * np.exp(-0.2 * k)
     y = reference + errors
-    law = law_of(controller, c)
-    words = {n: initialiser(getattr(law, n)) for n in ("A", "B", "begins", "needs")}
-    words |= {n: initialiser(np.ravel(getattr(law, n))) for n in "CDE"}
-    words |= {f"pump_{n}": "INFINITY" if math.isinf(v) else repr(v) for n, v in law.pump._asdict().items()}
-    test = {"test_outputs": initialiser(y), "test_input": initialiser(inputs_of(controller, c, y - reference))}
-    numbers = {"rest": c.at_rest, "least": c.least, "most": c.most, "rate": 1 / c.period, "period": c.period}
-    return Template(own_text("feedback/controller.c.in")).substitute(
-        words, version=__version__, says=c_comment(control.sentence), model=c_comment(control.model),
-        posture=c_comment(c.posture), outputs=c_comment(", ".join(c.outputs)), input=c_comment(c.input),
-        unit=c_comment(c.unit), states=len(controller.A), count=len(c.outputs), reference=initialiser(reference),
-        samples=SAMPLES, swings=int(controller.swing is not None), **test, **{n: repr(v) for n, v in numbers.items()},
+    return program(
+        own_text("feedback/controller.c.in"), control=control, c=c, law=law_of(controller, c), reference=reference,
+        swings=int(controller.swing is not None), test_outputs=y, test_input=inputs_of(controller, c, y - reference),
     )  # fmt: skip
