@@ -340,11 +340,10 @@ class _Made:
         """How large f is along the recording, of the states that forces act on; of those whose rate is a state 0."""
         model, e = self.problem.model, self.problem.experiments[0]
         p = self.problem.unpack(self.x, e)[1]
-        u, rhs, out = e.all_inputs, getattr(model.rhs, "py_func", model.rhs), np.zeros(len(model.states))
-        rows = []
-        for n in np.linspace(0, len(self.simulated) - 1, 200).astype(int):
-            rhs(0.0, self.simulated[n], u[min(n // self.problem.substeps, len(u) - 1)], p, out)
-            rows.append(out.copy())
+        u = e.all_inputs
+        at = np.linspace(0, len(self.simulated) - 1, 200).astype(int)
+        inputs = u[np.minimum(at // self.problem.substeps, len(u) - 1)]
+        rows = [model.derivatives(x, v, p)[: len(x)] for x, v in zip(self.simulated[at], inputs, strict=True)]
         size = np.sqrt(np.mean(np.square(rows), axis=0))
         size[list(model.rates)] = 0.0
         return np.asarray(size)

@@ -379,10 +379,7 @@ class IntegerModel:
 
     def f(self, x: FloatArray, u: FloatArray, parameters: FloatArray | None = None) -> FloatArray:
         """The right-hand side."""
-        out = np.zeros(len(x) * (1 + bool(self.model.relaxing)))
-        p = self.parameters if parameters is None else parameters
-        getattr(self.model.rhs, "py_func", self.model.rhs)(0.0, x, u, p, out)
-        return out[: len(x)]
+        return self.model.derivatives(x, u, self.parameters if parameters is None else parameters)[: len(x)]
 
     def simulate(self, x0: FloatArray, inputs: FloatArray, step: float, steps: int) -> FloatArray:
         """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure."""

@@ -114,13 +114,11 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     for n, value in at.items():
         x[model.output_states[n]] = value
     held = np.isin(np.arange(len(x)), [*model.output_states.values(), *model.relaxing_states])
-    u, out = np.zeros(len(model.inputs)), np.zeros(len(x) * (1 + bool(model.relaxing)))
-    rhs = getattr(model.rhs, "py_func", model.rhs)
+    u = np.zeros(len(model.inputs))
 
     def left(unknown: FloatArray) -> FloatArray:
         x[~held], u[channel] = unknown[:-1], unknown[-1]
-        rhs(0.0, x, u, p, out)
-        return out[: len(x)].copy()
+        return model.derivatives(x, u, p)[: len(x)]
 
     start = np.append(x[~held], 0.0)
     size = np.abs(left(np.append(start[:-1], 1.0)) - left(start)).max() or 1.0

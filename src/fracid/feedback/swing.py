@@ -135,17 +135,16 @@ def _needs(
 ) -> FloatArray:
     """What an acceleration of the pivot takes of the input at any angle and rates."""
     place, rate, own = rows
-    random, rhs = np.random.default_rng(1), getattr(model.rhs, "py_func", model.rhs)
+    random = np.random.default_rng(1)
     angle = random.uniform(-math.pi, math.pi, SPREAD)
     w, v = random.standard_normal((2, SPREAD)) * math.sqrt(abs(up.F[rate, place]))
     inputs = random.uniform(c.least, c.most, SPREAD)
     a, u = np.empty(SPREAD), np.array([c.at_rest if n == c.input else 0.0 for n in model.inputs])
     for k in range(SPREAD):
-        x, out = up.about.copy(), np.zeros(len(up.about) * (1 + bool(model.relaxing)))
+        x = up.about.copy()
         x[place], x[rate], x[own] = x[place] + angle[k], w[k], v[k]
         u[model.inputs.index(c.input)] = inputs[k]
-        rhs(0.0, x, u, parameters, out)
-        a[k] = out[own]
+        a[k] = model.derivatives(x, u, parameters)[own]
     s, co = np.sin(angle), np.cos(angle)
     terms = np.column_stack([a, co**2 * a, s * w**2, s * co, v, co * w, s * co * w * v, s * co**2 * v**2])
     return np.asarray(np.linalg.lstsq(terms, inputs - c.at_rest, rcond=None)[0])

@@ -612,6 +612,20 @@ class Model(CardDisplay):
             x[index[name]] = value
         return x
 
+    def derivatives(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+        """What the right-hand side says, in plain Python: behind D^q x, where states relax, the rates of those.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rig = rotary_pendulum()
+        >>> rig.derivatives(np.array([0.0, 2.0, 0.0, 0.0]), np.zeros(1), rig.parameter_vector())[0]
+        np.float64(2.0)
+        """
+        out = np.zeros(len(x) * (1 + bool(self.relaxing)))
+        getattr(self.rhs, "py_func", self.rhs)(0.0, x, u, p, out)
+        return out
+
     def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
         """States by name, with those that begin where another does.
 
