@@ -125,7 +125,7 @@ class Parameter:
     """The rung of the ladder that frees it; "" for that of its kind of friction."""
 
     @classmethod
-    def of(cls, name: str, row: Mapping[str, Any], friction: Friction | None = None) -> Parameter:
+    def of(cls, name: str, row: Mapping[str, Any]) -> Parameter:
         """Make one of a row of TOML: ``start``, ``unit``, ``about``, and what else it has.
 
         Examples
@@ -135,6 +135,7 @@ class Parameter:
         """
         more = {n: row[n] for n in ("lower", "upper", "switch", "rung") if n in row}
         symbol = symbol_of(row["symbol"]) if "symbol" in row else None
+        friction = Friction.of(row["friction"]) if "friction" in row else None
         return cls(name, row["unit"], row["start"], row["about"], symbol=symbol, friction=friction,
                    needs=tuple(row.get("needs", ())), **more)  # fmt: skip
 

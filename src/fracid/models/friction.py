@@ -9,7 +9,12 @@ element is its row in the parameters of its model, and its torque in the right-h
 from __future__ import annotations
 
 import math
+import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
+
+from fracid.safety.door import own_text
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,18 @@ class Friction:
     part_of: str = ""
     """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
 
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> Friction:
+        """Of a row of TOML: its ``rung``, and what is otherwise than of that rung in ``friction.toml``.
+
+        Examples
+        --------
+        >>> Friction.of({"rung": "play", "joint": "alpha"}) == PLAY.at("alpha")
+        True
+        """
+        whole = {**TABLE["rungs"].get(row["rung"], {}), **row}
+        return cls(**{n: tuple(v) if isinstance(v, list) else v for n, v in whole.items()})
+
     @property
     def dry(self) -> bool:
         """Whether it has no linear part at rest."""
@@ -66,54 +83,14 @@ class Friction:
         return replace(self, joint=joint)
 
 
-VISCOUS = Friction("viscous", power=1)
+TABLE = tomllib.loads(own_text("models/friction.toml"))
 
-COULOMB = Friction("Coulomb", power=0, begins=2e-3)
+RUNGS = tuple(TABLE["rungs"])
+"""Every model's first rungs, from the ground up; a model's own follow."""
 
-LOAD = Friction("load", most=1.0, begins=0.1)
-
-PRESLIDING = Friction("presliding", most=0.5, entries=(5e-3, 5e-2), climbed=True, jumps=True)
-
-LUGRE = Friction("LuGre", climbed=True)
-
-DRAG = Friction("drag", power=2)
-
-SPRING = Friction("cable", rests=("theta_rest",))
-
-TILT = Friction("tilt", most=0.1, signed=True)
-
-PLAY = Friction("play", most=0.2, entries=(2e-3, 1e-2), climbed=True, jumps=True)
-
-SPRINGPOT = Friction("springpot", climbed=True)
-
-ELASTIC = Friction("elastic arm", climbed=True)
-
-STRIBECK_SPEED = replace(LUGRE, off=0.1, most=10.0, entries=(0.05, 0.5))
-
-SPRINGPOT_ORDER = replace(SPRINGPOT, off=0.5, most=0.99, entries=(0.3, 0.7))
-
-BY_NAME = {
-    "b_": VISCOUS, "coulomb_": COULOMB, "load_directional_": replace(LOAD, begins=0.0, signed=True),
-    "load_": LOAD, "presliding_damping_": LUGRE, "presliding_": PRESLIDING, "stiction_": LUGRE,
-    "stribeck_speed_": STRIBECK_SPEED, "drag_": DRAG, "cable_": SPRING, "spring_": SPRING, "play_": PLAY,
-    "elastic_damping_": ELASTIC, "elastic_": replace(ELASTIC, most=1e4, entries=(20.0, 200.0), jumps=True),
-    "springpot_order_": SPRINGPOT_ORDER, "springpot_": SPRINGPOT,
-}  # fmt: skip
-"""How a parameter's name begins → what it is, where the model does not say."""
-
-RUNGS = (
-    "viscous",
-    "Coulomb",
-    "load",
-    "Stribeck",
-    "drag",
-    "cable",
-    "tilt",
-    "presliding",
-    "LuGre",
-    "play",
-    "springpot",
-    "elastic arm",
+VISCOUS, COULOMB, LOAD, DRAG, SPRING, TILT, PRESLIDING, LUGRE, PLAY, SPRINGPOT, ELASTIC = (
+    Friction.of({"rung": rung}) for rung in RUNGS if rung != "Stribeck"
 )
-"""Every model's first rungs, from the ground up; a model's own follow.  What is climbed to comes last: where the spring
-of a cable is missing, presliding is found in its place."""
+
+BY_NAME = {beginning: Friction.of(row) for beginning, row in TABLE["names"].items()}
+"""How a parameter's name begins → what it is, where the model does not say."""

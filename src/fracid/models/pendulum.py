@@ -81,7 +81,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
 from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide
-from fracid.models.friction import ELASTIC, SPRING, TILT
 from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
 from fracid.models.scene import Scene, scene_of
@@ -89,19 +88,8 @@ from fracid.safety.door import own_text
 
 SAYS = Words("models/base.toml")
 
-FRICTION = {
-    "cable_stiffness": SPRING.at("theta"),
-    "arm_stiffness": replace(ELASTIC, entries=(100.0, 1000.0), jumps=True).at("theta"),
-    "arm_damping": ELASTIC.at("theta"),
-    "hub_inertia": replace(ELASTIC, most=0.95, entries=(0.2,), jumps=True, part_of="J_theta").at("theta"),
-    "tilt_x": TILT.at("theta"),
-    "tilt_y": TILT.at("theta"),
-}
-"""What is friction without a name that says so."""
-
 PARAMETERS = tuple(
-    Parameter.of(name, row, FRICTION.get(name))
-    for name, row in tomllib.loads(own_text("models/rotary-pendulum.toml")).items()
+    Parameter.of(name, row) for name, row in tomllib.loads(own_text("models/rotary-pendulum.toml")).items()
 )
 
 SYMBOLS = {
