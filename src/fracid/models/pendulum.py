@@ -80,23 +80,21 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
-from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide
-from fracid.models.joints import CONTACT, Complement, gap, presliding, saturated, sliding, springpot
+from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide, symbol_of
+from fracid.models.joints import CONTACT, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
 from fracid.models.scene import Scene, scene_of
+from fracid.models.written.equations import order_of
 from fracid.safety.door import own_text
 
 SAYS = Words("models/base.toml")
 
-PARAMETERS = tuple(
-    Parameter.of(name, row) for name, row in tomllib.loads(own_text("models/rotary-pendulum.toml")).items()
-)
+TABLE = tomllib.loads(own_text("models/rotary-pendulum.toml"))
 
-SYMBOLS = {
-    "arm": ("θ", "a"), "D^lambda arm": ("ω", "a"), "voltage": ("u", ""), "torque": ("u", ""), "driven": ("u", "m"),
-    "turn": ("φ", ""), "shaft": ("τ", "a"), "across": ("ε", "t"),
-}  # fmt: skip
-"""Of states, inputs and variables, where their names do not say."""
+PARAMETERS = tuple(Parameter.of(name, row) for name, row in TABLE["parameters"].items())
+
+STATES = {name: tuple(row["only"]) for name, row in TABLE["states"].items() if name.isidentifier()}
+"""States beyond the four that right-hand sides are made for, and the parameters that need them."""
 
 PAPER = "Identification of Fractional-Order System Dynamics for a Rotary Inverted Pendulum"
 
@@ -169,7 +167,7 @@ def rotary_pendulum(
         drive="torque_per_volt",
         about="an arm that a motor turns in a plane, with a pendulum at its end: Furuta's",
         seen_in={"lambda": "theta"},
-        symbols=SYMBOLS,
+        symbols={n: symbol_of(text) for n, text in TABLE["symbols"].items()},
         paper=PAPER,
         scene=_scene(zero),
         postures=_postures,
@@ -203,16 +201,6 @@ def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: floa
     M11 = J_theta + C6 * np.sin(alpha) ** 2
     M12 = C3 * np.cos(alpha)
     return np.stack([np.stack([M11, M12], -1), np.stack([M12, np.full_like(M12, C1)], -1)], -2)
-
-
-STATES = {
-    "z_theta": ("presliding_theta",),
-    "z_alpha": ("presliding_alpha",),
-    "y_theta": ("springpot_theta",),
-    "y_alpha": ("springpot_alpha",),
-    "arm": ("arm_stiffness", "play_theta"),
-}
-"""States beyond the four, and the parameters that need them: of presliding, of springpots, and the arm's own angle."""
 
 
 @cache
@@ -307,18 +295,15 @@ def __getattr__(name: str) -> RightHandSide:
 
 def _grown(model: Model, on: frozenset[str]) -> Model:
     """The model with the states that these parameters need."""
-    own = tuple(state for state, parameters in STATES.items() if not on.isdisjoint(parameters))
-    rhs = _right_hand_side(model.zero, own)
+    rows = {n: row for n, row in TABLE["states"].items() if not on.isdisjoint(row["only"])}
+    rhs = _right_hand_side(model.zero, tuple(n for n in rows if n in STATES))
     if rhs is model.rhs:
         return model
-    order = {"y_theta": Complement("springpot_order_theta"), "y_alpha": Complement("springpot_order_alpha")}
-    states = {**dict(zip(model.states[:4], model.orders[:4], strict=True)), **{n: order.get(n, 1.0) for n in own}}
-    if "arm" in own:
-        states |= {"arm": "lambda", "D^lambda arm": "lambda"}
     return replace(
-        model, rhs=rhs, states=tuple(states), orders=tuple(states.values()),
-        relaxing={n: STATES[n][0] for n in own if n.startswith("z_")},
-        follows={"arm": "theta", "D^lambda arm": "D^lambda theta"} if "arm" in own else {},
+        model, rhs=rhs, states=(*model.states[:4], *rows),
+        orders=(*model.orders[:4], *(order_of(n, row.get("order", 1.0)) for n, row in rows.items())),
+        relaxing={n: row["size"] for n, row in rows.items() if "size" in row},
+        follows={n: row["follows"] for n, row in rows.items() if "follows" in row},
     )  # fmt: skip
 
 
@@ -346,22 +331,7 @@ def _number(name: str, value: float) -> float:
 
 @cache
 def _scene(zero: str) -> Scene | None:
-    """Arm and pendulum in lengths of the pendulum: it is the uniform rod that swings as fast.
-
-    Of C1 = m L²/3, C3 = m l₁ L/2 and C4 = m g L/2 come L = 3 g C1/(2 C4) and l₁ = g |C3|/C4.  The tip is at
-    l₁ e_r + L (s sin α e_t ± cos α z) with s the sign of C3 and + where α = 0 is upright, since the kinetic energy of
-    a rod in these places has C3 cos α θ' α' for its mixed term, as (8) has.
-    """
-    arm, ahead = "abs(C3)/(1.5*C1)", "sign(C3)*sin(alpha - alpha_rest)"
-    end = [f"{arm}*cos(theta)", f"{arm}*sin(theta)", 0]
-    tip = [f"{end[0]} - {ahead}*sin(theta)", f"{end[1]} + {ahead}*cos(theta)", "up*cos(alpha - alpha_rest)"]
-    bodies = {
-        "foot": {"shape": "box", "from": [0, 0, -1.15], "to": [0, 0, -1.1], "width": 0.7},
-        "column": {"shape": "box", "from": [0, 0, -1.1], "to": [0, 0, -0.03], "width": 0.12},
-        "arm": {"shape": "rod", "from": [0, 0, 0], "to": end, "width": 0.06},
-        "pendulum": {"shape": "rod", "from": end, "to": tip, "width": 0.05},
-    }
-    return scene_of(bodies, ("theta", "alpha"), [p.name for p in PARAMETERS], {"up": GRAVITY[zero]})
+    return scene_of(TABLE["scene"], ("theta", "alpha"), [p.name for p in PARAMETERS], {"up": GRAVITY[zero]})
 
 
 def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:

@@ -116,7 +116,7 @@ class _Written:
             _placed(where, units.check, s, text)
         return Model(
             name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
-            states=states, orders=tuple(_order(n, e.order) for n, e in there.items()),
+            states=states, orders=tuple(order_of(n, e.order) for n, e in there.items()),
             outputs={n: _output(n, e, names, units, body) for n, e in self.outputs.items()}
             or {n: i for i, n in enumerate(states)},
             inputs=tuple(self.inputs), parameters=parameters, zero="", source="equations",
@@ -193,7 +193,14 @@ def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
             seen[n] = kind
 
 
-def _order(name: str, order: float | str) -> float | str | Complement:
+def order_of(name: str, order: float | str) -> float | str | Complement:
+    """The order of a state as a file has it.
+
+    Examples
+    --------
+    >>> order_of("y", "1 - nu")
+    Complement(parameter='nu')
+    """
     if isinstance(order, str) and (match := re.fullmatch(r"\s*1\s*-\s*([^\W\d]\w*)\s*", order)):
         return Complement(match[1])
     if isinstance(order, str) and not order.isidentifier():
