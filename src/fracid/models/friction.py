@@ -65,8 +65,9 @@ class Friction:
         >>> Friction.of({"rung": "play", "joint": "alpha"}) == PLAY.at("alpha")
         True
         """
-        whole = {**TABLE["rungs"].get(row["rung"], {}), **row}
-        return cls(**{n: tuple(v) if isinstance(v, list) else v for n, v in whole.items()})
+        whole: dict[str, Any] = {**TABLE["rungs"].get(row["rung"], {}), **row}
+        tuples: dict[str, Any] = {n: tuple(v) for n, v in whole.items() if isinstance(v, list)}
+        return cls(**{**whole, **tuples})
 
     @property
     def dry(self) -> bool:
