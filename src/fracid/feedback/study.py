@@ -40,7 +40,6 @@ from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.closed_loop import Loop, step_closed
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
-from fracid.solver.schemes import room_for
 from fracid.solver.solve import integrate, time_scale
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
@@ -169,20 +168,17 @@ class ClosedLoop:
         loop = Loop(
             law_of(controller, c), rows, reference, np.array([c.quanta[n] for n in c.outputs]),
             noise * [c.noise[n] for n in c.outputs], self.channel, c.steps, round(self.delay(x) / h),
+            np.full(samples * c.steps + 1, c.at_rest), np.zeros((2, len(controller.A))), np.zeros((4, len(rows))),
+            u.copy(),
         )  # fmt: skip
-        applied = np.full(samples * c.steps + 1, c.at_rest)
-
-        def closed(rhs: int, run: Any, out: FloatArray) -> tuple[int, int]:
-            ended: tuple[int, int] = step_closed(rhs, run, *room_for(run), loop, applied, out)
-            return ended
-
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
-                        Options("pi2", compressed(), limit=LIMIT, bounds=bounds), closed)  # fmt: skip
+                        Options("pi2", compressed(), limit=LIMIT, bounds=bounds),
+                        lambda rhs, run, out: step_closed(rhs, run, loop, out))  # fmt: skip
         y = (run.states[:, rows] - reference)[:: c.steps]
         if swung:  # from the upright posture that it comes to
             y[:, c.outputs.index(swung)] -= 2 * math.pi * round(y[-1, c.outputs.index(swung)] / (2 * math.pi))
-        return run.time[:: c.steps], y, applied[: len(run.time) : c.steps]
+        return run.time[:: c.steps], y, loop.applied[: len(run.time) : c.steps]
 
     def trial(self, x: FloatArray, controller: Controller, seed: int) -> dict[str, Any]:
         """Simulate, and look at the margins; plain JSON values of a :class:`Trial`."""

@@ -26,24 +26,11 @@ import numpy as np
 from numba import types
 
 from fracid.arrays import FloatArray, IntArray
-from fracid.solver.compilation import evaluate, helper, when_called
-from fracid.solver.history import BLOCK, HISTORY, enter, flush_denormals, look_ahead, restore, room
-from fracid.solver.loop_arguments import RUN
-from fracid.solver.schemes import (
-    COMPLETED,
-    DIVERGED,
-    LEFT,
-    UNSETTLED,
-    UNSOLVED,
-    WORK,
-    WORN,
-    _finite,
-    _jump,
-    _keep_relaxing,
-    _newton,
-    _outside,
-    _relax,
-)
+from fracid.solver.compilation import helper, when_called
+from fracid.solver.history import HISTORY
+from fracid.solver.loop_arguments import Run, run_type
+from fracid.solver.schemes import WORK, _jump, adapted, room_for, step_pi2
+from fracid.solver.starting import START, begun
 
 
 class Pump(NamedTuple):
@@ -114,12 +101,21 @@ class Loop(NamedTuple):
     """Steps a sample."""
     delay: int
     """Steps until an input acts."""
+    applied: FloatArray
+    """The input just after each step, shape (n_steps + 1,); at first that before the controller's first."""
+    state: FloatArray
+    """v, and room for the next one, shape (2, n)."""
+    seen: FloatArray
+    """The sample before, its rates, what the controller does, and the newest sample, shape (4, n_outputs)."""
+    inputs: FloatArray
+    """All inputs just after a step, shape (1, n_inputs)."""
 
 
 _vector, _matrix = types.float64[::1], types.float64[:, ::1]
 _pump = types.NamedTuple((*[types.int64] * 2, *[types.float64] * 15), Pump)
 LAW = types.NamedTuple((*[_matrix] * 5, _vector, _pump, _vector, _matrix), Law)
-LOOP = types.NamedTuple((LAW, types.int64[::1], _vector, _vector, _matrix, *[types.int64] * 3), Loop)
+LOOP = types.NamedTuple((LAW, types.int64[::1], _vector, _vector, _matrix, *[types.int64] * 3, _vector,
+                         *[_matrix] * 3), Loop)  # fmt: skip
 
 HOLDS = 2.0
 """Last of what a controller remembers, while it holds; 1 while it pumps, 0 before its first sample."""
@@ -138,12 +134,9 @@ def _pumped(pump, n, angle, w, z, v):
 
 
 @helper
-def _answer(law, e, v, seen):
-    """The input for a sample e; v goes on, and so does `seen`: its samples before, their rates, and what it does.
-
-    Shapes (n_outputs,), (n,) and (3, n_outputs).
-    """
-    pump, states, outputs, u = law.pump, len(v), len(e), 0.0
+def _answer(law, e, state, seen):
+    """The input for a sample e; the state goes on, and so does `seen`: as of :class:`Loop`."""
+    pump, (v, new), states, outputs, u = law.pump, (state[0], state[1]), state.shape[1], len(e), 0.0
     for i in range(outputs):
         turn = pump.turn if i == pump.place else 0.0
         moved = e[i] - seen[0, i] if seen[2, 0] > 0.0 else 0.0
@@ -164,7 +157,6 @@ def _answer(law, e, v, seen):
         seen[2, 0] = 1.0
         u = _pumped(pump, law.needs, angle, rate, e[pump.arm], seen[1, pump.arm])
     u = min(max(law.drive[0] + u, law.drive[1]), law.drive[2])
-    new = np.zeros(states)
     for j in range(states):
         new[j] = law.E[j, 0] * (u - law.drive[0])
         for i in range(outputs):
@@ -176,88 +168,60 @@ def _answer(law, e, v, seen):
             new[j] = 0.0
             for i in range(2 * outputs):
                 new[j] += law.begins[j, i] * seen[i // outputs, i % outputs]
-    v[:] = new
+    for j in range(states):
+        v[j] = new[j]
     return u
 
 
 @when_called(_vector(LAW, _matrix))
 def answers(law, errors):
     """The inputs for a row of samples, shape (n, n_outputs), from its first on."""
-    u, v, seen = np.zeros(len(errors)), np.zeros(len(law.A)), np.zeros((3, errors.shape[1]))
+    u, state, seen = np.zeros(len(errors)), np.zeros((2, len(law.A))), np.zeros((4, errors.shape[1]))
     for k in range(len(u)):
-        u[k] = _answer(law, errors[k].copy(), v, seen)
+        u[k] = _answer(law, errors[k].copy(), state, seen)
     return u
 
 
 @helper
-def _act(loop, n, x, v, seen, applied):
+def _act(loop, n, x):
     """Take the sample of step n: write the inputs from n + delay on until those of the next sample."""
-    e = np.zeros(len(loop.rows))
+    e = loop.seen[3]
     for i in range(len(e)):
         y = x[loop.rows[i]] + loop.noise[n // loop.per, i]
         if loop.quantum[i] > 0.0:
             y = loop.quantum[i] * np.round(y / loop.quantum[i])
         e[i] = y - loop.reference[i]
-    u = _answer(loop.law, e, v, seen)
-    for m in range(n + loop.delay, min(n + loop.delay + loop.per, len(applied))):
-        applied[m] = u
+    u = _answer(loop.law, e, loop.state, loop.seen)
+    for m in range(n + loop.delay, min(n + loop.delay + loop.per, len(loop.applied))):
+        loop.applied[m] = u
 
 
-@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, HISTORY, WORK, LOOP, _vector, _matrix))
-def step_closed(rhs, run, history, work, loop, applied, out):
-    """Fill `out` with the states and `applied` with the input just after each step; gives the last good step and how.
+@helper
+def _sampled(rhs, n, t, x, u, loop, p, f, before, jump, entered, trial):
+    """In the place of inputs that are known beforehand: the controller's, which jump where it samples."""
+    if n % loop.per == 0:
+        _act(loop, n, x)
+    loop.inputs[0, loop.channel] = loop.applied[n]
+    _jump(rhs, 0, t, x, u, loop.inputs, p, f, before, jump, entered, trial)
+    u[loop.channel] = loop.applied[n]
 
-    `applied` begins as the input before the controller's first.
-    """
-    _, gain, u, p, past, _, start, h, steps, _, limit, bounds, kernels, _, _, relaxing, _ = run
-    (window, sums, ahead), head, states = history, 1, len(gain)
-    (x, before, known, _, _, newest, _, jump, entered, share), (f, trial), now, W, relax_start = work
-    x0, after, state = past[0], u[0].copy(), WORN
-    v, seen = np.zeros(len(loop.law.A)), np.zeros((3, len(loop.rows)))
-    mode, last, how = flush_denormals(), steps, COMPLETED
-    for i in range(states):
-        x[i] = x0[i]
-    _act(loop, 0, x, v, seen, applied)
-    now[loop.channel] = applied[0]
-    evaluate(rhs, start, x, now, p, f)
-    for i in range(states):
-        window[i, 0] = before[i] = f[i]
-    _keep_relaxing(relaxing, x, f, relax_start)
-    for n in range(1, steps + 1):
-        t, j = start + n * h, (n - 1) % BLOCK
-        if j == 0:
-            head = room(head, window, kernels.lags)
-            look_ahead(n, head, window, sums, ahead, kernels)
-        for i in range(states):
-            known[i] = x0[i] + gain[i] * ahead[i, j] + newest[i] * share[i] * jump[i]
-            x[i] = known[i] + newest[i] * (2 * f[i] - before[i])
-            before[i] = f[i]
-        for r in range(len(relaxing)):
-            x[relaxing[r]] = relax_start[r, 0]
-        evaluate(rhs, t, x, now, p, f)
-        if len(relaxing):
-            _relax(relaxing, x, f, relax_start, h, known)
-            for r in relaxing:
-                x[r] = known[r]
-            evaluate(rhs, t, x, now, p, f)
-        state = _newton(rhs, t, x, now, p, f, known, newest, W, state, trial, relaxing, relax_start, h)
-        if n % loop.per == 0:
-            _act(loop, n, x, v, seen, applied)
-        after[loop.channel] = applied[n]
-        _jump(rhs, t, x, now, after, p, f, before, jump, entered, trial)
-        now[loop.channel] = applied[n]
-        _keep_relaxing(relaxing, x, f, relax_start)
-        good = _finite(f)
-        for i in range(states):
-            good = good and abs(x[i]) <= limit
-            out[n, i] = x[i]
-            enter(i, j, entered[i], head, window, ahead, kernels)
-        if not good or state == UNSOLVED:
-            last, how = n - 1, UNSETTLED if good else DIVERGED
-            break
-        if _outside(x, bounds):
-            last, how = n, LEFT
-            break
-        head += 1
-    restore(mode)
-    return last, how
+
+_pi2 = adapted(step_pi2, _jump=_sampled)
+
+
+RUN = run_type(0, after=LOOP)
+
+
+@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, START, HISTORY, WORK, _matrix), allocates=False)
+def _step(rhs, run, started, history, work, out):
+    loop, now = run.after, work[2]
+    _act(loop, 0, run.past[0])
+    now[loop.channel] = loop.applied[0]
+    return _pi2(rhs, run, started, history, work, False, out)
+
+
+def step_closed(rhs: int, run: Run, loop: Loop, out: FloatArray) -> tuple[int, int]:
+    """Fill `out` with the states, and `loop` with the inputs; gives the last good step and how the run ended."""
+    run = run._replace(corrections=0, corrected=False, after=loop)
+    ended: tuple[int, int] = _step(rhs, run, begun(rhs, run, "pi"), *room_for(run), out)
+    return ended

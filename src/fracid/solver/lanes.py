@@ -23,7 +23,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from types import FunctionType
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm  # type: ignore[import-untyped]
@@ -478,17 +477,9 @@ def _rare(needed, joins, measured, rhs, t, x, u, p, f, history, newest, W, state
 # --- the loop --------------------------------------------------------------------------------------
 
 
-def _for_lanes(function: Any, **own: Any) -> Any:
-    """The same code, compiled for lanes with functions of their own in the place of some."""
-    code = getattr(function, "py_func", None) or function.__wrapped__
-    return inline(FunctionType(code.__code__, {**code.__globals__, **own}, code.__name__))
-
-
-_relax = _for_lanes(schemes._relax, _where=_where)
-_jump = _for_lanes(schemes._jump, evaluate=_evaluate)
-_pi2 = _for_lanes(
+_pi2 = schemes.adapted(
     schemes.step_pi2, evaluate=_evaluate, look_ahead=_look_ahead, enter=_enter, _first=_first, _store=_store,
-    _rare=_rare, _relax=_relax, _jump=_jump, anywhere=_anywhere,
+    _rare=_rare, _where=_where, anywhere=_anywhere,
 )  # fmt: skip
 
 _vector, _matrix, _cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))

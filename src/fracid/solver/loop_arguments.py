@@ -9,7 +9,7 @@ Numba's it would take 50 µs to hand over, and more to compile.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from numba import types
 
@@ -55,16 +55,17 @@ class Run(NamedTuple):
     """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
     relaxing: IntArray
     """States of order 1 whose f is c − a x, with a in the second half of what the right-hand side writes."""
-    after: FloatArray
-    """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps."""
+    after: Any
+    """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps.  Of a
+    closed loop what gives them (:class:`fracid.solver.closed_loop.Loop`)."""
 
 
-def run_type(more: int) -> types.NamedTuple:
-    """Of a :class:`Run` whose orders, gains, parameters and states have so many axes more."""
+def run_type(more: int, after: Any = types.float64[:, ::1]) -> types.NamedTuple:
+    """Of a :class:`Run` whose orders, gains, parameters and states have so many axes more, with such an `after`."""
     vector, matrix = (types.Array(types.float64, n + more, "C") for n in (1, 2))
     inputs, limits = types.float64[:, ::1], (types.float64, types.float64[:, ::1])
     grid = types.float64, types.float64, types.int64, types.int64
-    how = KERNELS, types.int64, types.boolean, types.int64[::1], inputs
+    how = KERNELS, types.int64, types.boolean, types.int64[::1], after
     return types.NamedTuple((vector, vector, inputs, vector, matrix, vector, *grid, *limits, *how), Run)
 
 

@@ -60,13 +60,16 @@ is stored.
 from __future__ import annotations
 
 import math
+from types import FunctionType
 from typing import Any
 
+import numba as nb
 import numpy as np
 from numba import types
+from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
-from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.compilation import PART, evaluate, when_called
 from fracid.solver.history import (
     BLOCK,
     HISTORY,
@@ -172,11 +175,20 @@ def _outside(x, bounds):
     return False
 
 
+@inline
+def _kept(n, row, run, x, out):
+    """Store the sample of step n, if it is one of every so many; gives the next one's row, and whether the run ends."""
+    m = len(run.past) - 1
+    if n == m + row * run.every:
+        row = _store(row, x, out)
+    return row, LEFT if n >= m and _outside(x, run.bounds) else COMPLETED
+
+
 @when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
 def step_gl(rhs, run, history, work, raw, last_first, out):
     """``gl``, ``gl-paper`` (`raw`) and ``gl-sequential`` (`last_first`): fill `out`, a row for each sample stored."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, _, _ = run
-    m, states = len(past) - 1, len(slope)
+    past, slope, h, kernels = run.past, run.slope, run.h, run.kernels
+    m, states, end = len(past) - 1, len(slope), len(past) - 1 + run.steps
     (window, sums, ahead), head = history, np.int64(1)
     rows, (f, _), now, _, _ = work
     x0, x = past[0], rows[0]
@@ -185,34 +197,32 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
         x[i] = x0[i]
         if raw:
             window[i, 0] = x0[i]
-    last, how, row = steps, COMPLETED, np.int64(1)  # the first row of out holds x(start)
-    for n in range(1, m + steps + 1):
+    how, row = COMPLETED, np.int64(1)  # the first row of out holds x(start)
+    for n in range(1, end + 1):
         j = (n - 1) % BLOCK
         if j == 0:
             head = room(head, window, kernels.lags)
             look_ahead(n, head, window, sums, ahead, kernels)
-        _read(u, n - 1, now)
+        _read(run.u, n - 1, now)
         for k in range(states):
             i = states - 1 - k if last_first else k
             if n > m and (k == 0 or last_first):
-                evaluate(rhs, start + (n - 1 - m) * h, x, now, p, f)
+                evaluate(rhs, run.start + (n - 1 - m) * h, x, now, run.p, f)
             drift = 0.0 if raw else x0[i] + slope[i] * (n * h)
-            v = gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
+            v = run.gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
             enter(i, j, v, head, window, ahead, kernels)
             x[i] = drift + v
-            if not abs(x[i]) <= limit:
-                last, how = n - 1 - m, DIVERGED if _finite(f) else NOT_FINITE
+            if not abs(x[i]) <= run.limit:
+                how = DIVERGED if _finite(f) else NOT_FINITE
                 break
+        if how == COMPLETED:
+            row, how = _kept(n, row, run, x, out)
         if how != COMPLETED:
-            break
-        if n == m + row * every:
-            row = _store(row, x, out)
-        if n >= m and _outside(x, bounds):
-            last, how = n - m, LEFT
+            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return last, how
+    return end - m, how
 
 
 # --- the product trapezoidal rule ------------------------------------------------------------------
@@ -239,6 +249,26 @@ def _add_parabola(n, count, first, knots, k, parabolas, ahead):
         value, slope = c0 + edge * (c1 + middle * c2), c1 + (edge + middle) * c2
         for j in range(count):
             ahead[i, first + j] += value + j * (slope + j * c2)
+
+
+@inline
+def _look_back(n, head, k, started, history, kernels):
+    """Compute what the steps n … n + 7 know of the past; gives where the window goes on, and the parabola of n + 7."""
+    window, sums, ahead = history
+    head = room(head, window, kernels.lags)
+    look_ahead(n, head, window, sums, ahead, kernels)
+    if started.together > 0:
+        k = _correct_block(n, started.knots, k, started.parabolas, ahead)
+    return head, k
+
+
+@inline
+def _judged(x, f, limit, state):
+    """Tell how the run ends with a step, if it does; `state` is that of Newton's matrix."""
+    for i in range(len(x)):
+        if not abs(x[i]) <= limit or not abs(f[i]) < math.inf:
+            return DIVERGED if _finite(f) else NOT_FINITE
+    return UNSETTLED if state == UNSOLVED else COMPLETED
 
 
 @bare
@@ -434,17 +464,17 @@ def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, state
 
 
 @bare
-def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
+def _jump(rhs, n, t, x, u, after, p, f, before, jump, entered, trial):
     """Evaluate f just after a jump of the inputs, and say what enters the history; the predictor goes on from there."""
     jumps = False
     for c in range(len(u)):
-        jumps = jumps or u[c] != after[c]
+        jumps = jumps or u[c] != after[n, c]
     for i in range(len(x)):
         entered[i] = f[i] + jump[i] / 6
         jump[i] = 0.0
     if not jumps:
         return
-    evaluate(rhs, t, x, after, p, trial)
+    evaluate(rhs, t, x, after[n], p, trial)
     for i in range(len(x)):
         jump[i] = trial[i] - f[i]
         entered[i] += jump[i] / 3
@@ -452,93 +482,103 @@ def _jump(rhs, t, x, u, after, p, f, before, jump, entered, trial):
         f[i] = trial[i]
 
 
+@inline
+def _predict(n, j, run, started, rows, f, ahead, curve):
+    """Fill in what is known of step n, and x: f goes on in a straight line, or in a parabola where `curve` is 1."""
+    x, before, earlier, _, known, newest, _, jump, _, share = rows
+    free = n >= max(len(run.past) - 1, started.together + 1)
+    for i in range(len(x)):
+        known[i] = started.x0[i] + run.slope[i] * (n * run.h) + run.gain[i] * ahead[i, j]
+        if len(run.after) > 0:
+            known[i] += newest[i] * share[i] * jump[i]
+        bend = curve * (f[i] - 2 * before[i] + earlier[i])
+        x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if free else started.known[n, i]
+        earlier[i], before[i] = before[i], f[i]
+    return free
+
+
+@inline
+def _follow(rhs, t, run, x, known, f, now, start):
+    """Have the relaxing states follow the speed that is predicted, or f would not be that of any motion."""
+    relaxing = run.relaxing
+    for r in range(len(relaxing)):
+        x[relaxing[r]] = start[r, 0]
+    evaluate(rhs, t, x, now, run.p, f)
+    _relax(relaxing, x, f, start, run.h, known)
+    for r in range(len(relaxing)):
+        x[relaxing[r]] = known[relaxing[r]]
+
+
+@inline
+def _sweep(sweeps, rhs, t, run, rows, f, now, start):
+    """Put x = known + g b_0 f(t, x) so many times, and evaluate f there; tells whether a state runs away."""
+    x, last_x, known, newest = rows[0], rows[3], rows[4], rows[5]
+    for _ in range(sweeps):
+        evaluate(rhs, t, x, now, run.p, f)
+        _relax(run.relaxing, x, f, start, run.h, known)
+        for i in range(len(x)):
+            last_x[i], x[i] = x[i], known[i] + newest[i] * f[i]
+            if not abs(x[i]) <= run.limit:
+                return DIVERGED if _finite(f) else NOT_FINITE
+    evaluate(rhs, t, x, now, run.p, f)
+    _relax(run.relaxing, x, f, start, run.h, known)
+    return COMPLETED
+
+
 @when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, _matrix), allocates=False)
 def step_pi2(rhs, run, started, history, work, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, corrections, _, relaxing, after = run
-    begin, x0, together, knots, parabolas = started
-    m, states = len(past) - 1, len(slope)
-    t0, end = start - m * h, m + steps
-    first_free = max(m, together + 1)  # the first step whose state is not known before
-    (window, sums, ahead), head = history, np.int64(1)
-    rows, (f, trial), now, W, relax_start = work
-    x, before, earlier, last_x, history_part, newest, scale, jump, entered, share = rows
-    jumps, curve, state = len(after) > 0, 1.0 if third else 0.0, np.int64(WORN)
+    h, p, after, relaxing, corrections, kernels = run.h, run.p, run.after, run.relaxing, run.corrections, run.kernels
+    m, states, end = len(run.past) - 1, len(run.slope), len(run.past) - 1 + run.steps
+    t0, jumps, curve = run.start - m * h, len(after) > 0, 1.0 if third else 0.0
+    window, _, ahead = history
+    rows, (f, trial), now, W, start = work
+    x, before, _, last_x, known, newest, scale, jump, entered, _ = rows
     mode = flush_denormals()
     for i in range(states):
-        x[i] = past[0, i]
+        x[i] = run.past[0, i]
     evaluate(rhs, t0, x, now, p, f)
     for i in range(states):
         before[i] = f[i]
         _first(i, f[i], window)
-    _keep_relaxing(relaxing, x, f, relax_start)
-    k = np.int64(0)
-    row, last, how = np.int64(1), end, COMPLETED  # k is the parabola of n; the first row of out holds x(start)
+    _keep_relaxing(relaxing, x, f, start)
+    how, state, head, row, k = COMPLETED, np.int64(WORN), np.int64(1), np.int64(1), np.int64(0)
     if not _finite(f):
-        last, how, end = 0, NOT_FINITE, 0
+        how, end = NOT_FINITE, 0
     for n in range(1, end + 1):
         t, j = t0 + n * h, (n - 1) % BLOCK
         if j == 0:
-            head = room(head, window, kernels.lags)
-            look_ahead(n, head, window, sums, ahead, kernels)
-            if together > 0:
-                k = _correct_block(n, knots, k, parabolas, ahead)
+            head, k = _look_back(n, head, k, started, history, kernels)
             for i in range(states):
                 scale[i] = 1 / (SMALL + abs(x[i]))
-        _read(u, n, now)
-        for i in range(states):  # predict: f goes on in a straight line, or in a parabola
-            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
-            if jumps:
-                history_part[i] += newest[i] * share[i] * jump[i]
-            bend = curve * (f[i] - 2 * before[i] + earlier[i])
-            x[i] = history_part[i] + newest[i] * (2 * f[i] - before[i] + bend) if n >= first_free else begin[n, i]
-            earlier[i], before[i] = before[i], f[i]
-        if n >= first_free and len(relaxing):  # they follow the speed, or f would not be that of any motion
-            for r in range(len(relaxing)):
-                x[relaxing[r]] = relax_start[r, 0]
-            evaluate(rhs, t, x, now, p, f)
-            _relax(relaxing, x, f, relax_start, h, history_part)
-            for r in range(len(relaxing)):
-                x[relaxing[r]] = history_part[relaxing[r]]
-        sweeps = 0 if n < first_free else corrections if n > EARLY or corrections == 0 else corrections + 4
-        for _ in range(sweeps):
-            evaluate(rhs, t, x, now, p, f)
-            _relax(relaxing, x, f, relax_start, h, history_part)
-            for i in range(states):
-                last_x[i], x[i] = x[i], history_part[i] + newest[i] * f[i]
-                if not abs(x[i]) <= limit:
-                    last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
-            if how != COMPLETED:
-                break
+        _read(run.u, n, now)
+        free, joins = _predict(n, j, run, started, rows, f, ahead, curve), n == m > started.together
+        if free and len(relaxing):
+            _follow(rhs, t, run, x, known, f, now, start)
+        sweeps = 0 if not free else corrections if n > EARLY or corrections == 0 else corrections + 4
+        how = _sweep(sweeps, rhs, t, run, rows, f, now, start)
         if how != COMPLETED:
+            end = n - 1
             break
-        evaluate(rhs, t, x, now, p, f)
-        _relax(relaxing, x, f, relax_start, h, history_part)
-        newton = _slow(x, last_x, f, history_part, newest, scale) | _unsettled(relaxing, x, history_part, relax_start)
-        newton = (newton | (corrections == 0)) & (n >= first_free)
-        joins = n == m > together
+        newton = _slow(x, last_x, f, known, newest, scale) | _unsettled(relaxing, x, known, start)
+        newton = (newton | (corrections == 0)) & free
         if anywhere(newton) or joins:
-            state = _rare(newton, joins, past[m], rhs, t, x, now, p, f, history_part, newest, W, state, trial, x0,
-                          relaxing, relax_start, h)  # fmt: skip
+            state = _rare(newton, joins, run.past[m], rhs, t, x, now, p, f, known, newest, W, state, trial, started.x0,
+                          relaxing, start, h)  # fmt: skip
         if jumps:
-            _jump(rhs, t, x, now, after[n], p, f, before, jump, entered, trial)
-        _keep_relaxing(relaxing, x, f, relax_start)
+            _jump(rhs, n, t, x, now, after, p, f, before, jump, entered, trial)
+        _keep_relaxing(relaxing, x, f, start)
         for i in range(states):
-            if not abs(x[i]) <= limit or not abs(f[i]) < math.inf:
-                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
-        if state == UNSOLVED and how == COMPLETED:
-            last, how = n - 1, UNSETTLED
+        how = _judged(x, f, run.limit, state)
+        if how == COMPLETED:
+            row, how = _kept(n, row, run, x, out)
         if how != COMPLETED:
-            break
-        if n == m + row * every:
-            row = _store(row, x, out)
-        if n >= m and _outside(x, bounds):
-            last, how = n, LEFT
+            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return last - m, how
+    return end - m, how
 
 
 # --- the fractional BDF2 ---------------------------------------------------------------------------
@@ -569,58 +609,67 @@ def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
 @when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, _matrix), allocates=False)
 def step_bdf2(rhs, run, started, history, work, out):
     """``bdf2``: every step by Newton's method, from x going on in a straight line; nothing relaxes, as it dies here."""
-    _, gain, u, p, past, slope, start, h, steps, every, limit, bounds, kernels, _, _, relaxing, _ = run
-    begin, x0, together, knots, parabolas = started
-    m, states = len(past) - 1, len(slope)
-    t0, end, first_free = start - m * h, m + steps, max(m, together + 1)
-    (window, sums, ahead), head = history, np.int64(1)
-    rows, (f, trial), now, W, relax_start = work
-    x, before, history_part, last_move, newest, base, weight, _, _, _ = rows
+    h, p, past, kernels, x0 = run.h, run.p, run.past, run.kernels, started.x0
+    m, states, end = len(past) - 1, len(run.slope), len(past) - 1 + run.steps
+    t0, first_free = run.start - m * h, max(m, started.together + 1)
+    window, _, ahead = history
+    rows, (f, trial), now, W, start = work
+    x, before, known, last_move, newest, base, weight, _, _, _ = rows
     mode = flush_denormals()
     for i in range(states):
         x[i] = before[i] = past[0, i]
-        newest[i] = gain[i] * kernels.own[kernels.of[i], 0]
+        newest[i] = run.gain[i] * kernels.own[kernels.of[i], 0]
     evaluate(rhs, t0, x, now, p, f)
-    last, how, row = end, COMPLETED, np.int64(1)  # the first row of out holds x(start)
+    how, state, head, row, k = COMPLETED, np.int64(WORN), np.int64(1), np.int64(1), np.int64(0)
     if not _finite(f):
-        last, how, end = 0, NOT_FINITE, 0
-    elif together == 0:
-        _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, relax_start)
+        how, end = NOT_FINITE, 0
+    elif started.together == 0:
+        _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, start)
     for i in range(states):
         window[i, 0], x[i] = f[i], past[0, i]
-    k, state = np.int64(0), np.int64(WORN)
     for n in range(1, end + 1):
         t, j = t0 + n * h, (n - 1) % BLOCK
         if j == 0:
-            head = room(head, window, kernels.lags)
-            look_ahead(n, head, window, sums, ahead, kernels)
-            if together > 0:
-                k = _correct_block(n, knots, k, parabolas, ahead)
-        _read(u, n, now)
+            head, k = _look_back(n, head, k, started, history, kernels)
+        _read(run.u, n, now)
         for i in range(states):  # predict: x goes on in a straight line, but not that of a jump
-            history_part[i] = x0[i] + slope[i] * (n * h) + gain[i] * ahead[i, j]
+            known[i] = x0[i] + run.slope[i] * (n * h) + run.gain[i] * ahead[i, j]
             move = x[i] - before[i]
             goes_on = abs(move) <= 2 * abs(last_move[i])
             before[i], last_move[i] = x[i], move
-            x[i] = begin[n, i] if n < first_free else x[i] + move if goes_on else x[i]
+            x[i] = started.known[n, i] if n < first_free else x[i] + move if goes_on else x[i]
         evaluate(rhs, t, x, now, p, f)
         if n >= first_free:
-            state = _settle(rhs, t, x, now, p, f, history_part, newest, W, state, trial, relaxing, relax_start)
-        if n == m > together:
+            state = _settle(rhs, t, x, now, p, f, known, newest, W, state, trial, run.relaxing, start)
+        if n == m > started.together:
             _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
-            if not abs(x[i]) <= limit or not np.isfinite(f[i]):
-                last, how = n - 1, DIVERGED if _finite(f) else NOT_FINITE
             enter(i, j, f[i], head, window, ahead, kernels)
-        if state == UNSOLVED and how == COMPLETED:
-            last, how = n - 1, UNSETTLED
+        how = _judged(x, f, run.limit, state)
+        if how == COMPLETED:
+            row, how = _kept(n, row, run, x, out)
         if how != COMPLETED:
-            break
-        if n == m + row * every:
-            row = _store(row, x, out)
-        if n >= m and _outside(x, bounds):
-            last, how = n, LEFT
+            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return last - m, how
+    return end - m, how
+
+
+# --- the same loops of something else --------------------------------------------------------------
+
+
+def adapted(function: Any, **own: Any) -> Any:
+    """A loop and its parts, compiled with functions of one's own in the place of those of the same names."""
+    code = getattr(function, "py_func", None) or function.__wrapped__
+    new: dict[str, Any] = {}
+    for name in code.__code__.co_names:
+        part = code.__globals__.get(name)
+        if name in own:
+            new[name] = own[name]
+        elif isinstance(part, Dispatcher) and part.py_func.__module__ == __name__:
+            new[name] = adapted(part, **own)
+    if all(part is code.__globals__[name] for name, part in new.items()):
+        return function
+    loop = FunctionType(code.__code__, {**code.__globals__, **new}, code.__name__)
+    return nb.njit(forceinline=True, **PART)(loop)  # it may allocate, if whoever calls it may
