@@ -67,7 +67,7 @@ from fracid.estimation.search import search
 from fracid.estimation.starts import Start
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.estimation.windows import beginning, chosen_window, closes_a_loop, lengthened, prediction_of, windowed
-from fracid.findings import Finding, Words
+from fracid.findings import Finding, Note, Words
 from fracid.fit import PARTIAL, Fit
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
@@ -582,7 +582,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     beside = best if part is problem else uninterrupted(refined(part, x, Watch(jobs))).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     analysis.fits = all(e.fits for e in left.values())
-    contradictions = [str(f) for f in (*analysis.seen, *_missed_by(analysis))]
+    contradictions = [Note(str(f), f.code, f.where) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())

@@ -382,7 +382,7 @@ LINES = {
         "Values", {"discretisation": {"warning": "μ moves.", "shift": {"mu": 0.03}}}, False, "but the step moves μ by",
     ),
     "a step that the claim speaks of": (
-        "Checks", {"discretisation": {"warning": "μ moves.", "shift": {"mu": -0.03}}, "claim_reasons": ["μ moves."]},
+        "Checks", {"discretisation": {"warning": "μ moves.", "shift": {"mu": -0.03}}, "claim_codes": ["step"]},
         False, "Half the step moves μ by −0.03: the claim and the check of the step say more.",
     ),
     "no check": ("Checks", {"discretisation": None}, False, "What the step does was not checked"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from math import log10
+from math import isfinite, log10
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
@@ -49,6 +49,7 @@ def _templates() -> Environment:
     words = (counted, digits, end_of, in_letters, in_words, interval, joined, letter, linked, number, said,
              search_sentence, tick, unbroken, with_error)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words}
+    jinja.tests["finite"] = isfinite
     jinja.filters |= {"short": "{:g}".format, "unit": typeset_unit, "tenth": "{:.1f}".format, "whole": "{:.0f}".format}
     return jinja
 

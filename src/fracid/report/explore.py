@@ -105,23 +105,16 @@ def explore(material: Material) -> dict[str, Any] | None:
     """The data of the section, for JSON; None where there is nothing to explore."""
     if not_explored(material):
         return None
-    problem, result = material.problem, material.result
-    orders = {n: e["value"] for n, e in result["orders"].items()}
-    recordings = [_recording(material, *one) for one in islice(_explorable(material), MOST)]
+    problem, cost = material.problem, material.problem.cost_function.name
     return {
         "program": program(problem),
-        "orders": orders,
+        "orders": {n: e["value"] for n, e in material.result["orders"].items()},
         "outputs": [_output(material, n) for n in problem.outputs],
         "levels": problem.weights != "equal",
-        "cost": "" if problem.cost_function.name in SQUARES else _shown_cost(problem),
+        "cost": "" if cost in SQUARES else cost.upper() if cost in COSTS else cost,
         "sliders": [*_orders(material), *_frictions(material), *_constants(material)],
-        "recordings": recordings,
+        "recordings": [_recording(material, *one) for one in islice(_explorable(material), MOST)],
     }
-
-
-def _shown_cost(problem: Problem) -> str:
-    name = problem.cost_function.name
-    return name.upper() if name in COSTS else name
 
 
 # --- sliders -----------------------------------------------------------------------------------------

@@ -45,7 +45,6 @@ from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import number, typeset_unit
 from fracid.validation.residual_analyses import Residuals
-from fracid.validation.residual_records import ResidualAnalysis
 
 REPORT = "report.html"
 
@@ -258,7 +257,7 @@ def _joint_surface(joint: Mapping[str, Any]) -> Surface:
 
 def _context(material: Material) -> dict[str, Any]:
     result, model, environment = material.result, material.model, material.beside("environment.json")
-    rows, own, off = [*_parameters(material)], [*_per_recording(material)], _off(material)
+    rows, own = [*_parameters(material)], [*_per_recording(material)]
     headline, lines = _headline(verdict(material))
     who = identity(material.folder, result, environment)
     return {
@@ -271,21 +270,14 @@ def _context(material: Material) -> dict[str, Any]:
         "headline": headline, "lines": lines,
         "warnings": [*material.notes, *material.left_out, *_said_nowhere_else(result, [*rows, *own]),
                      *material.project.notes],
-        "recordings": [_recording(material, name) | {"charts": f"whole-{k}"}
-                       for k, name in enumerate(result["recordings"])],
+        "recordings": [_recording(material, name, f"whole-{k}") for k, name in enumerate(result["recordings"])],
         "equations": equations(model, result, _driven(material)),
         "latex": equations(model, result, _driven(material), "LaTeX"),
         "no_rival": _no_rival(result),
-        "time_scale": result["parameters"].get("time_scale", {}).get("value", 1.0),
-        "free": [row for row in rows if row["free"]],
-        "fixed": [row for row in rows if not row["free"] and row["name"] not in off],
-        "off": [row for row in rows if row["name"] in off],
-        "per_recording": own,
-        "unidentified": any(row["identifiable"] == "practically not" for row in (*rows, *own)),
-        "residuals": [_residual(material, a) | {"charts": f"residual-{k}-{n}"}
-                      for k, outputs in enumerate(material.analyses.values()) for n, a in outputs.items()],
+        "rows": rows, "per_recording": own, "off": _off(material),
+        "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.analyses.values())
+                      for n, a in outputs.items()],
         "explore_reason": not_explored(material),
-        "profiles": material.beside("profiles.json"),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),
         "command": _command(environment),
@@ -331,21 +323,13 @@ def _driven(material: Material) -> bool:
     return any(e.inputs.any() for e in (*material.problem.experiments, *material.project.validation))
 
 
-def _recording(material: Material, name: str) -> dict[str, Any]:
+def _recording(material: Material, name: str, charts: str) -> dict[str, Any]:
     """What the page says of one recording."""
     recording = next(r for r in material.project.recordings if r.name == name)
-    report, result = material.as_recorded[name].report, material.result["recordings"][name]
-    return {
-        "name": name, "file": recording.path.name, "sha256": recording.sha256, "notes": report.notes,
-        "verdict": re.sub(r"\d{4,}(?= samples)", lambda found: counted(int(found[0])), report.verdict),
-        "begins": _begins(material, name),
-        "scores": [
-            {"output": n, "letter": letter(n), "rmse": result["rmse"][n], "fit": result["fit_percent"][n],
-             "shown": "–" if result["rmse"][n] is None else material.shown(n, result["rmse"][n], ".3g")}
-            for n in material.problem.outputs
-        ],
-        **{k: result[k] for k in ("use", "from", "to", "samples", "cost")},
-    }  # fmt: skip
+    report = material.as_recorded[name].report
+    verdict = re.sub(r"\d{4,}(?= samples)", lambda found: counted(int(found[0])), report.verdict)
+    return {**material.result["recordings"][name], "name": name, "recording": recording, "report": report,
+            "verdict": verdict, "begins": _begins(material, name), "charts": charts}  # fmt: skip
 
 
 def _begins(material: Material, name: str) -> str:
@@ -406,23 +390,6 @@ def _per_recording(material: Material) -> Iterator[dict[str, Any]]:
                     held_out = ", held out" * (r["use"] != "fit")
                     speed = ", its speed" * name.startswith("D^")
                     yield {"name": f"{shown}{suffix}", "says": f"{recording}{held_out}{speed}", **e}
-
-
-def _residual(material: Material, a: ResidualAnalysis) -> dict[str, Any]:
-    beginning = "the first " if a.samples + a.missing < material.recordings[a.recording].time.size else ""
-    figures = {
-        "rms": material.shown(a.output, a.level.rms, ".3g") if isfinite(a.level.rms) else "–",
-        "in encoder steps": number(a.level.steps, ".2g"),
-        "correlated over": f"{number(a.whiteness.correlation_time, '.2g')} s",
-        "independent samples": f"{number(a.whiteness.effective_samples, '.0f')} of {beginning}{a.samples}",
-        "correlation with the normal (PPCC)": number(a.normality.ppcc, ".3f"),
-        "late to early": number(a.variance.late_to_early.ratio, ".2g"),
-        "far to near": number(a.variance.far_to_near.ratio, ".2g"),
-        "fast to slow": number(a.variance.fast_to_slow.ratio, ".2g"),
-    }
-    return {"recording": a.recording, "letter": letter(a.output), "use": a.use,
-            "sentences": a.sentences, "figures": figures,
-            "stretch": a.tested[:1].upper() + a.tested[1:] + "." if a.missing else ""}  # fmt: skip
 
 
 def _memory(text: str) -> str:

@@ -12,6 +12,7 @@ from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.models.scene import OPEN, Scene
 from fracid.models.written.languages import JavaScript
+from fracid.report.drawing import drawn
 from fracid.report.material import Material
 
 FRAMES = 200
@@ -59,12 +60,10 @@ def scene_still(material: Material) -> Markup:
     places = np.vstack([line for _, line in bodies])
     if not np.isfinite(places).all():
         return Markup("")
-    on_page, drawn = _frame(places), []
-    for body, line in bodies:
-        kind = "way" if body.shape in OPEN else "body moves" if body.moves else "body"
-        drawn.append(f'<polyline class="{kind}" points="{on_page(line)}"/>')
-    opened = f'<svg class="still" viewBox="0 0 {SIZE[0]} {SIZE[1]}" role="img" aria-label="As simulated at the start">'
-    return Markup(f"{opened}{''.join(drawn)}</svg>")  # numbers alone
+    on_page = _frame(places)
+    lines = [("way" if body.shape in OPEN else "body moves" if body.moves else "body", on_page(line))
+             for body, line in bodies]  # fmt: skip
+    return drawn("scene.svg.j2", size=SIZE, lines=lines)
 
 
 def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, FloatArray], seconds: float) -> str:
@@ -88,17 +87,11 @@ def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, Floa
     """
     frames, last = [], len(next(iter(motion.values()))) - 1
     for k in np.linspace(0, last, min(last + 1, FRAMES)).astype(int):
-        drawn = scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist())
-        frames.append({id(body): line for body, line in drawn})
+        bodies = scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist())
+        frames.append({id(body): line for body, line in bodies})
     on_page = _frame(np.vstack([line for frame in frames for line in frame.values()]))
-    lines = []
-    for body in scene.bodies:
-        places, width = [on_page(frame[id(body)]) for frame in frames], 6 if body.moves else 2
-        lines.append(f'<polyline fill="none" stroke="#345" stroke-width="{width}" points="{places[0]}">'
-                     f'<animate attributeName="points" dur="{seconds:g}s" repeatCount="indefinite" '
-                     f'values="{";".join(places)}"/></polyline>')  # fmt: skip
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SIZE[0]} {SIZE[1]}">'
-            f'<rect width="100%" height="100%" fill="white"/>{"".join(lines)}</svg>')  # fmt: skip
+    lines = [(6 if body.moves else 2, [on_page(frame[id(body)]) for frame in frames]) for body in scene.bodies]
+    return str(drawn("motion.svg.j2", size=SIZE, lines=lines, seconds=seconds))
 
 
 def _frame(places: FloatArray) -> Callable[[FloatArray], str]:

@@ -15,6 +15,7 @@ from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
 from fracid.signals.left_over import ROUNDING
 from fracid.units import number
+from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_records import ResidualAnalysis
 
 
@@ -60,8 +61,9 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
     values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
     orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
-    if claim == "fractional":
-        orders += _but_inside(material.result["orders"])
+    inside = {letter(n): e.get("integer", 1.0) for n, e in material.result["orders"].items() if _holds_its_integer(e)}
+    if claim == "fractional" and inside:
+        orders += f" ({_inside(list(inside), inside)})"
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
     says = f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}."
@@ -72,11 +74,6 @@ def _holds_its_integer(e: Mapping[str, Any]) -> bool:
     """Whether an order's interval includes its integer value."""
     integer, ends = e.get("integer", 1.0), e["interval95"]
     return bool(e["free"] and ends) and integer is not None and bool(ends[0] <= integer <= ends[1])
-
-
-def _but_inside(orders: Mapping[str, Mapping[str, Any]]) -> str:
-    inside = {letter(n): e.get("integer", 1.0) for n, e in orders.items() if _holds_its_integer(e)}
-    return f" ({_inside(list(inside), inside)})" if inside else ""
 
 
 def does_not_fit(codes: Iterable[str]) -> bool:
@@ -332,7 +329,7 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
     check = material.result.get("discretisation")
     if check is None:
         yield "What the step does was not checked.", False
-    elif check["warning"] and check["warning"] in " ".join(material.result.get("claim_reasons", ())):
+    elif check["warning"] and COARSE_STEP in material.result.get("claim_codes", ()):
         moved = [f"{letter(n)} by {number(s, '.2g')}" for n, s in moved_by_the_step(material.result).items()]
         what = f"moves {joined(moved)}" if moved else "changes the cost"
         yield f"Half the step {what}: the claim and the check of the step say more.", False
