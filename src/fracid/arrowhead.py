@@ -18,7 +18,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -86,6 +86,15 @@ class Blocks:
     def columns(self, k: int) -> IntArray:
         """The unknowns that the rows of recording k depend on: its own, then the shared ones."""
         return np.concatenate([self.own[k][self.own[k] >= 0], self.shared])
+
+    def cells(self, unknown: int) -> Iterator[tuple[int, int]]:
+        """The recordings whose rows depend on an unknown, and its column there."""
+        own, place = int(self.recording[unknown]), int(self.place[unknown])
+        if own >= 0:
+            yield own, place
+            return
+        for k, column in enumerate(np.count_nonzero(self.own >= 0, axis=1).tolist()):
+            yield k, column + place
 
     def level(self, rows: FloatArray, like: FloatArray) -> FloatArray:
         """Rows with the levels of others: those move with all recordings, and sum to nothing in J'r."""

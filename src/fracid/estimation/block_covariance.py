@@ -140,6 +140,8 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
 
 def _greatest(product: Callable[[FloatArray], FloatArray], n: int) -> float:
     """The greatest eigenvalue of a symmetric matrix, not below 0."""
+    if n == 1:
+        return float(product(np.ones(1))[0])
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     operator = LinearOperator((n, n), matvec=product, dtype=np.float64)
@@ -211,10 +213,27 @@ def clustered(blocks: Blocks, inverse: FloatArray, sums: FloatArray) -> FloatArr
 # --- few samples -----------------------------------------------------------------------------------------
 
 
-def block_widening(
-    blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Σq, Σ K² q q and the leverage of :func:`fracid.estimation.covariance.widening`, each of shape (n_unknowns,).
+def told_by_one(influence: FloatArray, along: FloatArray, share: FloatArray) -> FloatArray:
+    """Σq, Σ K² q q and the leverage of one unknown in one recording, shape (3,).
+
+    Parameters
+    ----------
+    influence : array, shape (n_samples, n_outputs)
+        M_t v_i, of which q is the square.
+    along : array, shape (n_samples, n_outputs, n_unknowns)
+        The rows in coordinates in which A⁻¹ is 1.
+    share : array
+        K at each lag of the bandwidth.
+    """
+    m, q = len(share), np.einsum("to,to->t", influence, influence)
+    pairs = products_by_lag(q)[:m]
+    scatter = 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
+    moved = neighbour_sums(np.einsum("to,toj->tj", influence, along), m)
+    return np.array([q.sum(), scatter, np.sum(moved**2) / m])
+
+
+def block_widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth: float) -> FloatArray:
+    """Σq, Σ K² q q and the leverage of :func:`fracid.estimation.covariance.widening`, shape (3, n_unknowns).
 
     Parameters
     ----------
@@ -228,7 +247,8 @@ def block_widening(
     twice = np.where(first == second, 1.0, 2.0)
     V = bread.inverse[shared]  # v of each unknown, shape (n_shared, n_unknowns)
     products = twice[:, None] * V[first] * V[second]  # so that q = Qz
-    whole, scatter, leverage = np.zeros((3, len(blocks.recording)))
+    total, K = np.zeros((3, len(blocks.recording))), 1 - np.arange(m) / m
+    whole, scatter, leverage = total
     sums, fourth, window = np.zeros(len(first)), np.zeros((len(first), len(first))), np.zeros((s, s))
     for k, r in enumerate(rows):
         at = blocks.columns(k)
@@ -241,7 +261,7 @@ def block_widening(
         Q = np.einsum("toi,toi->ti", P[..., first], P[..., second])
         length = next_fast_len(n + min(m, n), real=True)
         lags = np.zeros(length)
-        share = (1 - np.arange(min(m, n)) / m) ** 2
+        share = K[:n] ** 2
         lags[: len(share)] = share
         lags[length - len(share) + 1 :] = share[:0:-1]
         spectrum = rfft(Q, length, axis=0)
@@ -256,13 +276,8 @@ def block_widening(
         scatter[own] -= np.einsum("ai,ab,bi->i", z, pairs, z, optimize=True)
         leverage[own] -= np.einsum("ai,ab,bi->i", v, reach, v, optimize=True)
         for i, influence in zip(own, (flat @ G[:, : len(own)]).T, strict=True):
-            q = np.sum(influence.reshape(n, outputs) ** 2, axis=1)
-            lagged = products_by_lag(q)[:m]
-            whole[i] += q.sum()
-            scatter[i] += 2 * share[: len(lagged)] @ lagged - lagged[0]
-            moved_own = np.einsum("to,toj->tj", influence.reshape(n, outputs), along)
-            leverage[i] += np.sum(neighbour_sums(moved_own, m) ** 2) / m
+            total[:, i] += told_by_one(influence.reshape(n, outputs), along, K)
     whole += sums @ products
     scatter += np.einsum("ai,ab,bi->i", products, fourth, products, optimize=True)
     leverage += np.einsum("ai,ab,bi->i", V, window, V, optimize=True)
-    return whole, scatter, leverage
+    return total

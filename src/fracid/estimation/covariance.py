@@ -92,11 +92,18 @@ from fracid.estimation.block_covariance import (
     block_widening,
     clustered,
     scaled_bread,
+    told_by_one,
     window_sums,
 )
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.bounded import lowest, reach
-from fracid.estimation.derivatives import by_blocks, loss_of, rows_and_scores, rows_and_scores_by_recording
+from fracid.estimation.derivatives import (
+    by_blocks,
+    loss_of,
+    prior_curvature,
+    rows_and_scores,
+    rows_and_scores_by_recording,
+)
 from fracid.estimation.rounding import edges, half_widths
 from fracid.estimation.tangent import UNSEEN, Tangent, tangent
 from fracid.optimise import Space
@@ -106,8 +113,6 @@ from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import (
     bartlett_long_run,
     neighbour_correlation,
-    neighbour_sums,
-    products_by_lag,
     sokal_bandwidth,
     whitened,
 )
@@ -400,7 +405,7 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
     """The same, recording by recording."""
     blocks = J.blocks
     rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    prior, level = _prior_curvature(problem, errors, free)
+    prior, level = prior_curvature(problem, errors, free)
     bread, norm = scaled_bread(blocks, rows, prior, UNSEEN)
     for k, s in enumerate(scores):
         s /= norm[blocks.columns(k)]
@@ -428,7 +433,7 @@ def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian
 
 def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
     rows, scores = rows_and_scores(problem, errors, J)
-    prior, level = _prior_curvature(problem, errors, free)
+    prior, level = prior_curvature(problem, errors, free)
     norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
     norm[norm == 0] = 1.0
     for tall in (rows, *scores):  # in place: each is as long as the recordings
@@ -475,20 +480,6 @@ def _white_squares(
         [(j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o] for o in range(j.shape[1])]
         for w, j in zip(weights, J, strict=True)
     ]
-
-
-def _prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
-    """What the priors add to A, on its diagonal, and the level D/n that turns a curvature into a variance.
-
-    A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
-    """
-    priors = [problem.unknowns[i].prior for i in free]
-    if not any(priors):
-        return np.zeros(len(free)), 0.0
-    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
-    level = total / problem.criterion.prior_samples
-    return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 
 def _sparse(directions: FloatArray) -> FloatArray:
@@ -547,20 +538,13 @@ def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> F
     share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
     values, vectors = np.linalg.eigh(inverse)
     root = vectors * np.sqrt(np.maximum(values, 0.0))  # A⁻¹ is root root'
-    whole, leverage, scatter = np.zeros((3, len(inverse)))
+    sums = np.zeros((3, len(inverse)))
     for r in rows:
-        n, m = len(r), len(share)
         flat = r.reshape(-1, len(inverse))
         projection = (flat @ root).reshape(r.shape)
         for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
-            influence = (flat @ v).reshape(n, -1)
-            q = np.einsum("to,to->t", influence, influence)
-            pairs = products_by_lag(q)[:m]
-            whole[i] += q.sum()
-            scatter[i] += 2 * share[: len(pairs)] ** 2 @ pairs - pairs[0]
-            moved = np.einsum("to,toj->tj", influence, projection)
-            leverage[i] += np.sum(neighbour_sums(moved, m) ** 2) / m  # root' M_t v_i
-    return _widened(whole, scatter, leverage)
+            sums[:, i] += told_by_one((flat @ v).reshape(len(r), -1), projection, share)
+    return _widened(*sums)
 
 
 def _widened(whole: FloatArray, scatter: FloatArray, leverage: FloatArray) -> FloatArray:

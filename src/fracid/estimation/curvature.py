@@ -40,11 +40,16 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.block_covariance import scaled_bread, summed
-from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_scores, rows_and_scores_by_recording
+from fracid.estimation.derivatives import (
+    by_blocks,
+    jacobian,
+    prior_curvature,
+    row_weights,
+    rows_and_scores_by_recording,
+)
 from fracid.estimation.tangent import UNSEEN
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
-from fracid.qr import triangle
 
 LOOSER: dict[str, InitialState] = {"held": "rest", "measured": "estimate"}
 """What takes the start from samples, and what finds it instead."""
@@ -86,48 +91,16 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return errors
-    if problem.blocks is not None:
-        return _by_blocks(problem, x, errors, free, jobs)
-    J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, Failure):
-        return J
-    rows, scores = rows_and_scores(problem, errors, J)
-    prior, pull = _priors(problem, x)
-    gradient = np.sum([s.sum(axis=0) for s in scores], axis=0) + pull[free]
-    R = triangle([rows, np.diag(np.sqrt(prior[free]))])
-    norm = np.linalg.norm(R, axis=0)
-    norm[norm == 0] = 1.0  # 1e-300 would have a square of 0
-    _, singular, V = np.linalg.svd(R / norm)
-    nonzero = singular > UNSEEN * max(float(singular[0]), 1e-300)
-    inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]
-    return Curvature(free, inverse / np.outer(norm, norm), gradient)
-
-
-def _by_blocks(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], free: NDArray[np.intp], jobs: int
-) -> Curvature | Failure:
-    """The same of many recordings with unknowns of their own."""
     J = by_blocks(problem, x, free, jobs=jobs)
     if isinstance(J, Failure):
         return J
     rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    prior, pull = _priors(problem, x)
-    gradient = summed(J.blocks, [s.sum(axis=0) for s in scores]) + pull[free]
-    bread, norm = scaled_bread(J.blocks, rows, prior[free], UNSEEN)
+    criterion, (prior, _) = problem.criterion, prior_curvature(problem, errors, free)
+    off = np.array([x[i] - criterion.priors[i].mean if i in criterion.priors else 0.0 for i in free.tolist()])
+    pull = prior * off / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
+    gradient = summed(J.blocks, [s.sum(axis=0) for s in scores]) + pull
+    bread, norm = scaled_bread(J.blocks, rows, prior, UNSEEN)
     return Curvature(free, bread.inverse / np.outer(norm, norm), gradient)
-
-
-def _priors(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What the priors add to A, on its diagonal, and to g: 2(D/n)/sd² and 2(D/n) z/sd, D/n the level of the data."""
-    curved, pull = np.zeros(len(x)), np.zeros(len(x))
-    criterion = problem.criterion
-    rows = problem.evaluate(x).residuals if criterion.priors else None
-    if rows is None:
-        return curved, pull
-    level = float(np.sum(rows[: -len(criterion.priors)] ** 2)) / criterion.prior_samples
-    for i, p in criterion.priors.items():
-        curved[i], pull[i] = 2 * level / p.sd**2, 2 * level * (x[i] - p.mean) / p.sd**2
-    return curved, pull / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
 
 
 def newton_step(problem: Problem, x: FloatArray, parabola: Curvature) -> tuple[FloatArray, float]:
@@ -211,9 +184,8 @@ def start_shift(
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return None
-    weights, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
     values, variances = problem.named(x), list[FloatArray]()
-    for e, weight in zip(problem.experiments, np.split(weights, np.cumsum([r.size for r in errors])[:-1]), strict=True):
+    for e, weight in zip(problem.experiments, row_weights(problem, errors), strict=True):
         # its start moves no other
         alone = replace(problem, initial_state=LOOSER[problem.initial_state], experiments=(e,))
         started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and u.target not in e.initial]
@@ -226,7 +198,7 @@ def start_shift(
         J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)
         if isinstance(J, Failure):
             return None
-        rows = weight * J[0].reshape(-1, len(own) + len(initial_indices))
+        rows = (weight[..., None] * J[0]).reshape(-1, len(own) + len(initial_indices))
         G = parabola.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
         variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise), G))
     if not variances:

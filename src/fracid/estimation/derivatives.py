@@ -7,14 +7,15 @@ many recordings with unknowns of their own, without its zeros.  With weights w a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, joined
+from fracid.arrays import FloatArray, IntArray, joined, zeros_together
+from fracid.arrowhead import Blocks
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.block_jacobian import BlockJacobian, block_jacobian
+from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.problem import Problem
 from fracid.problem.costs import Loss
 from fracid.tasks.job import in_threads
@@ -29,50 +30,73 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     Beside a bound, and beside runs that fail (a minimum next to det M = 0), the difference is one-sided.  Of what no
     small step brings in (:meth:`fracid.problem.Problem.absent`) it is 0.
     """
-    absent, space = problem.absent(x), problem.space
-    steps = difference_steps(problem, x)
-    here = problem.errors(x)
-    if isinstance(here, Failure):
-        return here
-    J = [np.zeros((*e.shape, len(free))) for e in here]
-
-    def differentiate(columns: list[int]) -> Failure | None:
-        changes = [steps * (np.arange(len(x)) == free[c]) for c in columns]
-        ends = [[np.clip(x + side * change, space.lower, space.upper) for side in (1, -1)] for change in changes]
-        found = iter(problem.simulator.all_errors([end for pair in ends for end in pair]))
-        for column, pair in zip(columns, ends, strict=True):
-            i, sides = free[column], [next(found), next(found)]
-            good = [(here, x) if isinstance(s, Failure) else (s, end) for s, end in zip(sides, pair, strict=True)]
-            (high, above), (low, below) = good
-            if above[i] != below[i]:
-                for j, p, m in zip(J, high, low, strict=True):
-                    j[..., column] = (p - m) / (above[i] - below[i])
-            elif any(isinstance(side, Failure) for side in sides):  # else its bounds leave it no room
-                why = next(side for side in sides if isinstance(side, Failure))
-                return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {why}")
-        return None
-
-    moving = [c for c in range(len(free)) if not absent[free[c]]]
-    at_once = max(1, problem.simulator.abreast // 2)
-    groups = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
-    reasons = [why for why in in_threads(jobs, differentiate, groups) if why]
-    return reasons[0] if reasons else J
+    J = _differences(problem, x, free, _shared_by_all(problem, len(free)), jobs)
+    return J if isinstance(J, Failure) else J.parts
 
 
 def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: int = 1) -> BlockJacobian | Failure:
-    """The same of a problem of many recordings (:attr:`fracid.problem.Problem.blocks`), without its zeros."""
-    assert problem.blocks is not None
+    """The same without the zeros of what belongs to one of many recordings; what was asked last is known again.
+
+    Parameters
+    ----------
+    free : array of int
+        In ascending order.
+    """
     by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
     if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
         return last if len(free) == len(by) else last.of(np.isin(by, free))
-    here = problem.errors(x)
-    if isinstance(here, Failure):
-        return here
-    J = block_jacobian(problem.errors, here, x, difference_steps(problem, x), problem.blocks, free, jobs=jobs)
+    blocks = _shared_by_all(problem, len(free)) if problem.blocks is None else problem.blocks.of(free)
+    J = _differences(problem, x, free, blocks, jobs)
     problem.last_derivatives.clear()
     if not isinstance(J, Failure):
         problem.last_derivatives[x.tobytes()] = (free, J)
     return J
+
+
+def _shared_by_all(problem: Problem, unknowns: int) -> Blocks:
+    rows = np.cumsum([0, *(e.measured.size for e in problem.experiments)])
+    return Blocks(np.full(unknowns, -1), rows)
+
+
+def _differences(
+    problem: Problem, x: FloatArray, free: NDArray[np.intp], blocks: Blocks, jobs: int
+) -> BlockJacobian | Failure:
+    """Both, by `blocks` of the unknowns `free`: one unknown of each recording is moved at once."""
+    here, space, steps = problem.errors(x), problem.space, difference_steps(problem, x)
+    if isinstance(here, Failure):
+        return here
+    parts = zeros_together([(*e.shape, len(blocks.columns(k))) for k, e in enumerate(here)])
+
+    def both_sides(group: IntArray) -> list[FloatArray]:
+        change = np.zeros(len(x))
+        change[free[group]] = steps[free[group]]
+        return [np.clip(x + side * change, space.lower, space.upper) for side in (1, -1)]
+
+    def differentiate(groups: Sequence[IntArray]) -> Failure | None:
+        ends = [end for group in groups for end in both_sides(group)]
+        found = iter(zip(problem.simulator.all_errors(ends), ends, strict=True))
+        for group in groups:
+            sides = [next(found), next(found)]
+            fails = [errors for errors, _ in sides if isinstance(errors, Failure)]
+            if fails and len(group) > 1:  # of one recording, as a rule
+                if why := differentiate(np.array_split(group, 2)):
+                    return why
+                continue
+            (high, above), (low, below) = ((here, x) if isinstance(e, Failure) else (e, end) for e, end in sides)
+            for c, i in zip(group.tolist(), free[group].tolist(), strict=True):
+                if above[i] != below[i]:
+                    for k, column in blocks.cells(c):
+                        parts[k][..., column] = (high[k] - low[k]) / (above[i] - below[i])
+                elif fails:  # else its bounds leave it no room
+                    return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {fails[0]}")
+        return None
+
+    there = ~problem.absent(x)[free]
+    moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
+    at_once = max(1, problem.simulator.abreast // 2)
+    chunks = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
+    reasons = [why for why in in_threads(jobs, differentiate, chunks) if why]
+    return reasons[0] if reasons else BlockJacobian(blocks, parts)
 
 
 def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
@@ -94,19 +118,24 @@ def rows_and_scores_by_recording(
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """The same, the rows of each recording alone; its J may have columns of its own."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(joined(errors))
-    rows = [(np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1]) for w, j in zip(weights, J, strict=True)]
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
-    return rows, scores
+    return [*_rows(problem, errors, J)], scores
 
 
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
     """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
-    weights = problem.criterion.sample_weights(errors)
+    return map(np.column_stack, zip(_rows(problem, errors, J), pulls(problem, errors), strict=True))
+
+
+def _rows(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
+    return ((root[..., None] * j).reshape(-1, j.shape[-1])
+            for root, j in zip(row_weights(problem, errors), J, strict=True))  # fmt: skip
+
+
+def row_weights(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
+    """√(wρ″) of each sample, by which its derivatives become rows, shape (n_samples, n_outputs) of each recording."""
     curvature = loss_of(problem).curvature(joined(errors))
-    for w, y, j in zip(weights, pulls(problem, errors), J, strict=True):
-        rows = (np.sqrt(curvature * w)[..., None] * j).reshape(-1, j.shape[-1])
-        yield np.column_stack([rows, y])
+    return [np.sqrt(curvature * w) for w in problem.criterion.sample_weights(errors)]
 
 
 def pulls(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
@@ -114,6 +143,20 @@ def pulls(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     curvature = loss.curvature(joined(errors))
     return [(np.sqrt(w / curvature) * loss.psi(e)).ravel() for w, e in zip(weights, errors, strict=True)]
+
+
+def prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:
+    """What the priors add to A, on its diagonal, and the level D/n that turns a curvature into a variance.
+
+    A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
+    """
+    priors = [problem.unknowns[i].prior for i in free]
+    if not any(priors):
+        return np.zeros(len(free)), 0.0
+    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
+    total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
+    level = total / problem.criterion.prior_samples
+    return np.array([2 * level / p.sd**2 if p else 0.0 for p in priors]), level
 
 
 def loss_of(problem: Problem) -> Loss:

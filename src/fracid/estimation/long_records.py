@@ -21,18 +21,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, Failure, FailureReason
+from fracid.estimation.bounded import lowest
+from fracid.estimation.derivatives import difference_steps, jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
 from fracid.problem.coarse import coarser, means, possible
-from fracid.qr import BLOCK, triangle
 from fracid.solver.methods import METHODS
 from fracid.tasks.simulation_cache import Recent
 
@@ -59,9 +60,6 @@ SMALL = 1e-3
 
 SHRINKS = 0.5
 """A round that moves the unknowns by more than this part of the one before has the wrong derivatives."""
-
-DIFFERENCE = 1e-6
-"""Of an unknown's size, by which it is differentiated."""
 
 ROUGHLY = (32, 0, 1000)
 """Coarse samples in a period, samples from which on, coarse samples of all: where they only tell about where it is."""
@@ -164,18 +162,21 @@ def corrected(
         At most.
     """
     fine, moves = replace(problem, substeps=substeps), list[float]()
-    J = _derivatives(problem, x, jobs)
+    J = jacobian(problem, x, np.arange(len(x)), jobs=jobs)
     for _ in range(rounds):
         exact = _with_defect(problem, fine, x)
         if isinstance(exact, Failure):
             return exact
-        problem, before = exact, x
-        x = x + _step(problem, x, J) if J is not None else uninterrupted(refined(problem, x, Watch(jobs))).best.point
-        moves.append(float(np.max(np.abs(x - before) / _sizes(problem, x), initial=0.0)))
+        problem, before, errors = exact, x, exact.errors(x)
+        too_far = len(moves) > 1 and moves[-1] > SHRINKS * moves[-2]  # for one Jacobian
+        if isinstance(J, Failure) or isinstance(errors, Failure) or too_far:
+            x = uninterrupted(refined(problem, x, Watch(jobs))).best.point
+        else:
+            here = Tangent(problem, problem.criterion(x, errors), errors, J)
+            x = x + lowest(here.R, here.y, problem.space.lower - x, problem.space.upper - x)
+        moves.append(float(np.max(np.abs(x - before) / difference_steps(problem, x), initial=0.0)))
         if moves[-1] <= SMALL * moves[0]:
             break
-        if len(moves) > 1 and moves[-1] > SHRINKS * moves[-2]:  # too far for one Jacobian
-            J = None
     return problem, problem.evaluate(x)
 
 
@@ -187,41 +188,6 @@ def _with_defect(problem: Problem, fine: Problem, x: FloatArray) -> Problem | Fa
             return exact if isinstance(exact, Failure) else Failure(FailureReason.RUN, str(coarse))
         experiments.append(replace(e, measured=means(e.sampled.measured, e.means) - (exact - coarse)))
     return replace(problem, experiments=tuple(experiments))
-
-
-def _derivatives(problem: Problem, x: FloatArray, jobs: int) -> FloatArray | None:
-    """Of the rows, by differences into the bounds, shape (n_rows, n_unknowns); None where a run fails."""
-    steps = DIFFERENCE * _sizes(problem, x)
-    steps = np.where(x + steps > problem.space.upper, -steps, steps)
-    here = problem.residuals(x)
-    J = np.zeros((len(here), len(x)))
-
-    def differentiate(i: int) -> bool:
-        rows = problem.evaluate(x + steps * (np.arange(len(x)) == i)).residuals
-        if rows is not None:
-            J[:, i] = (rows - here) / steps[i]
-        return rows is not None
-
-    with ThreadPoolExecutor(jobs) as pool:
-        return J if all(pool.map(differentiate, range(len(x)))) else None
-
-
-def _step(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray:
-    """The Gauss-Newton step within the bounds."""
-    from scipy.optimize import lsq_linear
-
-    r, space = problem.residuals(x), problem.space
-    rows = (np.column_stack([J[k : k + BLOCK], r[k : k + BLOCK]]) for k in range(0, len(r), BLOCK))
-    R, size = triangle(rows), _sizes(problem, x)
-    room = np.minimum(space.lower - x, 0.0) / size, np.maximum(space.upper - x, 0.0) / size
-    norms = np.maximum(np.linalg.norm(R[:, :-1] * size, axis=0), SMALLEST)
-    result = lsq_linear(R[:, :-1] * (size / norms), -R[:, -1], (room[0] * norms, room[1] * norms + SMALLEST),
-                        tol=1e-12)  # fmt: skip
-    return np.asarray(np.clip(x + result.x * size / norms, space.lower, space.upper) - x)
-
-
-def _sizes(problem: Problem, x: FloatArray) -> FloatArray:
-    return np.asarray(np.maximum(np.abs(x), 1e-3 * np.minimum(problem.space.upper - problem.space.lower, 1.0)))
 
 
 def part_of(problem: Problem) -> Problem:

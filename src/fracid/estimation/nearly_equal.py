@@ -14,7 +14,7 @@ from fracid.arrays import FloatArray, IntArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.errors import SMALLEST, Failure
 from fracid.estimation.block_jacobian import BlockJacobian
-from fracid.estimation.derivatives import by_blocks, jacobian, rows_and_pulls
+from fracid.estimation.derivatives import by_blocks, rows_and_pulls
 from fracid.problem import Problem
 
 ROUNDS = 8
@@ -44,7 +44,7 @@ def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: 
     inside = np.flatnonzero((x > problem.space.lower) & (x < problem.space.upper))
     if not len(inside) or not np.all(np.isin(problem.order_indices, inside)):
         return None
-    J = (_of_all if problem.space.blocks is None else by_blocks)(problem, x, inside, jobs=jobs)
+    J = by_blocks(problem, x, inside, jobs=jobs)
     return None if isinstance(J, Failure) else _chord(other, x, inside, J)
 
 
@@ -72,20 +72,6 @@ def chord_of_one(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray |
     """The minimum of one recording, with its derivatives near there; None where those do not lead to it."""
     blocks = Blocks(np.zeros(len(x), dtype=np.int64), np.array([0, J.shape[0] * J.shape[1]]))
     return _chord(problem, x, np.arange(len(x)), BlockJacobian(blocks, [J]))
-
-
-def _of_all(problem: Problem, x: FloatArray, free: IntArray, *, jobs: int) -> BlockJacobian | Failure:
-    """The derivatives of a problem whose unknowns all recordings may share."""
-    by, last = problem.last_derivatives.get(x.tobytes(), (None, None))
-    if isinstance(last, BlockJacobian) and np.array_equal(by, free):
-        return last
-    J = jacobian(problem, x, free, jobs=jobs)
-    if isinstance(J, Failure):
-        return J
-    rows = np.cumsum([0, *(j.shape[0] * j.shape[1] for j in J)])
-    problem.last_derivatives.clear()
-    problem.last_derivatives[x.tobytes()] = (free, found := BlockJacobian(Blocks(np.full(len(free), -1), rows), J))
-    return found
 
 
 def _smooth(problem: Problem) -> bool:

@@ -183,7 +183,9 @@ def compare(
             require_evidence(s.problem)
     fits = study.fit()
     rows, samples = _rows(study.ladder(WHOLE), fits, folds, base)
-    notes = (*_of_long_recordings(base), *(b.sentence for b in study.whole.opened))
+    longest = max(base.experiments, key=lambda e: e.time[-1])
+    long = (SAYS("long-recordings", e=longest, length=longest.time[-1]),) if is_coarse(base) else ()
+    notes = (*long, *(b.sentence for b in study.whole.opened))
     fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
     if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
         fits, notes = study.fit_again(fits, substeps), (*notes, SAYS("refined", substeps=substeps, base=base))
@@ -199,13 +201,6 @@ def compare(
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
     integers = {n: base.model.integer_order(n) for n in base.orders}
     return _claimed(study, replace(comparison, verdict=verdict_of(comparison, integers)), base)
-
-
-def _of_long_recordings(problem: Problem) -> Iterator[str]:
-    """That they were not compared as they are."""
-    if is_coarse(problem):
-        e = max(problem.experiments, key=lambda e: e.time[-1])
-        yield SAYS("long-recordings", e=e, length=e.time[-1])
 
 
 # --- which recordings are fitted, and which are held out ---------------------------------------------
@@ -362,16 +357,9 @@ def _fit_structure(
         else _refitted(structure, below, *before, watch)
     )  # fmt: skip
     values, errors = problem.named(best.point), problem.errors(best.point)
-    alike = {"values": values, "parameters": len(values), "work": watch.work}
-    if isinstance(errors, Failure):
-        scores = {n: _score(problem, e, errors) for n, (e, _) in problem.recordings.items()}
-        missed = {e.name: _score(problem, e, errors) for e in others}
-        nothing: dict[str, Any] = {"cost": None, "squares": None, "samples": 2.0, "orders": {}, "at_bound": []}
-        return as_json(FittedBlock, alike | nothing | {
-            "outcome": str(errors), "in_sample": scores, "held_out": missed,
-        })  # fmt: skip
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
-    predicted = {e.name: _predicted(structure, values, e, place.fold.window, jobs) for e in others}
+    predicted = {e.name: (problem, e, errors) if isinstance(errors, Failure)
+                 else _predicted(structure, values, e, place.fold.window, jobs) for e in others}  # fmt: skip
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
     orders = {problem.names[i]: i for i in problem.order_indices}
     known: dict[str, Any] = {"orders": dict.fromkeys(orders), "at_bound": []}
@@ -380,17 +368,20 @@ def _fit_structure(
         beyond = {n: precision.half_beyond_bounds(i) for n, i in orders.items() if intervals[n]}
         at_bound = [problem.names[i] for i in np.flatnonzero(precision.at_bound)]
         known = {"orders": intervals, "beyond_bounds": beyond, "at_bound": at_bound}
-    return as_json(FittedBlock, alike | known | {
+    return as_json(FittedBlock, known | {
+        "values": values,
+        "parameters": len(values),
+        "work": watch.work,
         "cost": best.cost,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
-        "samples": effective_samples(errors),
+        "samples": 2.0 if isinstance(errors, Failure) else effective_samples(errors),
         "in_sample": {n: _score(problem, *found) for n, found in followed.items()},
         "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
         "left_over": leftovers(problem, best.point),
         "curves": {
             name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
         },
-        "outcome": outcome,
+        "outcome": str(errors) if isinstance(errors, Failure) else outcome,
     })  # fmt: skip
 
 
@@ -543,12 +534,7 @@ class _Study:
         """What :func:`_fit_structure` gave of each structure in each fold."""
         self.total = sum(1 + len(self.ladder(fold).structures) for fold in self.folds)
         self._fit_project("")
-        fits: Fits = {}
-        for wave in self._waves():
-            fits |= self._run_fits(FittedBlock, _fit_structure, {
-                (fold, s.name): Task(_key(fold, s), self._arguments(fold, s, fits, len(wave))) for fold, s in wave
-            })  # fmt: skip
-        return fits
+        return self._fit_structures({}, {})
 
     def substeps(self, rows: Sequence[Row]) -> int:
         """The steps a sample at which the best rows of either kind are quiet."""
@@ -561,16 +547,22 @@ class _Study:
     def fit_again(self, fits: Fits, substeps: int) -> Fits:
         """All fits once more, at a finer step, each from its minimum."""
         coarse, self.whole = self.ladder(WHOLE).given.substeps, replace(self.whole, substeps=substeps)
-        again, note = dict(fits), f"again, with {substeps} steps a sample"
-        self.total += len(self.folds) + sum(fit.cost is not None for fit in fits.values())
-        self._fit_project(note)
+        before = {at: (fit.values, fit.outcome, coarse) for at, fit in fits.items() if fit.cost is not None}
+        self.total += len(self.folds) + len(before)
+        self._fit_project(note := f"again, with {substeps} steps a sample")
+        return self._fit_structures(fits, before, f" | {substeps} steps a sample", note)
+
+    def _fit_structures(self, fits: Fits, before: Mapping[tuple[str, str], Any], key: str = "", note: str = "") -> Fits:
+        """All structures in waves; of those that were fitted before, the ones that have a minimum, each from it."""
+        fits = dict(fits)
         for wave in self._waves():
-            again |= self._run_fits(FittedBlock, _fit_structure, {
-                (fold, s.name): Task(f"{_key(fold, s)} | {substeps} steps a sample", (
-                    *self._arguments(fold, s, again, len(wave)), (fit.values, fit.outcome, coarse),
-                )) for fold, s in wave if (fit := fits[fold, s.name]).cost is not None
+            asked = [(fold, s) for fold, s in wave if (fold, s.name) in before or (fold, s.name) not in fits]
+            fits |= self._run_fits(FittedBlock, _fit_structure, {
+                (fold, s.name): Task(_key(fold, s) + key, (
+                    *self._arguments(fold, s, fits, len(wave)), before.get((fold, s.name)),
+                )) for fold, s in asked
             }, note)  # fmt: skip
-        return again
+        return fits
 
     def _fit_project(self, again: str) -> None:
         """Fit the project as it stands, in each fold, and open the bounds that stop it for every structure."""
@@ -763,8 +755,9 @@ def _rows(
     rows = []
     for s in hierarchy.structures:
         r = whole[s.name]
+        at = s.problem.order_starts | r.values
         orders = {
-            n: OrderOfRow(_order(s, r.values, n), r.orders.get(q), r.beyond_bounds.get(q, 0.0))
+            n: OrderOfRow(float(at[q]), r.orders.get(q), r.beyond_bounds.get(q, 0.0))
             for n in s.problem.orders
             for q in [s.problem.ties.get(n, n)]
         }
@@ -777,8 +770,3 @@ def _rows(
             r.in_sample, held_out, r.outcome, r.left_over, curves,
         ))  # fmt: skip
     return tuple(rows), samples
-
-
-def _order(s: Structure, values: Mapping[str, float], name: str) -> float:
-    root = s.problem.ties.get(name, name)
-    return float(values.get(root, s.problem.order_starts[root]))

@@ -25,7 +25,7 @@ from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
-from fracid.estimation.derivatives import by_blocks, jacobian
+from fracid.estimation.derivatives import by_blocks
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -154,9 +154,10 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
     errors = joined(now)
     if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
         return  # moves no unknown by more than a fraction of its standard error
-    shift = _projected(problem, x, change, jobs)
-    if shift is None:
+    J = by_blocks(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(J, Failure):
         return
+    shift = J.solved(change)  # by how much the unknowns would have to move for that
     for i, u in enumerate(problem.unknowns):
         se = math.nan if isinstance(uncertainty, Failure) else float(uncertainty.standard_error[i])
         half = NORMAL_95 * se
@@ -165,20 +166,6 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
         if math.isfinite(half) and abs(shift[i]) > half:
             yield SAYS.finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, shift=-shift[i],
                                times=abs(shift[i]) / half, problem=problem)  # fmt: skip
-
-
-def _projected(problem: Problem, x: FloatArray, change: FloatArray, jobs: int) -> FloatArray | None:
-    """By how much the unknowns would have to move for such a change of all samples; None where a run fails."""
-    everything = np.arange(len(x))
-    if problem.blocks is not None:
-        blocks = by_blocks(problem, x, everything, jobs=jobs)
-        return None if isinstance(blocks, Failure) else blocks.solved(change)
-    J = jacobian(problem, x, everything, jobs=jobs)
-    if isinstance(J, Failure):
-        return None
-    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    return np.asarray(np.linalg.lstsq(rows / scale, change, rcond=1e-10)[0] / scale)
 
 
 def _tolerance(problem: Problem) -> float:

@@ -49,7 +49,7 @@ import numpy as np
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
-from fracid.estimation.derivatives import jacobian, rows_and_scores
+from fracid.estimation.derivatives import jacobian, row_weights
 from fracid.findings import Finding, Words
 from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem
@@ -180,9 +180,9 @@ def misreadings(
         return []
     if math.sqrt(np.mean(joined(errors) ** 2)) < NOTHING:
         return []
-    weight, _ = rows_and_scores(problem, errors, [np.ones((*e.shape, 1)) for e in errors])
-    e = weight[:, 0] * joined(errors)
-    Q, R = np.linalg.qr(weight * np.concatenate([j.reshape(-1, len(free)) for j in J]))
+    weight = np.concatenate([root.ravel() for root in row_weights(problem, errors)])
+    e = weight * joined(errors)
+    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j.reshape(-1, len(free)) for j in J]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]
@@ -192,7 +192,7 @@ def misreadings(
     quarter = min(e.step * swing_period(y) for e in problem.experiments for y in e.measured.T) / 4
     faults = []
     for (code, signal), form in forms:
-        z = weight[:, 0] * joined(form)
+        z = weight * joined(form)
         own = z - Q @ (Q.T @ z)
         power = float(own @ own)
         if power <= OWN**2 * float(z @ z):
