@@ -22,8 +22,9 @@ from numba import cuda, float64
 import fracid
 from fracid.solver import methods, schemes, solve
 from fracid.solver.arguments import Arguments, check_options
+from fracid.solver.loop_arguments import Run
 from fracid.solver.right_hand_side import compile_rhs
-from fracid.solver.starting import begun
+from fracid.solver.starting import Start, begun
 
 SIMULATED = bool(os.environ.get("NUMBA_ENABLE_CUDASIM"))
 DISTINCT, STEPS, EVERY = (2, 120, 20) if SIMULATED else (64, 20_000, 400)
@@ -161,9 +162,9 @@ def compiled(rhs: Any, parameters: int, inputs: int) -> Any:
             earlier[i] = last[i] = jump[i] = 0.0
         for i in range(inputs):
             now[i] = u[0, i]
-        run = (own_gain, own_gain, u, own_p, past[:, :, k], slope[:, k], 0.0, h, steps, every, limit, bounds, kernels,
-               corrections, False, relaxing, after)  # fmt: skip
-        started = (begin[:, :, k], x0[:, k], together, knots, parabolas[:, :, :, k])
+        run = Run(own_gain, own_gain, u, own_p, past[:, :, k], slope[:, k], 0.0, h, steps, every, limit, bounds,
+                  kernels, corrections, False, relaxing, after)  # fmt: skip
+        started = Start(begin[:, :, k], x0[:, k], together, knots, parabolas[:, :, :, k])
         work = ((x, before, earlier, last, part, own_newest, scale, jump, entered, share), (f, trial), now, W, start)
         ended[0, k], ended[1, k] = step(0, run, started, (window[:, :, k], sums[:, :, k], ahead), work, False,
                                         out[:, :, k])  # fmt: skip
