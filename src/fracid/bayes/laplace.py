@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -67,28 +68,29 @@ LEAST_DRAWS = 100
 class StudentProposal:
     """A multivariate Student's t, of which what lies within the bounds is drawn."""
 
-    centre: FloatArray
-    """Shape (n,)."""
-    root: FloatArray
-    """L of the scale matrix L L', shape (n, n)."""
-    degrees: float
-    """Of freedom."""
+    shape: GaussianApproximation
+    """Whose mode and scale it has."""
     prior: BoxPrior
 
-    @classmethod
-    def about(cls, shape: GaussianApproximation, prior: BoxPrior) -> StudentProposal:
-        """The one with the mode and the scale of an approximation."""
-        size = np.sqrt(np.diag(shape.covariance))
-        values, vectors = np.linalg.eigh(shape.covariance / np.outer(size, size))
-        root = size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1]))
-        return cls(shape.mean, root, min(shape.degrees, DEGREES), prior)
+    @property
+    def degrees(self) -> float:
+        """Of freedom."""
+        return min(self.shape.degrees, DEGREES)
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """L of the scale matrix L L', shape (n, n)."""
+        size = np.sqrt(np.diag(self.shape.covariance))
+        values, vectors = np.linalg.eigh(self.shape.covariance / np.outer(size, size))
+        return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1])))
 
     def draw(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, int]:
         """Points within the bounds, shape (count, n), and how many were drawn for them."""
-        kept, drawn = [np.empty((0, len(self.centre)))], 0
+        n, nu = len(self.root), self.degrees
+        kept, drawn = [np.empty((0, n))], 0
         while (lacking := count - sum(map(len, kept))) > 0 and drawn < MOST * count:
-            normal = rng.standard_normal((count, len(self.centre)))
-            x = self.centre + (normal @ self.root.T) / np.sqrt(rng.chisquare(self.degrees, (count, 1)) / self.degrees)
+            normal = rng.standard_normal((count, n))
+            x = self.shape.mean + (normal @ self.root.T) / np.sqrt(rng.chisquare(nu, (count, 1)) / nu)
             inside = np.flatnonzero(self.prior.inside(x))[:lacking]
             kept.append(x[inside])
             drawn += int(inside[-1]) + 1 if len(inside) == lacking else count
@@ -96,8 +98,8 @@ class StudentProposal:
 
     def log_density(self, x: FloatArray) -> FloatArray:
         """Of points within the bounds, shape (n_points,): of all draws, those beyond counted too."""
-        n, nu = len(self.centre), self.degrees
-        z = np.linalg.solve(self.root, (x - self.centre).T)
+        n, nu = len(self.root), self.degrees
+        z = np.linalg.solve(self.root, (x - self.shape.mean).T)
         constant = math.lgamma((nu + n) / 2) - math.lgamma(nu / 2) - n / 2 * math.log(nu * math.pi)
         volume = float(np.linalg.slogdet(self.root)[1])
         return np.asarray(constant - volume - (nu + n) / 2 * np.log1p(np.sum(z**2, axis=0) / nu))
@@ -177,14 +179,14 @@ def importance_sample(
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
         name = f"laplace, {draws} draws, seed {seed}, round {number}"
-        pilot = _Round(likelihood, prior, StudentProposal.about(shape, prior), name, rng)
+        pilot = _Round(likelihood, StudentProposal(shape, prior), name, rng)
         pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share
         best = pilot if best is None or pilot.share > best.share else best
         if not better or best.share > GOOD:
             break
-        shape = pilot.moved(shape)
+        shape = pilot.moved()
     assert best is not None
     simulations += draws - len(best.values)
     best.extend(draws - len(best.values), draws, execution)
@@ -194,11 +196,9 @@ def importance_sample(
 class _Round:
     """The draws of one proposal."""
 
-    def __init__(
-        self, likelihood: Likelihood, prior: BoxPrior, proposal: StudentProposal, name: str, rng: np.random.Generator
-    ) -> None:
-        self.likelihood, self.prior, self.proposal, self.name, self.rng = likelihood, prior, proposal, name, rng
-        self.points, self.values, self.drawn = np.empty((0, len(proposal.centre))), np.empty(0), 0
+    def __init__(self, likelihood: Likelihood, proposal: StudentProposal, name: str, rng: np.random.Generator) -> None:
+        self.likelihood, self.proposal, self.name, self.rng = likelihood, proposal, name, rng
+        self.points, self.values, self.drawn = np.empty((0, len(proposal.root))), np.empty(0), 0
 
     def extend(self, count: int, total: int, execution: Execution, *, than: float = 0.0) -> None:
         """Draw so many more, and simulate them, or the first alone where no greater part than `than` counts."""
@@ -216,7 +216,8 @@ class _Round:
             for i in range(0, len(points), BATCH)
         ]
         tell = execution.progress
-        told = None if tell is None else lambda p: tell(_in_draws(p, before, total))
+        told = None if tell is None else lambda p: tell(  # by draws and not by batches
+            Progress(min(before + BATCH * p.done, total), total, before + BATCH * p.earlier, p.seconds))  # fmt: skip
         results = replace(execution, progress=told).run(log_likelihoods, tasks)
         values = [-np.inf if v is None else v for batch in results.values() for v in batch]
         self.points, self.values = np.concatenate([self.points, points]), np.append(self.values, values)
@@ -224,7 +225,8 @@ class _Round:
     @property
     def log_ratios(self) -> FloatArray:
         """Posterior over proposal, −inf where a run fails, shape (n_draws,)."""
-        return np.asarray(self.values + self.prior.log_density(self.points) - self.proposal.log_density(self.points))
+        proposal, x = self.proposal, self.points
+        return np.asarray(self.values + proposal.prior.log_density(x) - proposal.log_density(x))
 
     @property
     def share(self) -> float:
@@ -235,9 +237,9 @@ class _Round:
         weights = np.exp(ratios - np.max(ratios))
         return float(np.sum(weights) ** 2 / np.sum(weights**2) / len(weights))
 
-    def moved(self, shape: GaussianApproximation) -> GaussianApproximation:
+    def moved(self) -> GaussianApproximation:
         """The weighted mean and covariance; the weights are flattened until enough draws take part."""
-        ratios = self.log_ratios
+        ratios, shape = self.log_ratios, self.proposal.shape
         some, enough = np.isfinite(ratios), ENOUGH * len(shape.mean)
         if np.count_nonzero(some) < enough:
             return replace(shape, covariance=shape.covariance / 4)  # nearly all runs fail: closer to the minimum
@@ -280,8 +282,3 @@ def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | 
     """
     values = [likelihood.log_likelihood(x) for x in points]
     return [v if math.isfinite(v) else None for v in values]
-
-
-def _in_draws(p: Progress, before: int, total: int) -> Progress:
-    """Progress by draws and not by batches."""
-    return Progress(min(before + BATCH * p.done, total), total, before + BATCH * p.earlier, p.seconds)

@@ -71,7 +71,8 @@ def smoothed(log_ratios: FloatArray) -> tuple[FloatArray, float]:
     if math.isfinite(k):
         quantile = (np.arange(tail) + 0.5) / tail
         weights = weights.copy()
-        weights[order] = np.log(_quantile(quantile, k, sigma) + math.exp(cutoff))
+        excess = -sigma * np.log1p(-quantile) if k == 0 else sigma * np.expm1(-k * np.log1p(-quantile)) / k
+        weights[order] = np.log(excess + math.exp(cutoff))
     return np.minimum(weights, 0.0), k
 
 
@@ -89,7 +90,3 @@ def _generalised_pareto(x: FloatArray) -> tuple[float, float]:
     k = float(np.mean(np.log1p(-theta * x)))
     sigma = -k / theta
     return (n * k + 5.0) / (n + 10), sigma
-
-
-def _quantile(p: FloatArray, k: float, sigma: float) -> FloatArray:
-    return np.asarray(-sigma * np.log1p(-p) if k == 0 else sigma * np.expm1(-k * np.log1p(-p)) / k)

@@ -73,7 +73,8 @@ def cma(
     outcome = Outcome.ALL_FAILED
     for _ in range(generations):
         normal = strategy.ask()
-        evaluations = yield space.from_unit(_mirrored(np.array(normal)))
+        mirrored = 1.0 - np.abs(1.0 - np.mod(np.array(normal), 2.0))  # into the unit cube, as between two mirrors
+        evaluations = yield space.from_unit(mirrored)
         costs = [e.cost if math.isfinite(e.cost) else WORST for e in evaluations]
         outcome = Outcome.GENERATIONS_DONE if min(costs) < WORST else outcome
         strategy.tell(normal, costs)
@@ -94,11 +95,6 @@ def _strategy(start: Any, width: float, population: int, tolerance: float, rng: 
         {"popsize": population, "randn": normal, "seed": np.nan, "tolx": tolerance, "tolfun": 0.0, "tolfunhist": 0.0,
          "verbose": -10, "verb_log": 0},
     )  # fmt: skip
-
-
-def _mirrored(points: Any) -> Any:
-    """Fold points into the unit cube, as between two mirrors."""
-    return 1.0 - np.abs(1.0 - np.mod(points, 2.0))
 
 
 OPTIMISER = Entry(

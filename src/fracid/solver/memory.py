@@ -62,21 +62,8 @@ class Memory:
 
     name: str
     """``full``, ``short(L)`` or ``compressed(tolerance)``."""
-    build: Callable[[str, float, int], Kernel]
-    """(family, order, steps) → the kernel of a run of so many steps."""
-
-    def kernel(self, family: str, order: float, steps: int) -> Kernel:
-        """Build the kernel of one state.
-
-        Parameters
-        ----------
-        family : ``"gl"``, ``"pi"`` or ``"pi3"``
-        order : float
-            Strictly between 0 and 2.
-        steps : int
-            Number of steps of the run: the largest lag that will be asked for.
-        """
-        return self.build(family, order, steps)
+    kernel: Callable[..., Kernel]
+    """(family, order, steps) → the kernel of a state in a run of so many steps, the largest lag asked for."""
 
 
 def full() -> Memory:

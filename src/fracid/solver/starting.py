@@ -257,11 +257,6 @@ def errors_of_powers(
     return np.where(s == 1.0, 0.0, E)
 
 
-def _exact(q: float, s: float) -> float:
-    """J^q t^σ at t = 1."""
-    return math.gamma(s + 1) / math.gamma(s + q + 1)
-
-
 BDF_TERMS = 10
 """Of the expansion of ``bdf2``'s errors, which is taken from n = 65 on."""
 
@@ -273,7 +268,8 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
     few, far = knots[1:][near], n[~near]
     for row, s in zip(E[:, 1:], sigma, strict=True):
         powers = np.append(0.0, np.arange(1.0, len(w)) ** s)
-        row[near] = _exact(q, s) * n[near] ** (s + q) - np.convolve(w, powers)[few] - (s == 0) * start[few]
+        exact = math.gamma(s + 1) / math.gamma(s + q + 1)  # J^q t^σ at t = 1
+        row[near] = exact * n[near] ** (s + q) - np.convolve(w, powers)[few] - (s == 0) * start[few]
         smooth = math.gamma(s + 1) * d * rgamma(s + q + 1 - i) * (i > 0)
         c = (zeta(-s - i) + 0.5 * (s == 0)) * (-1.0) ** i / gamma(i + 1.0)
         singular = np.convolve(c, d)[:BDF_TERMS] * rgamma(q - i)

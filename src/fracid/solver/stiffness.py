@@ -191,8 +191,6 @@ def too_long(
     >>> too_long("bdf2", orders, J, 1e-2**orders, 1000) is None
     True
     """
-    if method not in METHODS:
-        return None
     sizes = [float(np.max(np.abs(m))) if (m := modes(J, gain)).size else 0.0 for J in linear]
     follows, largest = METHODS[method].follows, max(sizes, default=0.0)
     if largest > follows:
@@ -313,20 +311,20 @@ def _fault(
     linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
-    length, method = round((end - run.origin) / run.step), METHODS.get(run.method)
+    length, method = round((end - run.origin) / run.step), METHODS[run.method]
     beyond = too_long(run.method, run.orders, linear, gain, length if run.completed else max(100, length))
     if beyond is not None:
         return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
     if away or unsolved or run.outcome is Outcome.DIVERGED:
         largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-        if method and largest > method.sweeps:
+        if largest > method.sweeps:
             return _swept_away(run, largest)
         found = _runs_away(run, largest) if several and (away or not unsolved) else None
         return _unsolved(run, end) if unsolved and (found is None or found.code == "blow-up") else found
-    if method and method.family == "gl" and np.min(run.orders) < LOW_ORDER:
+    if method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
-    if method and method.family == "pi" and (ringing := _rings(run, spectra)):
+    if method.family == "pi" and (ringing := _rings(run, spectra)):
         return ringing
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:

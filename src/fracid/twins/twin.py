@@ -253,7 +253,9 @@ class Twin(CardDisplay):
             memory=self.memory, inputs=self._driven(steps, h), history=self.history,
             limit=LIMIT if self.model.angles else BEYOND,
         )  # fmt: skip
-        plateau, moving = self._held_and_moving(run)
+        slack = 1e-6 * self.step
+        held, reached = self.time < self.hold - slack, self.time <= run.time[-1] + slack
+        plateau, moving = self.time[held], self.time[reached & ~held]
         states = run.states[np.rint((moving - self.hold) / h).astype(int)] if self._whole(h) else run.at(moving)
         before = np.repeat(run.states[:1], plateau.size, axis=0)
         return replace(run, time=np.concatenate([plateau, moving]), states=np.vstack([before, states]), origin=0.0)
@@ -261,12 +263,6 @@ class Twin(CardDisplay):
     def _whole(self, h: float) -> bool:
         """Whether the release is on the grid of steps."""
         return abs(self.hold / h - round(self.hold / h)) < 1e-6
-
-    def _held_and_moving(self, run: Trajectory) -> tuple[FloatArray, FloatArray]:
-        """The samples before the release, and those that the run reached."""
-        slack = 1e-6 * self.step
-        plateau, moving = self.time < self.hold - slack, self.time <= run.time[-1] + slack
-        return self.time[plateau], self.time[moving & ~plateau]
 
     @property
     def _inputs(self) -> dict[str, tuple[FloatArray, FloatArray]]:
