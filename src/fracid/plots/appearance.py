@@ -60,7 +60,6 @@ CLOUD = 1500
 
 MARKS: dict[str, dict[str, Any]] = {
     "best": {"marker": "*", "ms": 15, "mfc": VERMILLION, "mec": "black", "mew": 0.8, "zorder": 5, "clip_on": False},
-    "true": {"marker": "+", "ms": 20, "mec": "black", "mew": 1.5, "zorder": 6, "clip_on": False},
     "tried": {"marker": "o", "ms": 2.5, "mfc": "white", "mec": "black", "mew": 0.4, "zorder": 3},
 }
 """Told apart by shape as well as by colour."""

@@ -53,7 +53,6 @@ def cost_plane(
     best: tuple[float, float] | None = None,
     evaluations: ArrayLike | None = None,
     cost_name: str = "cost",
-    true: tuple[float, float] | None = None,
     names: tuple[str, str] = ("lambda", "mu"),
     style: str | Style = "screen",
 ) -> Figure:
@@ -107,23 +106,19 @@ def cost_plane(
         note(axes, "every simulation diverges", 0.93)
     _search(figure, axes, evaluations, (first, second, values), names, best)
     _integers(axes, first, second)
-    marks = {what: point for what, point in (("true", true), ("best", best)) if point is not None}
-    digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
-    places = {
-        what: f"{what}: " + ", ".join(f"{symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, point, digits, strict=True))
-        for what, point in marks.items()
-    }
-    brief = style_of(figure).brief
-    for what, point in marks.items():
-        axes.plot(*point, ls="", label=what if brief else places[what], **MARKS[what])
-    axes.set_xlim(extent(np.append(first, [point[0] for point in marks.values()])))
-    axes.set_ylim(extent(np.append(second, [point[1] for point in marks.values()])))
+    brief, place = style_of(figure).brief, ""
+    if best is not None:
+        digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
+        place = "best: " + ", ".join(f"{symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, best, digits, strict=True))
+        axes.plot(*best, ls="", label="best" if brief else place, **MARKS["best"])
+    axes.set_xlim(extent(np.append(first, best[:1] if best else [])))
+    axes.set_ylim(extent(np.append(second, best[1:] if best else [])))
     axes.ticklabel_format(useOffset=False)
     label(axes, "", f"order {symbol(names[0])} [–]", f"order {symbol(names[1])} [–]")
     if brief:
         axes.locator_params(axis="x", nbins=TICKS)
     heading = f"{cost_label(cost_name)[0]} over the orders"
-    return finish(figure, heading, grid=False, caption="; ".join(places.values()))
+    return finish(figure, heading, grid=False, caption=place)
 
 
 def _checked_plane(

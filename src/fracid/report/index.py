@@ -247,16 +247,14 @@ def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[dict[str, An
     axis = order_axis([e for run in runs for e in run.result["orders"].values()])
     cards = [
         {
-            "name": run.who.name, "kind": "fit", "started": run.started, "date": _date(run.started),
-            "facts": run.who.facts, "partial": run.who.partial, "claim": run.result.get("claim"),
-            "href": _address(run.folder / PAGE, folder), "orders": orders_drawn(run.result["orders"], axis),
-            "against": list(against.values()),
-            "good": run.result.get("claim") not in (None, "undecided") and not against and not run.who.partial,
-            **_errors(run.result["recordings"]), "model": run.result["model"]["name"], "outcome": run.result["outcome"],
-            "swings": _swings(run.folder / PAGE), "rows": list(_rows(run.result)),
+            **vars(run.who), "kind": "fit", "started": run.started, "date": _date(run.started), "result": run.result,
+            "claim": claim, "model": run.result["model"]["name"], "orders": orders_drawn(run.result["orders"], axis),
+            "href": _address(run.folder / PAGE, folder), "against": list(against.values()),
+            "good": claim not in (None, "undecided") and not against and not run.who.partial,
+            **_errors(run.result["recordings"]), "swings": _swings(run.folder / PAGE),
         }
         for run in runs
-        for against in [doubts(run.result)]
+        for against, claim in [(doubts(run.result), run.result.get("claim"))]
     ]  # fmt: skip
     cards = sorted(cards + studies, key=lambda card: (card["started"], card["name"]))
     kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))
@@ -276,14 +274,6 @@ def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:
     said = ", ".join(f"{letter(n)} {in_unit(v, shown[n])}" for n, v in means.items())
     error = sum(shown[n][1] * v for n, v in means.items()) / len(means)
     return {"rmse": said + " held out" * bool(held_out), "error": error}
-
-
-def _rows(result: Mapping[str, Any]) -> Any:
-    """Of each recording what it was used for and how near the model comes."""
-    for name, r in result["recordings"].items():
-        fits = [f"{letter(n)} {number(v, '.3g')} %".replace(" ", "\N{NO-BREAK SPACE}")
-                for n, v in r["fit_percent"].items() if v is not None]  # fmt: skip
-        yield {"name": name, "use": "fitted" if r["use"] == "fit" else "held out", "fit": ", ".join(fits) or "failed"}
 
 
 def _swings(page: Path) -> Markup:

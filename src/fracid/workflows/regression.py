@@ -127,15 +127,14 @@ def run_regression(
         refuse_mistaken(source, "recording")
     with one_blas_thread():
         if source.suffix == ".toml":
-            project = load_project(source, trust=trust)
-            linear = project.problem.model.linear_terms is not None
-            request = _of_project(project, start, stop) if linear else None
+            asked = _of_project(load_project(source, trust=trust), start, stop)
         else:
-            request = _of_recording(source, start, stop, **recording)
-        if request is None:
-            estimate = _of_equations(project)
+            asked = _of_recording(source, start, stop, **recording)
+        if asked.model.linear_terms is None and asked.problem is not None:
+            names = ", ".join(r.name for r in asked.recordings)
+            estimate = FinishedRegression(asked, {names: regress_equations(asked.problem)})
         else:
-            said = _as_said(request, known, orders, terms)
+            said = _as_said(asked, known, orders, terms)
             groups = [[r] for r in said.recordings] if each else [list(said.recordings)]
             estimate = FinishedRegression(said, {
                 ", ".join(r.name for r in group): regress(
@@ -152,17 +151,11 @@ def run_regression(
 # ------------------------------------------------------------------ what is asked
 
 
-def _of_equations(project: Project) -> FinishedRegression:
-    """The regression of a model of equations: what is linear of what its project leaves free."""
-    problem, fitted = project.problem, {e.name for e in project.problem.experiments}
-    recordings = tuple(r for r in project.recordings if r.name in fitted)
-    asked = _Asked(recordings, problem.model, {}, (), {}, problem)
-    return FinishedRegression(asked, {", ".join(fitted): regress_equations(problem)})
-
-
 def _of_project(project: Project, start: float | str | None, stop: float | None) -> _Asked:
-    """What the project fits: its free constants and orders, its fixed ones, its recordings."""
-    problem = project.problem
+    """What the project fits: its free constants and orders, its fixed ones, recordings; or equations, as they are."""
+    problem, fitted = project.problem, {e.name for e in project.problem.experiments}
+    if problem.model.linear_terms is None:
+        return _Asked(tuple(r for r in project.recordings if r.name in fitted), problem.model, {}, (), {}, problem)
     free = {u.target for u in problem.unknowns if u.kind == "parameter"}
     ties = {n for n, root in problem.ties.items() if root in free or n in problem.orders}
     orders = {n: problem.orders[problem.ties.get(n, n)] for n in problem.orders}
@@ -211,28 +204,24 @@ def _of_recording(
     return _in_motion(_Asked((recording,), model, dict.fromkeys(("lambda", "mu"), Free(1.0, 0.5, 1.2)), LUMPED, {}))
 
 
-def _as_said(
-    request: _Asked, constant: Mapping[str, float], orders: Mapping[str, float], terms: Sequence[str]
-) -> _Asked:
-    """With the constants and orders that the caller knows."""
+def _as_said(request: _Asked, known: Mapping[str, float], orders: Mapping[str, float], terms: Sequence[str]) -> _Asked:
+    """With the constants and orders that the caller knows.
+
+    Where all is looked for, one is taken as it is: a common factor of all constants changes no motion.
+    """
     for name in orders:
         if name not in request.orders:
             raise unknown_name("order", name, request.orders)
-    terms = tuple(terms) or request.terms
-    return _with_gauge(replace(request, orders={**request.orders, **orders}, terms=terms, known=constant))
-
-
-def _with_gauge(request: _Asked) -> _Asked:
-    """Where all is looked for, one is taken as it is: a common factor of all constants changes no motion."""
-    terms = request.terms or LUMPED
+    terms = tuple(terms) or request.terms or LUMPED
+    request = replace(request, orders={**request.orders, **orders}, terms=terms, known=known)
     volts = any("voltage" in r.signals for r in request.recordings) and request.model.drive not in terms
     torque = any("torque" in r.signals for r in request.recordings)
     constants = [
         n for n in LUMPED if n not in terms and n in request.model.parameter_names and request.model.parameter(n).value
     ]
-    if request.known or volts or torque or constants:
-        return replace(request, terms=terms)
+    if known or volts or torque or constants:
+        return request
     gauge = request.model.parameter(terms_of(request.model).gauge)
     owner = "project" if request.problem else "rig"
     note = SAYS("gauge", gauge=gauge, owner=owner)
-    return replace(request, terms=terms, known={gauge.name: gauge.value}, notes=(*request.notes, note))
+    return replace(request, known={gauge.name: gauge.value}, notes=(*request.notes, note))
