@@ -14,8 +14,8 @@ from fracid import solve_fde
 from fracid.cards import CELL, LENGTH, Card, CardDisplay
 from fracid.estimation.cost_profile import Profile, Profiles
 from fracid.estimation.profile_walk import End
-from fracid.estimation.records import Estimate, Estimates, RecordingFit
-from fracid.fit import Fit
+from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit
+from fracid.fit import Fit, of_problem
 from fracid.optimise import Outcome
 from fracid.problem import Problem
 from fracid.recording import Recording
@@ -38,10 +38,11 @@ def problem():
 
 
 def fit():
-    orders = {"lambda": Estimate(0.9, free=True, interval95=(0.89, 0.91)), "mu": Estimate(1.0)}
+    orders = {"lambda": OrderEstimate(0.9, free=True, interval95=(0.89, 0.91)), "mu": OrderEstimate(1.0)}
     recordings = {f"{HOSTILE} {k}": RecordingFit(f"{k}", "fit", TIME, SWING, SWING, 0.0, {}, {}) for k in range(20)}
-    return Fit(problem(), np.zeros(0), orders, {"C1": Estimate(0.0043, "kg m^2", True)}, recordings, 1e-3,
-               Outcome.CONVERGED, 9, None, None, 1, "multistart", (HOSTILE * 99,))  # fmt: skip
+    return Fit(**of_problem(problem(), np.zeros(0), 1e-3), orders=orders, recordings=recordings,
+               parameters={"C1": Estimate(0.0043, "kg m^2", True)}, outcome=Outcome.CONVERGED, evaluations=9, seed=1,
+               optimiser="multistart", warnings=(HOSTILE * 99,))  # fmt: skip
 
 
 def profile():

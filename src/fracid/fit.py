@@ -1,24 +1,24 @@
-"""Fit: everything that :func:`fracid.identify` returns; :class:`FitBlock` is its JSON."""
+"""Fit: everything that :func:`fracid.identify` returns, which describes its own JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, PlainSerializer, WrapSerializer
 
 from fracid.arrays import FloatArray
 from fracid.bayes.inference import WithPosterior
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.estimation.agreement import Spread
-from fracid.estimation.covariance import METHODS, Uncertainty
-from fracid.estimation.records import Estimate, OrderEstimate, RecordingFit
-from fracid.estimation.starts import Start, won
+from fracid.estimation.covariance import Uncertainty
+from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit
+from fracid.estimation.starts import Start
 from fracid.findings import Finding
 from fracid.optimise.base import Outcome
 from fracid.problem import Problem
-from fracid.safety.schema import Block, Infinite, Listed, Number, Unknown, as_json
+from fracid.safety.schema import UNREAD, Beside, Block, Infinite, Listed, Number, Record, as_json
 from fracid.selection.claim import ClaimWord
 from fracid.selection.doubts import claimed, doubts
 from fracid.selection.integer_rival import Alternative
@@ -35,68 +35,106 @@ Scores = Mapping[str, tuple[str, Mapping[str, float | None], Mapping[str, str]]]
 """Recording → use, RMSE of each output [SI], and the units of outputs that are no angles."""
 
 
-@dataclass(frozen=True, repr=False)
-class Fit(CardDisplay, WithPosterior):
-    """The result of :func:`identify`."""
+class ModelBlock(Block):
+    """The model that was fitted."""
 
-    problem: Problem
-    x: FloatArray
+    name: str
+    zero: str
+    source: str
+
+
+class CostBlock(Block):
+    """What was made least."""
+
+    name: str
+    value: Infinite
+    outputs: list[str]
+
+
+class RecordingBlock(Block):
+    """A recording beside its simulation, without the samples."""
+
+    use: Literal["fit", "validate"]
+    samples: int
+    begin: float = Field(alias="from")
+    end: float = Field(alias="to")
+    cost: Number
+    rmse: dict[str, Number]
+    fit_percent: dict[str, Number]
+    initial: dict[str, Estimate] = Field(alias="initial_state")
+    parameters: dict[str, Estimate]
+    sha256: str = Field("", alias="data_sha256")
+    windows: dict[str, dict[str, float]] = Field({})
+
+
+if TYPE_CHECKING:
+    Orders = Mapping[str, Estimate]
+    Constants = Mapping[str, Estimate]
+    Recordings = Mapping[str, RecordingFit]
+else:
+    _read = AfterValidator(Estimates), WrapSerializer(lambda values, written: written(dict(values)))
+    Orders, Constants = (Annotated[dict[str, kind], *_read] for kind in (OrderEstimate, Estimate))
+    _written = PlainSerializer(lambda of_each: {n: as_json(RecordingBlock, r) for n, r in of_each.items()})
+    Recordings = Annotated[dict[str, RecordingBlock], _written]
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Fit(CardDisplay, WithPosterior, Record):
+    """The result of :func:`identify`: what ``result.json`` says, and what it is of; docs/run-folder.md has each key."""
+
+    problem: Beside[Problem] = UNREAD
+    x: Beside[FloatArray] = UNREAD
     """The unknowns, shape (n_unknowns,)."""
-    orders: Mapping[str, Estimate]
-    parameters: Mapping[str, Estimate]
-    """By name; as a data frame :meth:`table`, or ``pandas.DataFrame(fit.parameters)``."""
-    recordings: Mapping[str, RecordingFit]
-    cost: float
-    outcome: Outcome
-    """How the search ended; its value in words."""
-    evaluations: int
-    discretisation: Discretisation | None
-    uncertainty: Uncertainty | None
-    seed: int | None
-    optimiser: str
-    warnings: tuple[str, ...] = ()
-    """Sentences, those of the findings among them."""
-    findings: tuple[Finding, ...] = ()
-    """Faults of data, project or model that were seen, each with the number that shows it."""
-    timing: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Beside[Uncertainty | None] = None
+    timing: Beside[Mapping[str, float]] = field(default_factory=dict)
     """Seconds spent, per stage."""
-    starts: tuple[Start, ...] = ()
-    """What became of each start of ``multistart``; empty for other optimisers."""
-    claim: str = "undecided"
+    model: ModelBlock
+    method: str
+    memory: str
+    step: float
+    substeps: Annotated[int, Field(ge=1)] | None = None
+    window: Annotated[float, Field(gt=0)] | None = None
+    """Seconds of a window, where recordings were fitted in windows (:mod:`fracid.estimation.windows`)."""
+    orders: Orders
+    parameters: Constants
+    """By name; as a data frame :meth:`table`, or ``pandas.DataFrame(fit.parameters)``."""
+    recordings: Recordings
+    minimised: Annotated[CostBlock, Field(alias="cost")]
+    """Name and value of the cost, and the outputs that count."""
+    discretisation: Discretisation | None = None
+    evaluations: int
+    optimiser: str
+    outcome: Annotated[Outcome, Field(strict=False)]
+    """How the search ended; its value in words."""
+    claim: ClaimWord = "undecided"
     """``fractional``, ``integer`` or ``undecided`` (:mod:`fracid.selection.claim`)."""
-    claim_reasons: tuple[str, ...] = ()
+    claim_reasons: Listed[str] = ()
     """Why, in sentences."""
-    claim_codes: tuple[str, ...] = ()
+    claim_codes: Listed[str] = ()
     """Those of its reasons, as ``no-fit``, ``memory``, ``unexplained``."""
-    opened_bounds: tuple[OpenedBound, ...] = ()
+    opened_bounds: Listed[OpenedBound] = ()
     """The bounds of the project that stopped the search, and were opened."""
     alternative: Alternative | None = None
     """The integer-order model that comes nearest, where one was tried."""
+    starts: Listed[Start] = ()
+    """What became of each start of ``multistart``; empty for other optimisers."""
+    start_that_won: str | None = None
     spread: Spread | None = None
     """What each recording says alone, where there are several."""
-    window: float | None = None
-    """Seconds of a window, where recordings were fitted in windows (:mod:`fracid.estimation.windows`)."""
     cut: CutCheck | None = None
     """How far the orders move with where the record begins, where that was asked for."""
+    interval_methods: Mapping[str, str] = field(default_factory=dict)
+    """How intervals were made, in words."""
+    warnings: Listed[str]
+    """Sentences, those of the findings among them."""
+    findings: Listed[Finding] = ()
+    """Faults of data, project or model that were seen, each with the number that shows it."""
+    seed: int | None
 
-    def to_json(self) -> dict[str, Any]:
-        """Everything but the samples, as plain JSON values; angles in radians.
-
-        See :func:`fracid.runs.folder.write_result` for the file.
-        """
-        p = self.problem
-        return as_json(FitBlock, vars(self) | {
-            "model": p.model,
-            "method": p.method,
-            "memory": p.memory.name,
-            "step": p.experiments[0].step / p.substeps,
-            "substeps": p.substeps,
-            "orders": {n: OrderEstimate(**vars(e), integer=p.model.integer_order(n)) for n, e in self.orders.items()},
-            "cost": {"name": p.cost_function.name, "value": self.cost, "outputs": p.outputs},
-            "starts": [vars(s) | {"point": p.named(s.point), "end": p.named(s.end)} for s in self.starts],
-            "start_that_won": None if (best := won(self.starts)) is None else best.origin,
-            "interval_methods": {n: METHODS[n] for n in ("sandwich", "white", "walk")} if self.uncertainty else {},
-        })  # fmt: skip
+    @property
+    def cost(self) -> float:
+        """Infinite where no run reached its end."""
+        return self.minimised.value
 
     def _card(self) -> Card:
         scores = {n: (r.use, r.rmse, r.units) for n, r in self.recordings.items()}
@@ -130,92 +168,15 @@ def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str])
     return f"{'validation' if use == 'validate' else use}, RMSE of {listed(errors)}"
 
 
-# --- result.json: docs/run-folder.md says what each key means ------------------------------------------------
-
-Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
-
-
-class RecordingBlock(Block):
-    """A recording beside its simulation, without the samples."""
-
-    use: Literal["fit", "validate"]
-    samples: int
-    begin: float = Field(alias="from")
-    end: float = Field(alias="to")
-    cost: Number
-    rmse: dict[str, Number]
-    fit_percent: dict[str, Number]
-    initial: dict[str, Estimate] = Field(alias="initial_state")
-    parameters: dict[str, Estimate]
-    sha256: str = Field("", alias="data_sha256")
-    windows: dict[str, dict[str, float]] = Field({})
-
-
-class ModelBlock(Block):
-    """The model that was fitted."""
-
-    name: str
-    zero: str
-    source: str
-
-
-class CostBlock(Block):
-    """What was made least."""
-
-    name: str
-    value: Number
-    outputs: list[str]
-
-
-class StartBlock(Block):
-    """A start of the search, and what became of it."""
-
-    origin: Origin
-    point: dict[str, Unknown] = Field(alias="start")
-    first_cost: Infinite = Field(alias="cost_on_first_swing")
-    end: dict[str, Unknown]
-    cost: Number
-    ended: str
-    joined: Origin | None
-    evaluations: int
-
-
-class FitBlock(Block):
-    """A fit without its samples."""
-
-    model: ModelBlock
-    method: str
-    memory: str
-    step: float
-    substeps: int | None = Field(None, ge=1)
-    window: float | None = Field(None, gt=0)
-    orders: dict[str, OrderEstimate]
-    parameters: dict[str, Estimate]
-    recordings: dict[str, RecordingBlock]
-    cost: CostBlock
-    discretisation: Discretisation | None = None
-    evaluations: int
-    optimiser: str
-    outcome: Annotated[Outcome, Field(strict=False)]
-    claim: ClaimWord | None = None
-    claim_reasons: Listed[str] = ()
-    claim_codes: Listed[str] = ()
-    opened_bounds: Listed[OpenedBound] = ()
-    alternative: Alternative | None = None
-    starts: list[StartBlock] = Field([])
-    start_that_won: str | None = None
-    spread: Spread | None = None
-    cut: CutCheck | None = None
-    interval_methods: dict[str, str] = Field({})
-    warnings: Listed[str]
-    findings: Listed[Finding] = ()
-    seed: int | None
-
-
-class ResultBlock(FitBlock):
-    """Everything that a run of ``fracid fit`` found; angles in radians, times in seconds, all else in SI."""
-
-    preset: str | None = None
-    data_sha256: dict[str, str]
-    versions: dict[str, str]
-    timing: dict[str, float] = Field({})
+def of_problem(p: Problem, x: FloatArray, cost: float) -> dict[str, Any]:
+    """What of a fit follows from its problem, its minimum and its cost there."""
+    return {
+        "problem": p,
+        "x": x,
+        "model": ModelBlock(name=p.model.name, zero=p.model.zero, source=p.model.source),
+        "method": p.method,
+        "memory": p.memory.name,
+        "step": p.experiments[0].step / p.substeps,
+        "substeps": p.substeps,
+        "minimised": CostBlock(name=p.cost_function.name, value=cost, outputs=list(p.outputs)),
+    }

@@ -45,7 +45,7 @@ from fracid.cards import listed
 from fracid.errors import SMALLEST, Failure, FailureReason, InputError, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
-from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
+from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
 from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
@@ -62,13 +62,13 @@ from fracid.estimation.long_records import (
 )
 from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
-from fracid.estimation.records import Estimate, Estimates, RecordingFit, fit_of
+from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit, fit_of
 from fracid.estimation.search import search
-from fracid.estimation.starts import Start
+from fracid.estimation.starts import Start, won
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.estimation.windows import beginning, chosen_window, closes_a_loop, lengthened, prediction_of, windowed
 from fracid.findings import Finding, Note, Words
-from fracid.fit import PARTIAL, Fit
+from fracid.fit import PARTIAL, Fit, of_problem
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
@@ -685,16 +685,21 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     messages = (partial, *(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, analysis.verdicts), *analysis.warnings,
                 *_followed(problem, best.point, analysis.window))  # fmt: skip
+    starts = analysis.starts
     return Fit(
-        problem=problem, x=best.point, cost=cost, evaluations=evaluations, seed=analysis.seed,
+        **of_problem(problem, best.point, cost), evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
         outcome=outcome,
-        orders=Estimates({n: estimates[n] for n in problem.orders}),
+        orders=Estimates({
+            n: OrderEstimate(**vars(estimates[n]), integer=problem.model.integer_order(n)) for n in problem.orders
+        }),
         parameters=Estimates({n: estimates[n] for n in problem.model.parameter_names if n in estimates}),
-        recordings=fitted | analysis.validated, starts=analysis.starts, opened_bounds=opened,
+        recordings=fitted | analysis.validated, opened_bounds=opened,
+        starts=starts, start_that_won=None if (lowest := won(starts)) is None else lowest.origin,
         alternative=alternative, spread=analysis.spread, window=analysis.window,
         cut=analysis.cut if isinstance(analysis.cut, CutCheck) else None,
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
+        interval_methods=OF_FITS if isinstance(precision, Uncertainty) else {},
         timing=dict(timing),
         warnings=tuple(w for w in messages if w), findings=tuple(findings),
         claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons, claim_codes=analysis.claim.codes,

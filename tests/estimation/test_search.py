@@ -12,7 +12,6 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, horizons, refined
 from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won
-from fracid.fit import StartBlock
 from fracid.identification import identify
 from fracid.optimise import (
     OPTIMISERS,
@@ -28,7 +27,6 @@ from fracid.optimise import (
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import cost_from_name
-from fracid.safety.schema import as_json
 from fracid.tasks.journal import Journal
 from program import no_rivals
 from twins import release
@@ -71,7 +69,7 @@ def eight():
 def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
     kinds = [s.origin.split()[0] for s in eight.starts]
     assert kinds == ["given", "regression", *["Sobol"] * 6]
-    assert eight.starts[0].point.tolist() == eight.problem.start.tolist()
+    assert eight.starts[0].point == eight.problem.named(eight.problem.start)
     assert eight.starts[1].first_cost < eight.starts[0].first_cost  # what a regression is for
     sobol = [s.first_cost for s in eight.starts[2:]]
     assert sobol == sorted(sobol)
@@ -79,10 +77,11 @@ def test_the_starts_are_the_given_one_the_regressions_and_sobol_points(eight):
 
 @pytest.mark.broad
 def test_initial_states_stay_as_measured(eight):
-    at = [i for i, u in enumerate(eight.problem.unknowns) if u.kind == "initial"]
-    assert len(at) == 4
+    names = [u.name for u in eight.problem.unknowns if u.kind == "initial"]
+    assert len(names) == 4
+    begin = eight.problem.named(eight.problem.start)
     for start in eight.starts:
-        assert start.point[at].tolist() == eight.problem.start[at].tolist()
+        assert all(start.point[n] == begin[n] for n in names)
 
 
 @pytest.mark.broad
@@ -287,7 +286,7 @@ def test_sobol_points_fill_bounds_by_decades_where_the_bounds_are_wide():
 
 
 def start(origin, cost, joined=None):
-    return Start(origin, np.zeros(1), 1.0, np.zeros(1), cost, "in words", 9, joined)
+    return Start(origin, {}, 1.0, {}, cost, "in words", joined, 9)
 
 
 FOUR = (start("given", 0.2), start("Sobol 1", None, "Sobol 2"), start("Sobol 2", 0.1), start("Sobol 7", None))
@@ -305,7 +304,7 @@ def test_what_a_climb_came_to_is_drawn_and_written_as_a_start():
     climb = [start("given", 0.3), start("the simpler structure", 0.2), start("windows", 0.1)]
     drawn = [n for line in waterfall(climb).axes[0].get_lines() if not (n := line.get_label()).startswith("_")]
     assert drawn == [s.origin for s in climb]
-    assert [as_json(StartBlock, vars(s) | {"point": {}, "end": {}})["origin"] for s in climb] == drawn
+    assert [Start.of_json(s.to_json()) for s in climb] == climb
 
 
 def test_a_waterfall_of_which_nothing_arrived_is_still_a_figure():

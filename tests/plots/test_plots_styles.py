@@ -106,8 +106,8 @@ CUT = CutCheck(AsFitted({"lambda": 0.9, "mu": 1.0}, 0.1, {"alpha": 0.1}), {"lamb
                {"with the past": PAST}, {})  # fmt: skip
 DRIFTS = tuple(Drift(order, "release 92°", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)
                for order in ("lambda", "mu"))  # fmt: skip
-STARTS = [Start("given", np.zeros(1), 1.0, np.zeros(1), 0.1, "converged", 9),
-          Start("Sobol 1", np.zeros(1), 2.0, np.zeros(1), 0.7, "converged", 5)]  # fmt: skip
+STARTS = [Start("given", {}, 1.0, {}, 0.1, "converged", None, 9),
+          Start("Sobol 1", {}, 2.0, {}, 0.7, "converged", None, 5)]  # fmt: skip
 
 TENTH = np.linspace(0, 1, len(VALLEY))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -140,11 +140,11 @@ def _not_minimum(problem: Problem, likelihood: RecordedLikelihood, x: FloatArray
     return (SAYS("not-at-minimum", rise=rise),)
 
 
-def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[FloatArray]) -> tuple[str, ...]:
+def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[Mapping[str, float]]) -> tuple[str, ...]:
     """That the search has seen another minimum of a similar cost: draws about one of two do not show it."""
     if not problem.names:
         return ()
-    for end in ends:
+    for end in (np.array([values.get(n, math.nan) for n in problem.names]) for values in ends):
         delta = end - likelihood.centre
         distance = math.sqrt(float(delta @ likelihood.precision @ delta) / len(delta))
         if distance > APART and likelihood.log_likelihood(end) > -NEAR:

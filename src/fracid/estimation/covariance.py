@@ -129,6 +129,9 @@ METHODS = {
 }
 """What an interval's method is called, and what it is."""
 
+OF_FITS = {name: METHODS[name] for name in ("sandwich", "white", "walk")}
+"""Those of a fit's intervals."""
+
 TAKEN = 0.75
 """More than this part of a variance the fit is never thought to have taken out of the residuals."""
 

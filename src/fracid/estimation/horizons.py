@@ -139,6 +139,8 @@ class _Way:
     """A start on its way."""
 
     start: Start
+    at: FloatArray
+    """Where it is by now, shape (n_unknowns,)."""
     came_down: bool = False
 
     def now(self, **changes: Any) -> None:
@@ -154,7 +156,8 @@ def grown_horizon(
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
     """
     left = "left when the search was interrupted"
-    ways = [_Way(Start(origin, x, np.inf, x, None, left, 0)) for origin, x in points]
+    named = problem.named
+    ways = [_Way(Start(origin, named(x), np.inf, named(x), None, left, None, 0), x) for origin, x in points]
     live, whole, baseline = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
     parts, others = [*horizons(problem), whole], iter(spare)
     for number, horizon in enumerate(parts):
@@ -169,7 +172,7 @@ def grown_horizon(
                 result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
         if result.interrupted and not last:
             nearest = live[int(np.argmin([_best_cost(p) for p in paths]))]
-            result = replace(result, best=problem.evaluate(nearest.start.end))
+            result = replace(result, best=problem.evaluate(nearest.at))
         if result.interrupted or last:
             break
         live = _promising(live, paths, number, f"{horizon:.3g} s")
@@ -185,11 +188,11 @@ def _on_part(
     at = problem if last else problem.until(horizon)
     options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
     paths = [Path(came_down=w.came_down) for w in live]
-    descents = [_descent(at, w.start.end, **options) for w in live]
+    descents = [_descent(at, w.at, **options) for w in live]
     part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
     result = minimised(at, lockstep(descents, paths, keep=keep), watch, part)
     for way, path in zip(live, paths, strict=True):
-        _advance(way, path, live, first, last, f"{horizon:.3g} s")
+        _advance(problem, way, path, live, first, last, f"{horizon:.3g} s")
     return result, paths
 
 
@@ -199,8 +202,8 @@ def _moved(
 ) -> tuple[Result | None, Path]:  # fmt: skip
     """Begin a start whose run fails anew from another point, up to where the others are; as it was if none is left."""
     for origin, x in others:
-        way.now(origin=origin, point=x, end=x)
-        way.came_down = False
+        way.now(origin=origin, point=problem.named(x), end=problem.named(x))
+        way.at, way.came_down = x, False
         for k, horizon in enumerate(parts):
             result, (path,) = _on_part(problem, [way], horizon, whole, watch, first=k == 0, keep=())
             if result.interrupted:
@@ -216,14 +219,14 @@ def _best_cost(path: Path) -> float:
     return np.inf if path.best is None else path.best.cost
 
 
-def _advance(way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
+def _advance(problem: Problem, way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
     """Take over what a search has come to on one horizon."""
     way.now(evaluations=way.start.evaluations + path.evaluations)
     if path.best is None:
         return
     way.came_down, cost = path.came_down, path.best.cost
-    way.now(first_cost=path.first_cost if first else way.start.first_cost,
-            end=path.best.point if np.isfinite(cost) else way.start.end)  # fmt: skip
+    way.at = path.best.point if np.isfinite(cost) else way.at
+    way.now(first_cost=path.first_cost if first else way.start.first_cost, end=problem.named(way.at))
     if path.joined is not None:
         joined = live[path.joined].start.origin
         way.now(joined=joined, ended=f"left at {until}: the fit has become that of the start {joined}")

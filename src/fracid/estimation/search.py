@@ -146,7 +146,16 @@ def _climbing(
     except KeyboardInterrupt:
         return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
     starts = [
-        Start(origin, problem.start, np.inf, end.best.point, end.best.cost, end.outcome.value, end.evaluations)
+        Start(
+            origin,
+            problem.named(problem.start),
+            np.inf,
+            problem.named(end.best.point),
+            end.best.cost,
+            end.outcome.value,
+            None,
+            end.evaluations,
+        )
         for origin, end in ends
     ]
     lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)
@@ -220,7 +229,9 @@ def _scattered(
     results = [*run_tasks(_one_start, tasks, executor=executor, jobs=watch.jobs, journal=journal).values()]
     ends = [EndBlock.model_validate(content) for content in results]
     starts = tuple(
-        Start(origin, x, e.first_cost, np.array(e.end), e.cost, e.ended, e.evaluations)
+        Start(
+            origin, problem.named(x), e.first_cost, problem.named(np.array(e.end)), e.cost, e.ended, None, e.evaluations
+        )
         for (origin, x), e in zip(points, ends, strict=True)
     )
     watch.count += sum(s.evaluations for s in starts)
@@ -232,4 +243,4 @@ def _scattered(
 def _one_start(problem: Problem, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
     result, (start,) = grown_horizon(problem, [(origin, x)], Watch())
-    return as_json(EndBlock, vars(start) | {"end": start.end.tolist(), "outcome": result.outcome.value})
+    return as_json(EndBlock, vars(start) | {"end": [*start.end.values()], "outcome": result.outcome.value})

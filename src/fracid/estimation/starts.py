@@ -2,36 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from fracid.arrays import FloatArray
+from fracid.safety.schema import Infinite, Number, Record, Unknown
 
 SAME_COST = 1.01
 """Costs up to this factor above the lowest are the same step of the waterfall."""
 
 
+Origin = Annotated[str, Field(pattern=r"^(given|regression|Sobol [0-9]{1,9}|the simpler structure|windows)$")]
+
+
 @dataclass(frozen=True)
-class Start:
+class Start(Record):
     """One start of the search, and what became of it."""
 
-    origin: str
+    origin: Origin
     """``given``, ``regression`` or ``Sobol 3``."""
-    point: FloatArray
-    """Where it started, shape (n_unknowns,)."""
-    first_cost: float
+    point: Annotated[Mapping[str, Unknown], Field(alias="start")]
+    """Where it started, by unknown."""
+    first_cost: Annotated[Infinite, Field(alias="cost_on_first_swing")]
     """There, on the first swing; infinite where the run fails."""
-    end: FloatArray
-    """Where it ended or was left, shape (n_unknowns,)."""
-    cost: float | None
+    end: Mapping[str, Unknown]
+    """Where it ended or was left, by unknown."""
+    cost: Number
     """There, on the whole record; None where it was left before."""
     ended: str
     """How, in words."""
-    evaluations: int
-    joined: str | None = None
+    joined: Origin | None
     """The origin of the start whose minimum it fell into."""
+    evaluations: int
 
 
 def won(starts: Sequence[Start]) -> Start | None:

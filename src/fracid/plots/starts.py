@@ -48,8 +48,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
     --------
     >>> from fracid.estimation.starts import Start
     >>> at = np.zeros(1)
-    >>> figure = waterfall([Start("given", at, 1.0, at, 0.1, "converged", 9),
-    ...                     Start("Sobol 1", at, 2.0, at, None, "left", 5, "given")])
+    >>> figure = waterfall([Start("given", at, 1.0, at, 0.1, "converged", None, 9),
+    ...                     Start("Sobol 1", at, 2.0, at, None, "left", "given", 5)])
     >>> figure.axes[0].get_xlabel()
     'start, sorted by its final cost'
     """

@@ -21,7 +21,6 @@ from markupsafe import Markup, escape
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, writing
-from fracid.fit import ResultBlock
 from fracid.optimise.base import Outcome
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
@@ -30,6 +29,7 @@ from fracid.report.samples import floats_of
 from fracid.report.sentences import in_unit, joined, letter
 from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
+from fracid.runs.saved import SavedRun
 from fracid.safety.door import opened, text_of, write_text
 from fracid.safety.json_files import json_of
 from fracid.safety.schema import read_if_whole
@@ -123,7 +123,7 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
     for path in sorted(folder.glob("*/result.json")):
         if path.parent.is_symlink():  # what is written there would lie elsewhere
             continue
-        if not (result := read_if_whole(path, ResultBlock)):
+        if not (result := read_if_whole(path, SavedRun)):
             continue
         environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
         who = identity(path.parent, result, environment)

@@ -16,7 +16,7 @@ from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.cost_profile import ProfilesBlock
 from fracid.estimation.records import RecordingFit
-from fracid.fit import Fit, ResultBlock
+from fracid.fit import Fit
 from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
@@ -70,7 +70,7 @@ class Material:
     ) -> Material:
         """From a fit that has just been written to its folder."""
         try:
-            result = read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT")
+            result = read_as(folder / "result.json", SavedRun, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
         return cls(folder, result, _as_solved(project, fit.problem), fit.x, fit.recordings, plane, tested=tested)

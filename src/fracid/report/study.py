@@ -25,12 +25,12 @@ from fracid.errors import InputError, writing
 from fracid.estimation.cost_profile import ProfilesBlock
 from fracid.estimation.likelihood_record import LikelihoodBlock
 from fracid.experiments.plan import PlanBlock
-from fracid.fit import ResultBlock
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, in_unit, interval, letter
+from fracid.runs.saved import SavedRun
 from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, as_json, fault_of, read_as, read_if_whole
@@ -335,7 +335,7 @@ def _run(folder: Path) -> Path | None:
 
 def _integers(run: Path | None) -> dict[str, float | None]:
     """Of each order its integer; of a study apart from its run, those of the library's models."""
-    result = read_if_whole(run / "result.json", ResultBlock) if run else {}
+    result = read_if_whole(run / "result.json", SavedRun) if run else {}
     return {n: e.get("integer", 1.0) for n, e in result.get("orders", {"lambda": {}, "mu": {}}).items()}
 
 

@@ -36,7 +36,7 @@ from typing import Any
 
 from fracid.errors import InputError, writing
 from fracid.findings import Words
-from fracid.fit import Fit, ResultBlock
+from fracid.fit import Fit
 from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
@@ -406,12 +406,12 @@ def result_of(fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[s
     >>> result_of.__name__
     'result_of'
     """
-    return as_json(ResultBlock, fit.to_json() | {
+    return fit.to_json() | {
         "preset": project.preset,
         "data_sha256": {r.name: r.sha256 for r in project.recordings},
         "versions": versions(),
         "timing": {stage: round(seconds, 3) for stage, seconds in timing.items()},
-    })  # fmt: skip
+    }
 
 
 def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, float]) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.errors import InputError, unknown_name
 from fracid.estimation.likelihood_record import LikelihoodBlock
-from fracid.fit import ResultBlock
 from fracid.regression.linear import RegressionResultBlock
+from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord
@@ -19,7 +19,7 @@ from fracid.validation.monte_carlo import NoiseStudy
 from fracid.validation.residual_records import ResidualsBlock
 
 FILES: dict[str, type[Block | Record]] = {
-    "result.json": ResultBlock,
+    "result.json": SavedRun,
     "residuals.json": ResidualsBlock,
     "profiles.json": LikelihoodBlock,
     "regression.json": RegressionResultBlock,

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections import UserDict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -30,16 +30,15 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
-from fracid.estimation.records import Estimate, Estimates, RecordingFit, fit_of
-from fracid.estimation.starts import Start
+from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
-from fracid.fit import Fit, ResultBlock, StartBlock
+from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.safety.door import text_of
-from fracid.safety.json_files import from_json, json_of
+from fracid.safety.json_files import json_of
 from fracid.safety.paths import path_of, refuse_mistaken
-from fracid.safety.schema import Block, as_json, fault_of, read_if_whole, record_of
+from fracid.safety.schema import UNREAD, Beside, Block, as_json, fault_of, read_if_whole, record_of
 from fracid.safety.text import ascii_short
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
@@ -59,11 +58,15 @@ class SavedRun(Fit):
     Its recordings are simulated when they are first asked for, with the values of validation recordings too.
     """
 
-    folder: Path
-    result: Mapping[str, Any]
+    preset: str | None = None
+    data_sha256: Mapping[str, str]
+    versions: Mapping[str, str]
+    timing: Mapping[str, float] = field(default_factory=dict)
+    folder: Beside[Path] = UNREAD
+    result: Beside[Mapping[str, Any]] = UNREAD
     """The content of ``result.json``."""
-    project: Project
-    values: Mapping[str, float]
+    project: Beside[Project] = UNREAD
+    values: Beside[Mapping[str, float]] = UNREAD
     """Name of each unknown → its value, those of validation recordings too."""
 
     def to_json(self) -> dict[str, Any]:
@@ -90,7 +93,7 @@ class SavedRun(Fit):
         if _text(self.project.path) not in (None, self.project.text):
             yield f"{self.project.path} has changed since the run; what counts here is the run's own copy of it."
         for name, r in self.recordings.items():
-            scores = self.result.get("recordings", {}).get(name, {}).get("rmse", {})
+            scores = self.result["recordings"].get(name, {}).get("rmse", {})
             for output, now in r.rmse.items():
                 before = scores.get(output)
                 if before is not None and not abs(now - before) <= DIFFERENT * before:
@@ -112,18 +115,15 @@ class _Recordings(UserDict[str, RecordingFit]):
         return self._make()
 
 
-def _simulated(
-    problem: Problem, x: FloatArray, values: Mapping[str, float], result: Mapping[str, Any], project: Project
-) -> dict[str, RecordingFit]:
-    validating, window = [problem.with_shared(x, (e,)) for e in project.validation], result.get("window")
-    if window is not None:
-        validating = [windowed(p, window) for p in validating]
+def _simulated(run: SavedRun) -> dict[str, RecordingFit]:
+    """Of a run that has its recordings as its file has them."""
+    validating = [run.problem.with_shared(run.x, (e,)) for e in run.project.validation]
+    if run.window is not None:
+        validating = [windowed(p, run.window) for p in validating]
     return {
-        name: fit_of(own, _vector(own, values), name, use, *(
-            {n: record_of(Estimate, v) for n, v in result["recordings"].get(name, {}).get(key, {}).items()}
-            for key in ("initial_state", "parameters")
-        ))
-        for own, use in [(problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
+        name: fit_of(own, _vector(own, run.values), name, use, there.initial, there.parameters)
+        for own, use in [(run.problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
+        for there in [run.recordings[name]]
     }  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     refuse_links(folder)
     result = _read(folder / "result.json")
     project = _project(folder, result, trust)
-    hashes = result.get("data_sha256", {})
+    hashes = result["data_sha256"]
     for r in project.recordings:
         if hashes.get(r.name) != r.sha256:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
@@ -176,22 +176,15 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
 
 def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> SavedRun:
     """The fit that result.json describes: of the project, with the bounds that it opened and the step that it took."""
-    block, values = record_of(ResultBlock, result), _values(result)
-    problem = reopened(project.problem, block.opened_bounds)
-    if block.window is not None:
-        problem = windowed(problem, block.window)
-    if not project.fixed_step and block.substeps is not None:
-        problem = replace(problem, substeps=block.substeps)
-    x = _vector(problem, values)
-    own: dict[str, Any] = {
-        "folder": folder, "result": result, "project": project, "values": values, "problem": problem, "x": x,
-        "orders": Estimates({n: record_of(Estimate, entry) for n, entry in result["orders"].items()}),
-        "parameters": Estimates(block.parameters), "uncertainty": None,
-        "recordings": _Recordings(partial(_simulated, problem, x, values, result, project)),
-        "cost": from_json(block.cost.value, math.inf), "claim": block.claim or "undecided",
-        "starts": tuple(_start(start, problem) for start in block.starts),
-    }  # fmt: skip
-    return SavedRun(**{n: value for n, value in block if n in SavedRun.__dataclass_fields__} | own)
+    run, values = record_of(SavedRun, result), _values(result)
+    problem = reopened(project.problem, run.opened_bounds)
+    if run.window is not None:
+        problem = windowed(problem, run.window)
+    if not project.fixed_step and run.substeps is not None:
+        problem = replace(problem, substeps=run.substeps)
+    run = replace(run, folder=folder, result=result, project=project, values=values, problem=problem,
+                  x=_vector(problem, values), uncertainty=None)  # fmt: skip
+    return replace(run, recordings=_Recordings(partial(_simulated, run)))
 
 
 def _strange(run: SavedRun) -> Iterator[str]:
@@ -201,8 +194,8 @@ def _strange(run: SavedRun) -> Iterator[str]:
         yield "its recordings are others"
     if missing := set(model.order_names) - set(result["orders"]):
         yield f"it has no order {min(missing)!r}"
-    if result.get("substeps") not in (None, run.problem.substeps):
-        yield f"its substeps are {result['substeps']}, and the project fixes {run.problem.substeps}"
+    if run.substeps not in (None, run.problem.substeps):
+        yield f"its substeps are {run.substeps}, and the project fixes {run.problem.substeps}"
     outputs = set(run.problem.outputs)
     for name, r in result["recordings"].items():
         if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:
@@ -213,26 +206,25 @@ def _strange(run: SavedRun) -> Iterator[str]:
         slack = DIFFERENT * (high - low if math.isfinite(high - low) else abs(run.values.get(u.name, 0.0)))
         if not low - slack <= run.values.get(u.name, u.range.start) <= high + slack:
             yield f"{u.name} = {run.values[u.name]:.6g} is outside of its bounds, {low:.6g} to {high:.6g}"
-    yield from _strange_blocks(result)
+    yield from _strange_blocks(run)
 
 
-def _strange_blocks(result: Mapping[str, Any]) -> Iterator[str]:
+def _strange_blocks(run: SavedRun) -> Iterator[str]:
     """Blocks that name what others have."""
-    targets = {s["origin"]: s["joined"] for s in result.get("starts", [])}
+    targets = {s.origin: s.joined for s in run.starts}
     for origin in targets:
         way = [origin]
         while (after := targets.get(way[-1])) is not None and len(way) <= len(targets):
             way.append(after)
         if way[-1] not in targets or len(way) > len(targets):
             yield f"the start {origin} joined one that is not there"
-    check, spread, cut = result.get("discretisation"), result.get("spread"), result.get("cut")
-    if check and not set(check["shift"]) == set(check["orders"]) <= set(result["orders"]):
+    check, spread, cut = run.discretisation, run.spread, run.cut
+    if check and not set(check.shift) == set(check.orders) <= set(run.orders):
         yield "the orders of its discretisation are others"
-    if spread and any(len(u[key]) != len(spread["recordings"]) for u in spread["unknowns"].values()
-                      for key in ("values", "standard_errors")):  # fmt: skip
+    if spread and any({len(u.values), len(u.standard_errors)} != {len(spread.recordings)}
+                      for u in spread.unknowns.values()):  # fmt: skip
         yield "its spread is of other recordings"
-    if cut and any(set(t["orders"]) != set(cut["as_fitted"]["orders"]) or set(t["shift"]) != set(t["orders"])
-                   for t in cut["treatments"].values()):  # fmt: skip
+    if cut and any(not set(t.shift) == set(t.orders) == set(cut.as_fitted.orders) for t in cut.treatments.values()):
         yield "the orders of its cut are others"
 
 
@@ -242,9 +234,9 @@ def _read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         content = None
     if isinstance(content, dict):
-        if fault := fault_of(content, ResultBlock):
+        if fault := fault_of(content, SavedRun):
             raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
-        return content | as_json(ResultBlock, content)  # with what follows from the rest, whatever stood there
+        return content | as_json(SavedRun, content)  # with what follows from the rest, whatever stood there
     kind = _optional(path.parent / "run.json", "kind", "")
     if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
         raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
@@ -268,12 +260,12 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
     reason = ""
     for path in (*there, folder / "project.toml"):
         try:
-            return project_from_text(text, path, preset=result.get("preset"))
+            return project_from_text(text, path, preset=result["preset"])
         except NotTrusted:
             if not trust:
                 raise
             # there and nowhere else: it is the file that was named to be read
-            return project_from_text(text, path, preset=result.get("preset"), trust=True)
+            return project_from_text(text, path, preset=result["preset"], trust=True)
         except FracidError as error:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
@@ -306,20 +298,14 @@ def _optional(path: Path, key: str, otherwise: Any) -> Any:
 
 def _values(result: Mapping[str, Any]) -> dict[str, float]:
     """Name of each unknown → its value in result.json."""
-    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result.get(block, {}).items()}
-    for name, r in result.get("recordings", {}).items():
-        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r.get("initial_state", {}).items()}
-        shared |= {f"{n} [{name}]": e["value"] for n, e in r.get("parameters", {}).items()}
-        shared |= {f"{n}(0) [{w}]": v for w, states in r.get("windows", {}).items() for n, v in states.items()}
+    shared = {n: e["value"] for block in ("orders", "parameters") for n, e in result[block].items()}
+    for name, r in result["recordings"].items():
+        shared |= {f"{n}(0) [{name}]": e["value"] for n, e in r["initial_state"].items()}
+        shared |= {f"{n} [{name}]": e["value"] for n, e in r["parameters"].items()}
+        shared |= {f"{n}(0) [{w}]": v for w, states in r["windows"].items() for n, v in states.items()}
     return {n: float(v) for n, v in shared.items() if v is not None}
 
 
 def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     """What a result does not name (a search that failed) stays at its start."""
     return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])
-
-
-def _start(block: StartBlock, problem: Problem) -> Start:
-    """What result.json says of a start."""
-    point, end = (np.array([x.get(n, np.nan) for n in problem.names]) for x in (block.point, block.end))
-    return Start(**dict(block) | {"point": point, "end": end})

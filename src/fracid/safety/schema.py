@@ -6,6 +6,7 @@
 ``Infinite``       a number or null, which is infinite
 ``Numbers``        a list of numbers, from an array too
 ``Array``          an array, in which null is NaN; infinite in an ``InfiniteArray`` and an ``InfiniteMatrix``
+``Beside``         what is no part of the file
 ``Interval``       a list of two numbers; ``Ends``, of which the type knows that they are two; ``OpenInterval``
 =================  ==========================================================================================
 
@@ -46,7 +47,8 @@ from pydantic import (
     computed_field,
     model_validator,
 )
-from pydantic_core.core_schema import CoreSchema, ValidationInfo, with_info_after_validator_function
+from pydantic.json_schema import SkipJsonSchema
+from pydantic_core.core_schema import CoreSchema, ValidationInfo, any_schema, with_info_after_validator_function
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
@@ -83,6 +85,20 @@ else:
 T = TypeVar("T")
 Listed = Annotated[tuple[T, ...], Field(strict=False)]
 """A tuple, which is a list in JSON."""
+
+
+class _Anything:
+    """Any object: nothing of it is read or written."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return any_schema()
+
+
+Beside = Annotated[T, _Anything(), Field(exclude=True), SkipJsonSchema()]
+"""What a record has beside the content of its file."""
+
+UNREAD: Any = None
+"""In its place where the file was read."""
 
 
 def _listed(value: Any) -> Any:

@@ -22,8 +22,8 @@ from typing import Any
 
 from fracid.errors import InputError, NotTrusted
 from fracid.findings import Words
-from fracid.fit import ResultBlock
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
+from fracid.runs.saved import SavedRun
 from fracid.safety.paths import refuse_mistaken
 from fracid.safety.schema import fault_of, read_as
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
@@ -148,7 +148,7 @@ def finished_result(folder: Path) -> Any:
     fracid.errors.InputError: The fit in nowhere/rig was finished, but ...
     """
     missing = "The fit in {path.parent} was finished, but {path} cannot be read; fit it again."
-    return read_as(folder / "result.json", ResultBlock, "fracid fit PROJECT", missing)
+    return read_as(folder / "result.json", SavedRun, "fracid fit PROJECT", missing)
 
 
 # ------------------------------------------------------------------ studies
