@@ -307,7 +307,13 @@ def said(**changes):
         "parameters": {"C1": estimate(0.004, 0.001)},
         "recordings": {"a": recording, "b": recording | {"use": "validate"}},
         "cost": {"value": 0.01},
+        "claim": "fractional",
+        "claim_reasons": [],
+        "claim_codes": [],
         "alternative": None,
+        "findings": [],
+        "spread": None,
+        "cut": None,
         "outcome": Outcome.CONVERGED,
         "discretisation": {"warning": "", "shift": {"mu": 1e-4}},
     } | changes
@@ -336,7 +342,7 @@ LINES = {
     ),
     "orders that a rival does without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL | {"warning": "It is friction."}}, False,
-        "It is friction.",
+        "They stand in for something of integer order, see above.",
     ),
     "orders off 1 without a rival": ("Orders", {"orders": {"mu": estimate(0.9, 0.01)}}, False, "no integer-order"),
     "an order next to its integer value, which is 0": (
@@ -390,10 +396,10 @@ LINES = {
 
 
 @pytest.mark.parametrize("case", LINES)
-def test_the_verdict_has_five_lines_and_each_says_what_the_result_means(case):
+def test_the_verdict_has_six_lines_and_each_says_what_the_result_means(case):
     about, changes, good, words = LINES[case]
     lines = {line.about: line for line in verdict(said(**changes))}
-    assert list(lines) == ["Fit", "Orders", "Prediction", "Values", "Checks"]
+    assert list(lines) == ["Claim", "Fit", "Orders", "Prediction", "Values", "Checks"]
     assert words in lines[about].sentence
     assert lines[about].good is good
 

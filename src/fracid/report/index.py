@@ -250,11 +250,11 @@ def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[dict[str, An
             **vars(run.who), "kind": "fit", "started": run.started, "date": _date(run.started), "result": run.result,
             "claim": claim, "model": run.result["model"]["name"], "orders": orders_drawn(run.result["orders"], axis),
             "href": _address(run.folder / PAGE, folder), "against": list(against.values()),
-            "good": claim not in (None, "undecided") and not against and not run.who.partial,
+            "good": claim != "undecided" and not against and not run.who.partial,
             **_errors(run.result["recordings"]), "swings": _swings(run.folder / PAGE),
         }
         for run in runs
-        for against, claim in [(doubts(run.result), run.result.get("claim"))]
+        for against, claim in [(doubts(run.result), run.result["claim"])]
     ]  # fmt: skip
     cards = sorted(cards + studies, key=lambda card: (card["started"], card["name"]))
     kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))

@@ -38,7 +38,7 @@ from fracid.report.sentences import counted, described, half_width, joined, lett
 from fracid.report.study import in_script, ladder_of, studies_of
 from fracid.report.surface import RISE, Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
-from fracid.report.verdict import Line, does_not_fit, moved_by_the_step, verdict
+from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
@@ -258,7 +258,7 @@ def _joint_surface(joint: Mapping[str, Any]) -> Surface:
 def _context(material: Material) -> dict[str, Any]:
     result, model, environment = material.result, material.model, material.beside("environment.json")
     rows, own = [*_parameters(material)], [*_per_recording(material)]
-    headline, lines = _headline(verdict(material))
+    headline, *lines = verdict(material)
     who = identity(material.folder, result, environment)
     return {
         "material": material, "project": material.project, "result": result, "environment": environment,
@@ -291,14 +291,6 @@ def _said_nowhere_else(result: Mapping[str, Any], rows: list[dict[str, Any]]) ->
     elsewhere = [check.get("warning"), *(row.get("reason") for row in rows), *cut.get("warnings", ()),
                  *alone.get("sentences", ())]  # fmt: skip
     return [w for w in unsaid(result) if not any(said and said in w for said in elsewhere)]
-
-
-def _headline(lines: tuple[Line, ...]) -> tuple[Line, tuple[Line, ...]]:
-    """What the page says first: the claim; of a result without one its orders, in order where all else is."""
-    named = {line.about: line for line in lines}
-    others = tuple(line for line in lines if line.about != "Claim")
-    orders = replace(named["Orders"], good=all(named[about].good for about in ("Fit", "Orders", "Checks")))
-    return named.get("Claim", orders), others
 
 
 def _names(recordings: list[str]) -> str:
@@ -339,7 +331,7 @@ def _begins(material: Material, name: str) -> str:
         return ""
     release, start = material.as_recorded[name].report.release, result["recordings"][name]["from"]
     after = f", {number(start - release, '.2g')} s after its release" if release is not None and start > release else ""
-    checked = result.get("cut") is not None
+    checked = result["cut"] is not None
     what = "Where the record begins, under Checks," if checked else f"fracid fit {material.project.path.name} --cut"
     return (f"It begins in motion{after}: the motion before the record, part of its memory, is unknown. {what} shows "
             "how far the orders move with that.")  # fmt: skip

@@ -33,7 +33,7 @@ from fracid.report.sentences import counted, in_unit, interval, letter
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import bytes_of, own_text, text_of, write_text
 from fracid.safety.json_files import plain
-from fracid.safety.schema import Block, Record, as_json, fault_of, read_as, read_if_whole
+from fracid.safety.schema import Block, Record, fault_of, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord, margin_text
 from fracid.schemas.run_record import EnvironmentBlock
@@ -293,10 +293,9 @@ def _moment(seconds: float) -> str:
 def _record(folder: Path, file: str) -> dict[str, Any]:
     command = f"fracid {STUDIES[file].command}"
     try:
-        record: dict[str, Any] = read_as(folder / file, STUDIES[file].record, command)
+        return dict(read_as(folder / file, STUDIES[file].record, command))
     except OSError:
         raise InputError(f"{folder} holds no {file}. Write it: {command}.") from None
-    return record | as_json(STUDIES[file].record, record)  # with what it may leave out
 
 
 def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:

@@ -40,7 +40,7 @@ class Line:
 def verdict(material: Material) -> tuple[Line, ...]:
     """The report's first screen: claim, fit, orders, prediction, values, checks."""
     lines = (_fit(material), _orders(material), _prediction(material), _values(material), _checks(material))
-    return (*_claim(material, lines), *lines)
+    return (_claim(material, lines), *lines)
 
 
 CLAIMS = {
@@ -52,12 +52,9 @@ CLAIMS = {
 """What each claim means, in words; and what a fit that is none."""
 
 
-def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
+def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
     """What is claimed of the rig, in one sentence; in order only where nothing on the page contradicts it."""
-    claim = material.result.get("claim")
-    if claim is None:  # of an earlier version
-        return
-    against = contradictions(material, lines)
+    claim, against = material.result["claim"], contradictions(material, lines)
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
     values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
     orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
@@ -67,7 +64,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Iterator[Line]:
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
     says = f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}."
-    yield Line("Claim", says, claim != "undecided" and not against)
+    return Line("Claim", says, claim != "undecided" and not against)
 
 
 def _holds_its_integer(e: Mapping[str, Any]) -> bool:
@@ -82,14 +79,14 @@ def does_not_fit(codes: Iterable[str]) -> bool:
 
 
 def _no_fit(result: Mapping[str, Any]) -> bool:
-    return does_not_fit(result.get("claim_codes", ()))
+    return does_not_fit(result["claim_codes"])
 
 
 def _stand_in(result: Mapping[str, Any]) -> bool:
     """Whether nothing but the integer-order alternative speaks against orders that are off their integer values."""
     known = (e for e in result["orders"].values() if e["free"] and e["interval95"])
     off = any(e.get("integer", 1.0) is not None and not _holds_its_integer(e) for e in known)
-    return result["claim"] == "integer" and off and bool(result.get("alternative"))
+    return result["claim"] == "integer" and off and bool(result["alternative"])
 
 
 def contradictions(material: Material, lines: tuple[Line, ...]) -> dict[str, str]:
@@ -130,7 +127,7 @@ def _followed(material: Material, use: str) -> tuple[dict[str, Any], list[str], 
 
 def _found(material: Material, code: str) -> list[str]:
     """Where a finding was made."""
-    return [f["where"] for f in material.result.get("findings", ()) if f["code"] == code]
+    return [f["where"] for f in material.result["findings"] if f["code"] == code]
 
 
 def _of_recording(where: str) -> str:
@@ -156,20 +153,19 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
 
 
 def _orders(material: Material) -> Line:
-    orders, rival = material.result["orders"], material.result.get("alternative")
+    orders, rival = material.result["orders"], material.result["alternative"]
     sentence = joined([_order(n, e) for n, e in orders.items()]) + "."
     free = {n: e for n, e in orders.items() if e["free"]}
     if not free:
         return Line("Orders", f"{sentence} They were given, not found.", True)
-    claim = material.result.get("claim")
     if _no_fit(material.result):
         return Line("Orders", f"{sentence} The model does not fit: they mean nothing.", False)
     if rival and rival["warning"]:
-        says = rival["warning"] if claim is None else "They stand in for something of integer order, see above."
-        return Line("Orders", f"{sentence} {says}", False)
+        return Line("Orders", f"{sentence} They stand in for something of integer order, see above.", False)
     if rival:
-        return Line("Orders", f"{sentence} {_against_integers(material, rival)}", claim in (None, "fractional"))
-    return Line("Orders", *_on_their_own(sentence, free, said_above=bool(material.result.get("claim_reasons"))))
+        needed = material.result["claim"] == "fractional"
+        return Line("Orders", f"{sentence} {_against_integers(material, rival)}", needed)
+    return Line("Orders", *_on_their_own(sentence, free, said_above=bool(material.result["claim_reasons"])))
 
 
 def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -> tuple[str, bool]:
@@ -221,7 +217,7 @@ def _against_integers(material: Material, rival: Mapping[str, Any]) -> str:
     others = f"the nearest integer-order model ({orders} and more, see Checks)" if more else orders
     times = f"the cost is {number(cost / own, '.3g')} times as large" if cost and own else "no run ends"
     gain = counted(rival["bic_gain_of_the_fractional_model"])
-    if material.result.get("claim") == "undecided":  # the model may lack something that both of them need
+    if material.result["claim"] == "undecided":  # the model may lack something that both of them need
         return f"With {others}, {times} (ΔBIC = {gain}); the claim gives the reason why that is not decisive."
     return f"The data favour fractional orders: with {others}, {times} (ΔBIC = {gain})."
 
@@ -326,10 +322,10 @@ def _search(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:
-    check = material.result.get("discretisation")
+    check = material.result["discretisation"]
     if check is None:
         yield "What the step does was not checked.", False
-    elif check["warning"] and COARSE_STEP in material.result.get("claim_codes", ()):
+    elif check["warning"] and COARSE_STEP in material.result["claim_codes"]:
         moved = [f"{letter(n)} by {number(s, '.2g')}" for n, s in moved_by_the_step(material.result).items()]
         what = f"moves {joined(moved)}" if moved else "changes the cost"
         yield f"Half the step {what}: the claim and the check of the step say more.", False

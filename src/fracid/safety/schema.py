@@ -319,7 +319,7 @@ def lacking(value: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> str
 
 
 def read_as(path: Path, kind: type[Block | Record], wrote: str, missing: str = "") -> Any:
-    """Read a JSON file of a run folder; gives its content as it stands there.
+    """Read a JSON file of a run folder; gives its content, with what it may leave out and what follows from the rest.
 
     Parameters
     ----------
@@ -350,7 +350,8 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str, missing: str = "
     fracid.errors.InputError: ...noise.json is damaged: seeds is 'many'; expected a whole number. Write it again: fracid
     noise RUN.
     """
-    content, fault = None, ""
+    content: Any = {}
+    fault = ""
     try:
         content = json_of(text_of(path))
     except OSError as error:
@@ -361,7 +362,7 @@ def read_as(path: Path, kind: type[Block | Record], wrote: str, missing: str = "
         fault = f"it cannot be read as JSON ({short_text(error)})"
     if fault := fault or fault_of(content, kind):
         raise InputError(f"{path} is damaged: {fault}. Write it again: {wrote}.")
-    return content
+    return content | as_json(kind, content)
 
 
 def read_if_whole(path: Path, kind: type[Block | Record]) -> dict[str, Any]:

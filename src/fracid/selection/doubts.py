@@ -39,7 +39,7 @@ def doubts(result: Mapping[str, Any]) -> dict[str, str]:
     >>> doubts(result), doubts(result | {"findings": [{"code": "misfit"}]})
     ({}, {'Fit': 'the model lacks something'})
     """
-    return {} if result.get("claim") in (None, "undecided") else dict(_against(result))
+    return {} if result["claim"] == "undecided" else dict(_against(result))
 
 
 def claimed(claim: str, against: Mapping[str, str]) -> str:
