@@ -354,7 +354,7 @@ def _fit_structure(
     problem = structure.problem
     best, outcome = (
         _fitted(structure, below, seed, starts, watch) if before is None
-        else _refitted(structure, below, *before, watch)
+        else _refitted(structure, below, *before, seed, starts, watch)
     )  # fmt: skip
     values, errors = problem.named(best.point), problem.errors(best.point)
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
@@ -419,11 +419,11 @@ def _lower(problem: Problem, x: FloatArray, how: str, watch: Watch, **options: A
 
 def _refitted(
     structure: Structure, below: Mapping[str, Mapping[str, float]], values: Mapping[str, float], how: str, coarse: int,
-    watch: Watch,
+    seed: int, starts: int, watch: Watch,
 ) -> tuple[Evaluation, str]:  # fmt: skip
     """The minimum at a finer step that the one at `coarse` steps leads to, where no structure that it holds is lower.
 
-    Else the lowest from there, and from the structures below at the finer step.
+    Else, where the finer step has shifted the phase, say, the structure is fitted as if it had not been.
     """
     problem, own = structure.problem, structure.embed(values)
     if not problem.names:
@@ -434,14 +434,7 @@ def _refitted(
     lowest = min([near, *nested], key=_cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
-    ends = [(near, how)]
-    if problem.cost_function.loss is not None:  # the finer step has shifted the phase
-        ends.append((growing(problem, own, watch).best, how))
-    if late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
-        ends += _climbed(structure, watch)
-    ends += [_lower(problem, structure.embed(simpler), f"from the optimum of {origin}", watch)
-             for origin, simpler in below.items()]  # fmt: skip
-    return min(ends, key=lambda end: end[0].cost)
+    return min((near, how), _fitted(structure, below, seed, starts, watch), key=lambda end: _cost(end[0]))
 
 
 def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:

@@ -32,6 +32,7 @@ from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
+from fracid.selection.step import COARSE, HELPS
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
 
@@ -95,17 +96,11 @@ COARSE_STEP = "step"
 QUIET = 0.2
 """CI half-widths by which half the step may move an unknown."""
 
-COARSE = 0.05
-"""A cost that changes by more than this part at half the step says that the step is too coarse."""
-
 FINEST = 32
 """Steps a sample that a fit chooses at most."""
 
 BUMPS = 0.5
 """Part of the rise that ends an interval, by which the step may raise the cost."""
-
-HELPS = 0.7
-"""A half step that leaves more than this part of what the check complains of does not help."""
 
 
 def discretisation_check(
