@@ -43,7 +43,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
-from fracid.estimation.derivatives import difference_steps
+from fracid.estimation.derivatives import jacobian
 from fracid.findings import Words
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
@@ -232,17 +232,14 @@ class _View:
         return tuple(n for n, i in model.output_states.items() if model.orders[i] == order)
 
     @cached_property
-    def two_sizes(self) -> tuple[tuple[Problem, FloatArray, list[FloatArray]], ...]:
-        """The problem, its unknowns and its errors, and the same with all angles halved; none where they cannot be."""
-        whole = self.problem, self.x
-        found = [(p, x, p.errors(x)) for p, x in (whole, *_halved_angles(*whole))]
-        good = tuple((p, x, errors) for p, x, errors in found if not isinstance(errors, Failure))
-        return good if len(good) == 2 else ()
+    def two_sizes(self) -> tuple[tuple[Problem, FloatArray], ...]:
+        """The problem and its unknowns, and the same with all angles halved, where they can be."""
+        return (self.problem, self.x), *_halved_angles(self.problem, self.x)
 
     def power(self, i: int) -> float:
         """With which power of the swing an unknown's effect grows; NaN where angles cannot be halved."""
         effects = [_effect(*size, i) for size in self.two_sizes]
-        return math.log2(effects[0] / effects[1]) if effects and min(effects) > 0 else math.nan
+        return math.log2(effects[0] / effects[1]) if len(effects) == 2 and min(effects) > 0 else math.nan
 
 
 def _is_angle(problem: Problem, u: Unknown) -> bool:
@@ -250,15 +247,10 @@ def _is_angle(problem: Problem, u: Unknown) -> bool:
     return u.unit == "rad" and u.kind == "parameter" and u.target not in problem.model.friction
 
 
-def _effect(problem: Problem, x: FloatArray, errors: list[FloatArray], i: int) -> float:
-    """How much a small step of unknown i moves all samples, a unit of it; NaN where its run fails."""
-    step = np.zeros(len(x))
-    step[i] = difference_steps(problem, x)[i]
-    beside = x + step if x[i] + step[i] <= problem.space.upper[i] else x - step
-    there = problem.errors(beside)
-    if isinstance(there, Failure):
-        return math.nan
-    return math.sqrt(sum(float(np.sum((a - b) ** 2)) for a, b in zip(there, errors, strict=True))) / float(step[i])
+def _effect(problem: Problem, x: FloatArray, i: int) -> float:
+    """How much a unit of unknown i moves all samples; NaN where its runs fail."""
+    J = jacobian(problem, x, np.array([i]))
+    return math.nan if isinstance(J, Failure) else math.sqrt(sum(float(np.sum(j**2)) for j in J))
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
