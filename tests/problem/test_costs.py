@@ -244,14 +244,14 @@ def test_a_name_that_is_none_is_told(name, message):
 @pytest.mark.parametrize(
     ("text", "function", "message"),
     [
-        (OWN, "peek", "my.py has no function 'peek'; it has peak"),
-        (OWN, "LIMIT", "my.py has no function 'LIMIT'; it has peak"),
-        ("", "peak", "has no function 'peak'; it has none"),
-        ("def peak(:\n", "peak", r"my.py does not run: SyntaxError"),
+        (OWN, "peek", "unknown name in .*my.py 'peek': did you mean peak"),
+        (OWN, "LIMIT", "is 3; expected a function of time and residual"),
+        ("", "peak", "unknown name in .*my.py 'peak'"),
+        ("def peak(:\n", "peak", r"my.py, line 1, does not run: SyntaxError"),
         (
             "import no_such_module\n",
             "peak",
-            "my.py does not run: ModuleNotFoundError: .*'no_such_module'",
+            "my.py, line 1, does not run: ModuleNotFoundError: .*'no_such_module'",
         ),
     ],
 )

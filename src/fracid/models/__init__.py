@@ -18,7 +18,6 @@ import pkgutil
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from traceback import extract_tb
 from typing import Any
 
 from fracid.errors import InputError, unknown_name
@@ -30,7 +29,7 @@ from fracid.models.rigs import RIGS as RIGS
 from fracid.models.rigs import Geometry as Geometry
 from fracid.models.rigs import Rig as Rig
 from fracid.models.rigs import lumped_constants as lumped_constants
-from fracid.safety.user_code import run_file
+from fracid.safety.user_code import attribute_of
 
 
 def _collected() -> dict[str, Callable[..., Model]]:
@@ -114,38 +113,9 @@ def model_from_name(
     options = {key: value for key, value in dict(rig=rig, zero=zero, actuation=actuation).items() if value is not None}
     values = dict(parameters or {})
     if ":" in name or name.endswith(".py"):
-        return _built(_attribute(name, Path(folder)), options, name).with_parameters(**values)
+        own = attribute_of("model", name, Path(folder), "fracid_user_")
+        return _built(own, options, name).with_parameters(**values)
     return model(name, **{**values, **options})
-
-
-def _attribute(name: str, folder: Path) -> Any:
-    """Run the file of "file.py:attribute" and return the attribute."""
-    path, _, attribute = name.rpartition(":")
-    if not path.endswith(".py") or not attribute.isidentifier():
-        raise InputError(f'model name {name!r}: expected a file and a name in it, like "my_rig.py:model"')
-    file = folder / path
-    if not file.is_file():
-        raise InputError(f"model {name!r}: there is no file {file}")
-    module = _run(file)
-    if not hasattr(module, attribute):
-        public = tuple(key for key in vars(module) if not key.startswith("_"))
-        raise unknown_name(f"name in {file}", attribute, public)
-    return getattr(module, attribute)
-
-
-def _run(file: Path) -> Any:
-    """Run a user's file as a module; whatever goes wrong in it is told with its line."""
-    try:
-        return run_file(file, f"fracid_user_{file.stem}")
-    except Exception as error:
-        raise InputError(f"{file}{_line(error, file)} does not run: {type(error).__name__}: {error}") from error
-
-
-def _line(error: BaseException, file: Path) -> str:
-    """Return ", line N" for the last line of the file that the error passed through."""
-    lines = [error.lineno] if isinstance(error, SyntaxError) else []
-    lines += [f.lineno for f in extract_tb(error.__traceback__) if f.filename == str(file)]
-    return f", line {lines[-1]}," if lines and lines[-1] else ""
 
 
 def _built(thing: Any, options: Mapping[str, str], name: str) -> Model:

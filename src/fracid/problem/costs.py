@@ -35,7 +35,6 @@ R. Lathrop, AIEE Trans. 72 (1953) 273.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -48,7 +47,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
-from fracid.safety.user_code import run_file
+from fracid.safety.user_code import attribute_of, is_own
 
 SAYS = Words("problem/checks.toml")
 
@@ -263,17 +262,9 @@ def cost_from_name(name: str) -> Cost:
     """
     if name in COSTS:
         return COSTS[name]
-    file, _, function = name.rpartition(":")
-    if not file.endswith(".py"):
+    if not is_own(name):
         raise unknown_name("cost", name, (*COSTS, "my.py:function"))
-    if not Path(file).is_file():
-        raise InputError(f"cost = {name!r}: there is no file {file}.")
-    try:
-        module = run_file(Path(file), f"{OF_A_FILE}{Path(file).stem}")
-    except Exception as error:
-        raise InputError(f"cost = {name!r}: {file} does not run: {type(error).__name__}: {error}.") from error
-    own = getattr(module, function, None)
+    own = attribute_of("cost", name, Path(), OF_A_FILE)
     if not callable(own):
-        there = ", ".join(n for n, v in vars(module).items() if inspect.isfunction(v)) or "none"
-        raise InputError(f"cost = {name!r}: {file} has no function {function!r}; it has {there}.")
-    return Cost(function, function=own)
+        raise InputError(f"cost {name!r} is {own!r}; expected a function of time and residual.")
+    return Cost(name.rpartition(":")[2], function=own)

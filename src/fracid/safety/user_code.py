@@ -18,9 +18,11 @@ from collections.abc import Sequence
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from traceback import extract_tb
 from types import ModuleType
+from typing import Any
 
-from fracid.errors import InputError, NotTrusted
+from fracid.errors import InputError, NotTrusted, unknown_name
 
 
 def is_own(name: str) -> bool:
@@ -108,6 +110,54 @@ def run_file(file: Path, name: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses, pickle and Numba look the module up by name
     spec.loader.exec_module(module)
     return module
+
+
+def attribute_of(what: str, name: str, folder: Path, module: str) -> Any:
+    """Run the file of ``file.py:attribute``, and return the attribute.
+
+    Parameters
+    ----------
+    what : str
+        Which it is to be, for messages: ``model``.
+    name : str
+    folder : Path
+        What a relative file name starts from.
+    module : str
+        How the module's name begins.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or attribute, or the file does not run: with its line.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "mine.py").write_text("answer = 42")
+    >>> attribute_of("number", "mine.py:answer", folder, "mine_to_try_")
+    42
+    """
+    path, _, attribute = name.rpartition(":")
+    file = folder / path
+    if not path.endswith(".py") or not attribute.isidentifier():
+        raise InputError(f'{what} {name!r}: expected a file and a name in it, like "my_rig.py:{what}"')
+    if not file.is_file():
+        raise InputError(f"{what} {name!r}: there is no file {file}")
+    try:
+        found = run_file(file, module + file.stem)
+    except Exception as error:
+        raise InputError(f"{file}{_line(error, file)} does not run: {type(error).__name__}: {error}") from error
+    if not hasattr(found, attribute):
+        raise unknown_name(f"name in {file}", attribute, tuple(key for key in vars(found) if not key.startswith("_")))
+    return getattr(found, attribute)
+
+
+def _line(error: BaseException, file: Path) -> str:
+    """Return ", line N" for the last line of the file that the error passed through."""
+    lines = [error.lineno] if isinstance(error, SyntaxError) else []
+    lines += [f.lineno for f in extract_tb(error.__traceback__) if f.filename == str(file)]
+    return f", line {lines[-1]}," if lines and lines[-1] else ""
 
 
 class _FromText(SourceFileLoader):
