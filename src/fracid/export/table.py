@@ -63,14 +63,12 @@ def _csv(recording: RecordingFit, inputs: Mapping[str, Any], units: Mapping[str,
     return text.getvalue()
 
 
-def json_text(run: SavedRun, **more: Any) -> str:
-    """The result with its curves, angles in radians; `more` goes into it as it is.
+def json_text(run: SavedRun) -> str:
+    """The result with its curves, angles in radians.
 
     Parameters
     ----------
     run : SavedRun
-    **more
-        Further entries, such as linear models.
 
     Returns
     -------
@@ -89,7 +87,7 @@ def json_text(run: SavedRun, **more: Any) -> str:
         }
         for name, r in run.recordings.items()
     }  # fmt: skip
-    return json.dumps({**run.result, "curves": curves, **more}, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps({**run.result, "curves": curves}, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _lists(signals: Mapping[str, Any]) -> dict[str, list[float | None]]:

@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
-from fracid.export.state_space import IntegerModel, LinearModel, Operator, _by_name, _moving, _smooth, positive_sum
+from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, _smooth, positive_sum
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
@@ -147,7 +146,7 @@ class Plant:
     ) -> Plant:  # fmt: skip
         """Reduced to the band of a loop with this period."""
         band = (SLOWEST * math.pi / period, math.pi / period)
-        sums = {q: _sum(q, band) for q in orders.tolist()}
+        sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
         system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
         linear = system.linearised(posture.name, posture.states, frictionless(model, parameters), posture.inputs)
         picked = [list(model.output_states).index(n) for n in outputs]
@@ -167,12 +166,6 @@ class Plant:
         held = np.sinc(half / np.pi) * np.exp(-1j * (half + images * self.delay))
         exact = self.linear.exact_response(images)[:, :, self.channel] * held[:, None]
         return exact.reshape(len(omega), len(IMAGES), -1).sum(axis=1)
-
-
-@lru_cache(1024)
-def _sum(order: float, band: tuple[float, float]) -> Operator:
-    """Every design is tried on the same draws, and to find a sum takes five times as long as a trial."""
-    return positive_sum(order, band, REDUCED)
 
 
 def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -302,14 +302,9 @@ class Simulator:
     def _key(self, x: FloatArray, e: Experiment) -> bytes:
         """A hash of all that the simulation of one recording depends on."""
         digest = self._constant[e.name].copy()
-        digest.update(repr((len(e.measured), e.step, e.release_time)).encode())
-        if e.means > 1:
-            digest.update(repr(e.means).encode())
-        if e.times is not None:
-            digest.update(np.ascontiguousarray(e.times).data)
-        if e.sensors or e.actuators or e.between:
-            digest.update(repr((e.sensors, e.actuators, e.between)).encode())
-        for vector in self.parametrisation.unpack(x, e):
+        own = len(e.measured), e.step, e.release_time, e.means, e.sensors, e.actuators, e.between
+        digest.update(repr(own).encode())
+        for vector in (*self.parametrisation.unpack(x, e), () if e.times is None else e.times):
             digest.update(np.ascontiguousarray(vector).data)
         return bytes(digest.digest())
 
@@ -320,9 +315,8 @@ class Simulator:
         model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
         how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
                p.outputs, self.method, self.memory.name, self.substeps, p.initial_state)  # fmt: skip
-        functions = [getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int)]
-        if functions:
-            how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
+        functions = (getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int))
+        how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
             arrays = [self._inputs[e.name] if e.source is None else e.source.inputs,

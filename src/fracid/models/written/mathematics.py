@@ -29,14 +29,13 @@ from markupsafe import Markup
 from fracid.models.base import Model
 from fracid.models.joints import Complement
 from fracid.models.written.equations import Flat
-from fracid.models.written.reading import call, function_of, operation, read_output
+from fracid.models.written.reading import call, operation, read_output
 from fracid.models.written.tree import (
     COMPARISONS,
     Call,
     Choice,
     Entry,
     Expression,
-    Function,
     Name,
     Number,
     Operation,
@@ -192,11 +191,9 @@ class _Read(Flat):
         return Equality(out, e)
 
     def _output(self, h: object) -> Expression:
-        function = getattr(h, "tree", None)
-        if not isinstance(function, Function):
-            functions, function = read_output(function_of(h), self.model.parameter_names, len(self.model.states),
-                                              len(self.model.inputs))  # fmt: skip
-            self.functions |= {f.name: f for f in functions}
+        model = self.model
+        functions, function = read_output(h, model.parameter_names, len(model.states), len(model.inputs))
+        self.functions |= {f.name: f for f in functions}
         return self._given(function.body, {})
 
     def _placed(self, found: Sequence[Equality]) -> list[str]:
@@ -276,8 +273,10 @@ class _Read(Flat):
                 return Number(True) if v else a
             case Operation("and", (_, Number(False))):
                 return Number(False)
-            case Operation("/", (a, b)) if ratios := [f for f in factors(b) if _is_ratio(f)]:
-                c, d = ratios[0].operands  # type: ignore[union-attr]
+            case Operation("/", (a, b)) if ratios := [
+                f for f in factors(b) if isinstance(f, Operation) and f.sign == "/"
+            ]:
+                c, d = ratios[0].operands
                 over, under = factors(d) + factors(a), [c, *_without(factors(b), ratios[0])]
                 return self._simple(Operation("/", (product(over), product(under))))
             case Operation("/", (Operation("/", (a, b)), c)):
@@ -311,10 +310,6 @@ def _cramer(over_i: Expression, over_j: Expression, under: Expression) -> list[t
             if _same(X + Z, det[1]) and _same(Y + W, det[-1]):
                 return [(product(Z), product(Y), a), (product(W), product(X), b)]
     return []
-
-
-def _is_ratio(e: Expression) -> bool:
-    return isinstance(e, Operation) and e.sign == "/"
 
 
 def _without(es: list[Expression], e: Expression) -> list[Expression]:

@@ -156,7 +156,9 @@ def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -
     >>> read_output(height, ("l",), 1, 0)[1].body[0].value.sign
     '*'
     """
-    unit = _Unit(parameters)
+    if isinstance(tree := getattr(h, "tree", None), Function):
+        return (), tree
+    unit, h = _Unit(parameters), function_of(h)
     scope = _Scope(unit, h, {"x", "u", "p", "t"}, [], (h,))
     arrays = (_Time(), View("x", 0, states), View("u", 0, inputs), View("p", 0, len(parameters)))
     scope.here = dict(zip([a.arg for a in scope.node.args.args], arrays, strict=True))
@@ -182,8 +184,7 @@ def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: in
         if isinstance(h, int):
             value: Expression = Entry("x", Number(h))
         else:
-            tree = getattr(h, "tree", None)
-            own, tree = ((), tree) if tree else read_output(function_of(h), parameters, states, inputs)
+            own, tree = read_output(h, parameters, states, inputs)
             if clash := [f.name for f in own if functions.setdefault(f.name, f) != f]:
                 raise Untranslatable(f"Two outputs call different functions by the name {clash[0]}; rename one.")
             *statements, returned = tree.body
