@@ -30,7 +30,7 @@ from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import smoothing
-from fracid.regression.linear import POOR, Constant, Regression, Worth
+from fracid.regression.linear import POOR, Constant, Regression, SearchedOrder, Worth
 from fracid.regression.rows import from_rest
 
 SAYS = Words("regression/equations.toml")
@@ -200,9 +200,12 @@ def regress_equations(problem: Problem) -> Regression:
         note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
     width = smoothing(problem.experiments[0].measured, problem.experiments[0].step) * problem.experiments[0].step
     return Regression(
-        constants, dict(problem.order_starts), {}, "huber", found.residuals, found.weights, found.fit, np.nan,
-        found.condition, sum(map(len, found.residuals.values())), 0.13 / width, "a Gaussian window from the spectrum",
-        width, {}, float(np.ptp(problem.experiments[0].measured[:, 0]) / 2), None, tuple(note),
+        searched={n: SearchedOrder(value=v, interval95=None) for n, v in problem.order_starts.items()},
+        parameters=constants, combinations={}, estimator="huber", residuals=found.residuals, weights=found.weights,
+        fit_percent=found.fit, noise_ratio=np.nan, condition_number=found.condition,
+        samples=sum(map(len, found.residuals.values())), cutoff=0.13 / width,
+        cutoff_reason="a Gaussian window from the spectrum", window=width, noise={},
+        amplitude=float(np.ptp(problem.experiments[0].measured[:, 0]) / 2), warnings=tuple(note),
     )  # fmt: skip
 
 

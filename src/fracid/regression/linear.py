@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
@@ -42,7 +43,7 @@ from fracid.regression.rows import (
     swing_of,
     terms_of,
 )
-from fracid.safety.schema import Block, Number, OpenInterval, Record, as_json, computed
+from fracid.safety.schema import UNREAD, Beside, Block, Listed, Number, OpenInterval, Record, Unknown, computed
 from fracid.signals.resolution import resolution
 
 SAYS = Words("regression/linear.toml")
@@ -98,24 +99,27 @@ class Constant(Record):
         return self.value - NORMAL_95 * self.standard_error, self.value + NORMAL_95 * self.standard_error
 
 
-@dataclass(frozen=True, repr=False)
-class Regression(CardDisplay):
+class SearchedOrder(Block):
+    """An order, and its interval where it was searched; null on a side where that has no end."""
+
+    value: float
+    interval95: OpenInterval | None
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Regression(CardDisplay, Record):
     """What :func:`regress` found."""
 
+    searched: Annotated[Mapping[str, SearchedOrder], Field(alias="orders")]
     parameters: Mapping[str, Constant]
-    orders: Mapping[str, float]
     combinations: Mapping[str, float]
     """What columns that cannot be told apart hold together: ``J_theta - 0.0253 cable_stiffness`` → its value."""
     estimator: str
-    residuals: Mapping[str, FloatArray]
-    """W β of the rows used, ``arm`` and ``pendulum`` [N m]."""
-    weights: Mapping[str, FloatArray]
-    """Robust weights of these rows, 1 for a sample that fits."""
     fit_percent: Mapping[str, float]
     """100 (1 − rms(residual)/rms(largest term)) of each equation; not of the trajectory."""
-    noise_ratio: float
+    noise_ratio: Unknown
     """Residual variance against that of noise in the columns (total least squares), 1 if noise were all; or NaN."""
-    condition_number: float
+    condition_number: Unknown
     """Condition number of the columns used, each of unit length."""
     samples: int
     """Rows used."""
@@ -128,9 +132,20 @@ class Regression(CardDisplay):
     """Measurement noise of each angle, rms [rad]: the spectrum's floor, at least that of the encoder's step."""
     amplitude: float
     """Half of what the pendulum moves through, in the recording where that is most [rad]."""
-    search: OrderSearch | None
+    belief: str = ""
+    """What came of recordings like these when the truth was known, in words: :mod:`.credibility`."""
+    warnings: Listed[str]
+    residuals: Beside[Mapping[str, FloatArray]] = UNREAD
+    """W β of the rows used, ``arm`` and ``pendulum`` [N m]."""
+    weights: Beside[Mapping[str, FloatArray]] = UNREAD
+    """Robust weights of these rows, 1 for a sample that fits."""
+    search: Beside[OrderSearch | None] = None
     """None where no order was searched."""
-    warnings: tuple[str, ...]
+
+    @property
+    def orders(self) -> dict[str, float]:
+        """Each as it was given or found."""
+        return {n: order.value for n, order in self.searched.items()}
 
     def _card(self) -> Card:
         constants = (estimate_text(n, c.value, c.interval95, c.unit) if c.interval95 else f"{n} = {c.value:.4g}"
@@ -150,11 +165,6 @@ class Regression(CardDisplay):
         return f"residual variance {self.noise_ratio:.3g} times what noise explains" if known else ""
 
     @property
-    def belief(self) -> str:
-        """What came of recordings like these when the truth was known, in words: :mod:`.credibility`."""
-        return belief(self.amplitude, self.noise["alpha"], self.noise_ratio) if "alpha" in self.noise else ""
-
-    @property
     def values(self) -> dict[str, float]:
         """All constants by name, ready as overrides of the model; the cable's offset as theta_rest."""
         constants = {n: c.value for n, c in self.parameters.items() if n != "cable_offset"}
@@ -172,11 +182,15 @@ class Regression(CardDisplay):
         rows.append(f"cut-off {self.cutoff:.3g} Hz: {self.cutoff_reason}")
         return "\n".join([*rows, *filter(None, (self.left_over, self.belief)), *self.warnings])
 
-    def to_json(self) -> dict[str, Any]:
-        """Everything but the rows, as plain JSON values, SI; null where something was not found or has no end."""
-        intervals = self.search.interval95 if self.search else {}
-        orders = {n: {"value": v, "interval95": intervals.get(n)} for n, v in self.orders.items()}
-        return as_json(RegressionBlock, vars(self) | {"orders": orders, "belief": self.belief})
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class RegressionResult(Regression):
+    """The file of one regression."""
+
+    start: Mapping[str, float]
+    """That it gives to the unknowns of a project."""
+    notes: Listed[str]
+    data_sha256: Mapping[str, str]
 
 
 def regress(
@@ -276,7 +290,9 @@ def _regress(
         own = own_values(model, names)
         basic = _independent(data.system(at), gauge, own)[0]
         search, at, spread = search_orders(data, basic, own, orders)
-    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "search": search}
+    intervals = search.interval95 if search else {}
+    searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
+    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "search": search, "searched": searched}
     regression = _at(data, gauge, names, fixed_values, model, at, estimator, spread, **how)
     return _doubted(regression, search is not None and any(s.in_motion for s in swings), estimator)
 
@@ -312,16 +328,16 @@ def _at(
     factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.outer(factor, factor)
     A = stack(system.W, scales)[:, gauge.free]
+    noise = {n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))}
+    amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
     return Regression(
         parameters=_constants(names, fixed_values, gauge, beta, bias, covariance, dependent, model),
-        orders=orders, combinations=_combinations(names, dependent, beta), estimator=estimator,
+        combinations=_combinations(names, dependent, beta), estimator=estimator,
         residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
         weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
         fit_percent=fit_percents(system, beta), noise_ratio=ratio,
         condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))),
-        samples=len(weights),
-        noise={n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))},
-        amplitude=max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows),
+        samples=len(weights), noise=noise, amplitude=amplitude, belief=belief(amplitude, noise["alpha"], ratio),
         warnings=tuple(warnings), **how,
     )  # fmt: skip
 
@@ -579,54 +595,3 @@ def _experiment_swing(e: Experiment, problem: Problem) -> Swing:
         e.name, e.step, column.get("theta"), column["alpha"], e.inputs[:, 0] if driven else None,
         problem.model.inputs == ("voltage",), 0, (steps[0], steps[1]),
     )  # fmt: skip
-
-
-# --- regression.json ----------------------------------------------------------------------------------------
-
-
-class SearchedOrder(Block):
-    """An order, and its interval where it was searched."""
-
-    value: float
-    interval95: OpenInterval | None
-
-
-class RegressionBlock(Block):
-    """A regression without its rows."""
-
-    orders: dict[str, SearchedOrder]
-    parameters: dict[str, Constant]
-    combinations: dict[str, float]
-    estimator: str
-    fit_percent: dict[str, float]
-    noise_ratio: Number
-    condition_number: Number
-    samples: int
-    cutoff: float
-    cutoff_reason: str
-    window: float
-    noise: dict[str, float]
-    amplitude: float
-    belief: str
-    warnings: list[str]
-
-
-class StartedBlock(RegressionBlock):
-    """A regression with the start that it gives to the unknowns of a project."""
-
-    start: dict[str, float]
-
-
-class RegressionResultBlock(StartedBlock):
-    """The file of one regression."""
-
-    notes: list[str]
-    data_sha256: dict[str, str]
-
-
-class RegressionsBlock(Block):
-    """The file of several: one for each recording."""
-
-    notes: list[str]
-    data_sha256: dict[str, str]
-    recordings: dict[str, StartedBlock]

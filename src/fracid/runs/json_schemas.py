@@ -9,7 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.errors import InputError, unknown_name
 from fracid.estimation.likelihood_record import LikelihoodBlock
-from fracid.regression.linear import RegressionResultBlock
+from fracid.regression.linear import RegressionResult
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
@@ -22,7 +22,7 @@ FILES: dict[str, type[Block | Record]] = {
     "result.json": SavedRun,
     "residuals.json": ResidualsBlock,
     "profiles.json": LikelihoodBlock,
-    "regression.json": RegressionResultBlock,
+    "regression.json": RegressionResult,
     "compare.json": Comparison,
     "noise.json": NoiseStudy,
     "posterior.json": PosteriorBlock,

@@ -16,10 +16,8 @@ from fracid.problem.project import Project, load_project
 from fracid.recording import Recording, load_recording
 from fracid.regression import LUMPED, TERMS, Regression, regress, start_of
 from fracid.regression.equations import regress_equations
-from fracid.regression.linear import RegressionResultBlock, RegressionsBlock
 from fracid.regression.rows import swing_of, terms_of
 from fracid.safety.paths import kind_of, refuse_mistaken
-from fracid.safety.schema import as_json
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
 from fracid.workflows.records import json_document, write_files
@@ -67,15 +65,15 @@ class FinishedRegression(CardDisplay):
     @property
     def result(self) -> dict[str, Any]:
         """The content of regression.json: one regression as it is, several by name."""
-        head = {"notes": self.asked.notes, "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
+        head = {"notes": [*self.asked.notes], "data_sha256": {r.name: r.sha256 for r in self.asked.recordings}}
         records = {
             name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
             for name, f in self.regressions.items()
         }
         if len(records) > 1:
-            return as_json(RegressionsBlock, head | {"recordings": records})
+            return head | {"recordings": records}
         (record,) = records.values()
-        return as_json(RegressionResultBlock, head | record)
+        return record | head
 
 
 def run_regression(
