@@ -10,6 +10,7 @@ import pytest
 from fracid.errors import InputError
 from fracid.findings import Finding
 from fracid.fit import Fit
+from fracid.report import write_report
 from fracid.runs.saved import load_run
 from fracid.safety.schema import as_json
 from fracid.selection.integer_rival import Alternative, Trial
@@ -99,6 +100,21 @@ def test_a_run_is_the_fit_that_was_written(fitted):
     assert run.orders.keys() == fitted[1].orders.keys()
     assert [s.origin for s in run.starts] == [s.origin for s in fitted[1].starts]
     assert run.to_json() == json.loads((fitted[0] / "run" / "result.json").read_text(encoding="utf-8"))
+
+
+def test_a_result_of_before_some_of_its_keys_is_read_and_shown(copy):
+    path = copy / "run" / "result.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    later = ("window", "claim", "claim_reasons", "claim_codes", "opened_bounds", "alternative", "starts", "spread",
+             "start_that_won", "cut", "interval_methods", "findings", "discretisation", "preset", "timing")  # fmt: skip
+    old = {key: value for key, value in content.items() if key not in later}
+    for order in old["orders"].values():
+        del order["integer"]
+    path.write_text(json.dumps(old), encoding="utf-8")
+    run = load_run(copy / "run")
+    assert run.claim == "undecided"
+    assert {order.integer for order in run.orders.values()} == {1.0}
+    assert "The recordings do not decide" in write_report(copy / "run").read_text(encoding="utf-8")
 
 
 def test_a_run_reads_its_findings_and_its_alternative_back(copy):

@@ -93,7 +93,8 @@ class Estimate(CardDisplay, Record):
 class OrderEstimate(Estimate):
     """An order, and what it is in the integer-order model."""
 
-    integer: Number = None
+    integer: Number = 1.0
+    """None where the model gives it no integer value."""
 
 
 class Estimates(UserDict[str, Estimate]):
