@@ -68,12 +68,11 @@ def test_a_model_with_one_relaxation_is_a_body_with_a_second_lump():
     coupling, capacity = 0.3, 0.5
     fade = coupling * (1 + 1 / capacity)  # of what flows between the two
     rest = capacity / (1 + capacity)
-    relaxed = with_relaxations(MODEL, {"q": [0]}, 1)
-    heat = (np.arange(10 * COUNT) >= 200).astype(float)[:, None]
+    T = two_lumps(coupling, capacity)
+    (twin,) = problem_of(T).experiments
     values = {"share0_q": 1 - rest, "share1_q": rest, "ln_tau1_q": -np.log(fade)}
-    run = simulate(relaxed, orders={}, parameters=values, initial={}, step=STEP / 10, end=STEP * (COUNT - 1),
-                   inputs=heat[: 10 * (COUNT - 1) + 1])  # fmt: skip
-    assert np.max(np.abs(run.states[::10, 0] - two_lumps(coupling, capacity))) < 0.01
+    relaxed = Problem(with_relaxations(MODEL, {"q": [0]}, 1), (twin,), {}, values, initial_state="held", substeps=10)
+    assert np.max(np.abs(relaxed.simulator.outputs(relaxed.start, twin)[:, 0] - T)) < 0.01
 
 
 def test_a_body_with_a_weak_second_lump_is_not_called_fractional():

@@ -43,6 +43,7 @@ from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.selection.integer_rival import FEW, WORTH, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
+from fracid.solver.right_hand_side import AROUND, compile_rhs
 
 MOST = FEW + 1
 """Relaxations that an order must not be beaten by."""
@@ -129,8 +130,8 @@ def finite_memories(
         rival = _relaxing(problem, best, groups, count)
         nearly = rival if about is problem else _relaxing(about, best, groups, count)
         starts = [values | _begun(about, best, groups, count, place) for place in PLACES]
-        starts += [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
-        end = _lowest(nearly, starts, watch, FINE if nearly is rival else FAIR)
+        also = [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
+        end = _lowest(nearly, starts, also, watch, FINE if nearly is rival else FAIR)
         fewer = nearly.named(end.point)
         more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, watch.jobs) - own
         if nearly is not rival:
@@ -146,9 +147,18 @@ def finite_memories(
     return tuple(memories)
 
 
-def _lowest(rival: Problem, starts: Sequence[Mapping[str, float]], watch: Watch, last: Mapping[str, Any]) -> Evaluation:
-    ends = [uninterrupted(refined(rival, embedded(rival, x), watch, **ROUGH)).best for x in starts]
-    end = min(ends, key=lambda e: e.cost)
+def _lowest(
+    rival: Problem, starts: Sequence[Mapping[str, float]], also: Sequence[Mapping[str, float]], watch: Watch,
+    last: Mapping[str, Any],
+) -> Evaluation:  # fmt: skip
+    """From the starts, and from others where those end above: so no fit of more ends above one of fewer."""
+
+    def rough(start: Mapping[str, float]) -> Evaluation:
+        return uninterrupted(refined(rival, embedded(rival, start), watch, **ROUGH)).best
+
+    end = min(map(rough, starts), key=lambda e: e.cost)
+    higher = [x for x in also if not end.cost < rival.cost(embedded(rival, x))]
+    end = min((end, *map(rough, higher)), key=lambda e: e.cost)
     return end if end.residuals is None else uninterrupted(refined(rival, end.point, watch, **last)).best
 
 
@@ -206,7 +216,7 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
                 Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))),
         )
     )  # fmt: skip
-    rhs = _rhs(getattr(model.rhs, "py_func", model.rhs), len(model.states), len(model.parameters), where,
+    rhs = _rhs(compile_rhs(model.rhs), len(model.states), len(model.parameters), where,
                bool(model.relaxing))  # fmt: skip
     return replace(
         model, rhs=rhs, states=(*model.states, *states), parameters=(*model.parameters, *parameters), grown=None,
@@ -224,11 +234,11 @@ def _rhs(base: RightHandSide, n: int, constants: int, where: tuple[tuple[int, in
 
     def relaxing(t, x, u, p, out):  # type: ignore[no-untyped-def]
         if rates and len(out) > len(x):  # behind the derivatives are those with which presliding forgets
-            both = np.zeros(2 * n)
-            base(t, x[:n], u, p[:constants], both)
-            out[:] = 0.0
-            out[:n] = both[:n]
-            out[len(x) : len(x) + n] = both[n:]
+            base(t, x[:n], u, p[:constants], out[: 2 * n])
+            for i in range(n - 1, -1, -1):
+                out[len(x) + i] = out[n + i]
+            for i in range(len(x) + n, len(out)):
+                out[i] = 0.0
         else:
             base(t, x[:n], u, p[:constants], out[:n])
         at, count = n, (len(x) - n) // len(where)
@@ -241,7 +251,7 @@ def _rhs(base: RightHandSide, n: int, constants: int, where: tuple[tuple[int, in
                 at += 1
             out[i] = total
 
-    relaxing.__module__ = "finite_memory"  # compiled anew in each process, as what it is made of may be
+    relaxing.__module__ = AROUND
     return relaxing
 
 
