@@ -316,6 +316,8 @@ class _Findings:
     interrupted: bool = False
     fits: bool = True
     """Whether the model follows the recordings: of one that does not, intervals mean nothing."""
+    explained: bool = False
+    """Whether it leaves noise alone, which cannot be fitted better."""
     restarts: int = 0
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
     first: tuple[Finding, ...] = ()
@@ -558,8 +560,8 @@ def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
     goal = (1 - LOWER) * best.cost
     if nearest is not None:
         values = nearest.values if nearest.cost < goal else {}
-    elif all(e.explained for e in leftovers(problem, best.point).values()):
-        return None  # noise cannot be fitted better
+    elif analysis.explained:
+        return None
     else:
         integer = replace(problem, orders=integer_values(problem))
         here = problem.named(best.point)
@@ -582,6 +584,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     beside = best if part is problem else uninterrupted(refined(part, x, Watch(jobs))).best
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     analysis.fits = all(e.fits for e in left.values())
+    analysis.explained = all(e.explained for e in left.values())
     contradictions = [Note(str(f), f.code, f.where) for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}

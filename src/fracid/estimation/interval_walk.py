@@ -176,7 +176,7 @@ class _Way:
         as_foreseen = not self.seen and max(abs(height - 1), abs(height * self.first / self.distance - 1)) <= OFF
         self.seen = self.seen or self.distance == self.first
         ends = as_foreseen or abs(height - 1) <= CLOSE or (self.distance == self.room and height <= 1)
-        self.goes_on = not ends and len(there.axes) <= RUNS
+        self.goes_on = not ends and self.runs <= RUNS
         if as_foreseen:
             return
         if not ends:
