@@ -13,7 +13,7 @@ from browser import CHROMIUM, Browser
 from folders import driven
 from fracid.estimation.cost_plane import cost_plane
 from fracid.report import report_page
-from fracid.report.explore import explore, explore_scripts, not_explored
+from fracid.report.explore import explore, not_explored
 from fracid.report.material import Material
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
@@ -281,8 +281,5 @@ def test_what_cannot_be_explored_is_said_in_one_sentence(material):
     ):
         changed = replace(material, project=replace(material.project, problem=other, validation=()))
         assert words in not_explored(changed)
-        assert explore(changed) is None
-        assert explore_scripts(changed) == []
     windows = replace(material, result=material.result | {"window": 0.5})
     assert "fitted in windows, each with a start of its own" in not_explored(windows)
-    assert explore(windows) is None

@@ -94,17 +94,13 @@ def _explorable(material: Material) -> Iterator[tuple[Problem, FloatArray, Exper
 
 
 def explore_scripts(material: Material) -> list[str]:
-    """The solver, the model and the section's script; nothing where there is nothing to explore."""
-    if not_explored(material):
-        return []
+    """The solver, the model and the section's script."""
     problem, own = material.problem, [own_text(f"report/{name}") for name in ("fitting.js", "explore.js")]
     return [solver(), written(problem.model, "javascript"), *_functions(problem), *own]
 
 
-def explore(material: Material) -> dict[str, Any] | None:
-    """The data of the section, for JSON; None where there is nothing to explore."""
-    if not_explored(material):
-        return None
+def explore(material: Material) -> dict[str, Any]:
+    """The data of the section, for JSON."""
     problem, cost = material.problem, material.problem.cost_function.name
     return {
         "program": program(problem),

@@ -162,15 +162,17 @@ def report_page(material: Material) -> str:
         HTML.
     """
     charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
-    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, explore_scripts(material))]
+    unexplored = not_explored(material)
+    own = [] if unexplored else explore_scripts(material)
+    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, own)]
     data = {
         "recordings": traces(material), "charts": {name: chart.packed() for name, chart in charts.items()}, "rig": rig,
         "plane": surface and vars(surface) | {
             "height": base64_floats(surface.height), "tried": np.round(surface.tried, 5), "search": surface.search,
         },
-        "profiles": _profiles(material), "explore": explore(material),
+        "profiles": _profiles(material), "explore": None if unexplored else explore(material),
     }  # fmt: skip
-    context = _context(material) | _stills(material, charts, surface)
+    context = _context(material) | {"explore_reason": unexplored} | _stills(material, charts, surface)
     return rendered("page.html.j2", scripts, **context, rig=rig, plane=surface, data=in_script(data))
 
 
@@ -277,7 +279,6 @@ def _context(material: Material) -> dict[str, Any]:
         "rows": rows, "per_recording": own, "off": _off(material),
         "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.analyses.values())
                       for n, a in outputs.items()],
-        "explore_reason": not_explored(material),
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),
         "command": _command(environment),

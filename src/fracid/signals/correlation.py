@@ -84,7 +84,7 @@ def power_spectrum(x: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     n = len(x)
     S = np.abs(np.fft.rfft(x - np.mean(x))) ** 2 * step / n
     S[1 : (n + 1) // 2] *= 2  # those of −f
-    return np.fft.rfftfreq(n, step), S
+    return np.asarray(np.fft.rfftfreq(n, step)), S
 
 
 def neighbour_correlation(scores: Sequence[FloatArray], limit: float) -> float:

@@ -219,8 +219,8 @@ class Writer:
             pending -= here
             match s:
                 case Assign(target, value, note):
-                    again = isinstance(target, Name) and target.name in later & self._assigned(body[k + 1 :])
-                    once = not loops and not again
+                    known = isinstance(target, Name) and target.name in later
+                    once = not loops and not (known and target.name in self._assigned(body[k + 1 :]))
                     word = self.say("once" if once else "variable") if first else ""
                     yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
                 case If(test, yes, no, note):
