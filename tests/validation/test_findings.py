@@ -388,7 +388,7 @@ def test_a_start_that_is_taken_from_a_noisy_sample_spoils_the_intervals_where_it
         for i, true in enumerate((0.9, 0.95)):
             holds = abs(x[i] - true) < 1.96 * known.standard_error[i]
             (beyond if times[i] > 1 else inside).append(holds)
-        said = noisy_start(p, x, known)
+        said = noisy_start(p, x, with_start(p, x, known))
         assert bool(said) == bool(np.any(times > 1.1)) or np.max(times) < 1.1
     assert np.mean(inside) > 0.9
     assert np.mean(beyond) < 0.8
@@ -462,8 +462,10 @@ def test_a_search_that_spends_its_budget_is_short_of_its_minimum_and_one_that_co
 @pytest.mark.broad
 def test_a_start_that_is_found_or_named_has_no_noise():
     for state, initial in (("rest", {}), ("estimate", {}), ("held", {"theta": 0.0, "alpha": 0.3})):
-        assert noisy_start(*held(1, state, initial=initial)) == ()
+        p, x, known = held(1, state, initial=initial)
+        assert noisy_start(p, x, with_start(p, x, known)) == ()
     p, x, known = held(1)
+    known = with_start(p, x, known)
     found = sole(noisy_start(p, x, known), "noisy-start")
     assert found.number > found.limit == 1.0
     assert 'Type initial_state = "rest" in [fit], or the start that you know: initial = {' in found.sentence

@@ -107,9 +107,8 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
     findings = [*_loose_memory(problem, x, uncertainty, jobs)]
     if not isinstance(uncertainty, Failure):
         findings += _short_window(problem, uncertainty)
-        parabola = _parabola(problem, x, uncertainty, jobs)
-        findings += noisy_start(problem, x, uncertainty, jobs=jobs, parabola=parabola)
-        findings += _stopped_short(problem, x, uncertainty, parabola)
+        findings += noisy_start(problem, x, uncertainty)
+        findings += _stopped_short(problem, x, uncertainty, jobs)
         findings += misread(problem, x, uncertainty, jobs=jobs)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
@@ -203,12 +202,7 @@ def _parabola(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: i
 
 
 def noisy_start(
-    problem: Problem,
-    x: FloatArray,
-    uncertainty: Uncertainty | Failure,
-    *,
-    jobs: int = 1,
-    parabola: Curvature | Failure | None = None,
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, included: bool = True
 ) -> tuple[Finding, ...]:
     """Say so where the noise of the samples that the start is taken from moves an unknown by more than its interval.
 
@@ -217,12 +211,10 @@ def noisy_start(
     problem : Problem
     x : array, shape (n_unknowns,)
         Its minimum, or next to it.
-    uncertainty : Uncertainty or Failure
-        What :func:`fracid.estimation.covariance.uncertainty` gave there.
-    jobs : int
-        Threads.
-    parabola : Curvature or Failure, optional
-        There, of the unknowns that no bound holds; found if left out.
+    known : Uncertainty or Failure
+        What :func:`with_start` gave there.
+    included : bool
+        Whether the intervals that are told are those.
 
     Returns
     -------
@@ -239,26 +231,26 @@ def noisy_start(
     >>> y = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((1501, 2))
     >>> swing = Experiment("twin", 4e-3, y, np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}, initial_state="held")
-    >>> [found] = noisy_start(problem, problem.start, uncertainty(problem, problem.start))
+    >>> known = with_start(problem, problem.start, uncertainty(problem, problem.start))
+    >>> [found] = noisy_start(problem, problem.start, known)
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    if isinstance(uncertainty, Failure) or (shift := _start_shift(problem, x, uncertainty, jobs, parabola)) is None:
+    if isinstance(known, Failure) or not len(known.start):
         return ()
-    error = uncertainty.standard_error
-    alone = error if not len(uncertainty.start) else np.sqrt(np.maximum(error**2 - uncertainty.start**2, 0.0))
+    alone = np.sqrt(np.maximum(known.standard_error**2 - known.start**2, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        times = np.nan_to_num(shift / alone, nan=0.0, posinf=0.0)
+        times = np.nan_to_num(known.start / alone, nan=0.0, posinf=0.0)
     beyond = np.flatnonzero(times > 1)
     if not len(beyond):
         return ()
     first = [i for i in beyond if problem.unknowns[i].kind == "order"] or [*beyond]
     i = max(first, key=lambda k: times[k])
     sd = max(float(np.max(s)) for s in _noise_at_the_start(problem, x).values())
-    included = "which ignores it" if not len(uncertainty.start) else "without it; the interval includes it"
+    interval = "without it; the interval includes it" if included else "which ignores it"
     unit = problem.experiments[0].units.get(problem.outputs[0], "rad")
     return (SAYS.finding("noisy-start", problem.names[i], float(times[i]), 1.0, noise=with_unit(sd, unit, '.2g'),
-                         shift=NORMAL_95 * shift[i], included=included,
+                         shift=NORMAL_95 * known.start[i], included=interval,
                          looser=LOOSER[problem.initial_state]),)  # fmt: skip
 
 
@@ -277,28 +269,18 @@ def with_start(
     jobs : int
         Threads.
     """
-    if isinstance(known, Failure) or (shift := _start_shift(problem, x, known, jobs)) is None:
+    if isinstance(known, Failure) or problem.initial_state not in LOOSER:
         return known
-    return replace(known.wider(problem.space, x, shift), start=shift)
+    parabola, noise = _parabola(problem, x, known, jobs), _noise_at_the_start(problem, x)
+    if isinstance(parabola, Failure) or not noise:
+        return known
+    shift = start_shift(problem, x, parabola, noise, jobs=jobs)
+    return known if shift is None else replace(known.wider(problem.space, x, shift), start=shift)
 
 
-def _start_shift(
-    problem: Problem, x: FloatArray, known: Uncertainty, jobs: int, parabola: Curvature | Failure | None = None
-) -> FloatArray | None:
-    """How far that noise moves each unknown, one standard deviation; None where no start is taken from samples."""
-    if problem.initial_state not in LOOSER:
-        return None
-    quadratic = _parabola(problem, x, known, jobs) if parabola is None else parabola
-    noise = _noise_at_the_start(problem, x)
-    if isinstance(quadratic, Failure) or not noise:
-        return None
-    return start_shift(problem, x, quadratic, noise, jobs=jobs)
-
-
-def _stopped_short(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty, parabola: Curvature | Failure
-) -> Iterator[Finding]:
+def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
+    parabola = _parabola(problem, x, uncertainty, jobs)
     if isinstance(parabola, Failure):
         return
     step, cost = newton_step(problem, x, parabola)

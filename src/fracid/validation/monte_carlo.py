@@ -53,7 +53,6 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay, listed, tabulated
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
-from fracid.estimation.curvature import LOOSER
 from fracid.estimation.search import search
 from fracid.figures import Style, draw
 from fracid.findings import Finding, Note, Words, with_code
@@ -71,7 +70,7 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Execution
 from fracid.twins.encoder import encoder, simulated
-from fracid.validation.after_search import noisy_start
+from fracid.validation.after_search import noisy_start, with_start
 from fracid.validation.study_records import (
     TIMES,
     Cell,
@@ -363,7 +362,7 @@ class Plan:
         Asked of a recording whose first samples happen to be exact, so that no interval is wide by their chance.
         """
         level, resolution = max(self.cells)
-        if self.problem.initial_state not in LOOSER or not level + resolution:
+        if not level + resolution:
             return ()
         exact, rng = simulated(self.problem, self.truth), np.random.default_rng(self.seed)
         read = []
@@ -371,7 +370,8 @@ class Plan:
             n, y = len(e.slope_weights), _read(e, level, resolution, rng, self.how["sizes"])
             read.append(replace(e, measured=np.vstack([e.measured[:n], y[n:]])))
         noisy = replace(exact, experiments=tuple(read))
-        return noisy_start(noisy, self.truth, uncertainty(noisy, self.truth))
+        known = with_start(noisy, self.truth, uncertainty(noisy, self.truth))
+        return noisy_start(noisy, self.truth, known, included=False)
 
     @property
     def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
