@@ -47,6 +47,11 @@ class Finding(Record):
     sentence: str
     """What it means and what to do."""
 
+    @property
+    def note(self) -> Note:
+        """Where, and the sentence, with its code."""
+        return Note(str(self), self.code, self.where)
+
     def __str__(self) -> str:
         """Where, and the sentence."""
         return f"{self.where}: {self.sentence}" if self.where else self.sentence

@@ -127,6 +127,8 @@ class Fit(CardDisplay, WithPosterior, Record):
     """How intervals were made, in words."""
     warnings: Listed[str]
     """Sentences, those of the findings among them."""
+    warning_codes: Listed[str] = ()
+    """Of each of them: that of a finding, ``verdict``, ``cut``, ``spread``, or none."""
     findings: Listed[Finding] = ()
     """Faults of data, project or model that were seen, each with the number that shows it."""
     seed: int | None

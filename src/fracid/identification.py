@@ -502,7 +502,7 @@ def _predicted(analysis: _Findings, given: _Given) -> None:
     if given.validation:
         analysis.show(given.observer)
     if analysis.check is not None:
-        analysis.warnings.append(analysis.check.warning)
+        analysis.warnings.append(Note(analysis.check.warning, COARSE_STEP))
         analysis.seen += coarse_step(problem, analysis.check)
 
 
@@ -510,7 +510,7 @@ def _each_alone(analysis: _Findings, given: _Given) -> None:
     problem = analysis.problem
     if len(problem.recordings) > 1 and problem.cost_function.loss is not None:
         analysis.spread = spread(problem, analysis.result.best.point, jobs=given.jobs)
-        analysis.warnings += analysis.spread.sentences
+        analysis.warnings += [Note(sentence, "spread") for sentence in analysis.spread.sentences]
 
 
 def _polished(analysis: _Findings, given: _Given) -> None:
@@ -531,7 +531,10 @@ def _nested(analysis: _Findings, given: _Given) -> Evaluation | None:
 def _where_it_begins(analysis: _Findings, given: _Given) -> None:
     problem, x = analysis.at_every_sample(analysis.problem), analysis.result.best.point
     analysis.cut = cut = cut_check(problem, x, analysis.known, whole=given.whole, jobs=given.jobs)
-    analysis.warnings += [f"The cut was not checked: {cut}."] if isinstance(cut, Failure) else cut.warnings
+    if isinstance(cut, Failure):
+        analysis.warnings.append(f"The cut was not checked: {cut}.")
+    else:
+        analysis.warnings += [Note(sentence, "cut") for sentence in cut.warnings]
 
 
 def _onward(analysis: _Findings, jobs: int) -> Evaluation | None:
@@ -585,7 +588,7 @@ def _claim(analysis: _Findings, given: _Given) -> None:
     orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
     analysis.fits = all(e.fits for e in left.values())
     analysis.explained = all(e.explained for e in left.values())
-    contradictions = [Note(str(f), f.code, f.where) for f in (*analysis.seen, *_missed_by(analysis))]
+    contradictions = [f.note for f in (*analysis.seen, *_missed_by(analysis))]
     before = claim_of(orders, None, left, contradictions)
     widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}
     slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())
@@ -685,10 +688,10 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
     later = (*analysis.seen[len(analysis.first) :], *ended)
     findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     partial = PARTIAL if outcome is Outcome.INTERRUPTED else ""
-    messages = (partial, *(str(f) for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
+    messages = (partial, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, analysis.verdicts), *analysis.warnings,
                 *_followed(problem, best.point, analysis.window))  # fmt: skip
-    starts = analysis.starts
+    starts, warnings = analysis.starts, tuple(filter(None, messages))
     return Fit(
         **of_problem(problem, best.point, cost), evaluations=evaluations, seed=analysis.seed,
         optimiser=analysis.optimiser.name,
@@ -704,7 +707,7 @@ def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> 
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         interval_methods=OF_FITS if isinstance(precision, Uncertainty) else {},
         timing=dict(timing),
-        warnings=tuple(w for w in messages if w), findings=tuple(findings),
+        warnings=warnings, warning_codes=tuple(getattr(w, "code", "") for w in warnings), findings=tuple(findings),
         claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons, claim_codes=analysis.claim.codes,
     )  # fmt: skip
 
@@ -861,13 +864,13 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
         yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
-    alike: dict[str, list[str]] = {}
+    alike: dict[tuple[str, bool], list[str]] = {}
     for v in verdicts.values():
         if v.kind not in UNTOLD and not any(v.name in names for names in together):
-            alike.setdefault(v.says, []).append(GREEK.get(v.name, v.name))
-    for says, unknowns in alike.items():
+            alike.setdefault((v.says, bool(v.reason)), []).append(GREEK.get(v.name, v.name))
+    for (says, explained), unknowns in alike.items():
         if len(unknowns) == 1:
-            yield f"{unknowns[0]} {says}."
+            yield Note(f"{unknowns[0]} {says}.", "verdict" * explained)
         else:
             yield f"{', '.join(unknowns[:-1])} and {unknowns[-1]} {_of_several(says)}."
 

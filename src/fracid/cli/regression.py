@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -104,18 +103,17 @@ def _print_constants(console: Console, f: Regression) -> None:
         warn(console, f"{names}: {verdict}")
 
 
-def _lines(results: FinishedRegression, f: Regression) -> Iterator[tuple[str, str]]:
+def _lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
     """What stands below the table: what is only known together, orders, fit, filter, where a fit would start."""
-    for name, value in f.combinations.items():
-        yield "together", f"{name} = {value:.4g}"
+    together = [("together", f"{name} = {value:.4g}") for name, value in f.combinations.items()]
     orders = ", ".join(f"{n} = {v:.4g}{_searched(f, n)}" for n, v in f.orders.items())
     fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in f.fit_percent.items())
-    yield "orders", orders
-    yield "fit", "; ".join(filter(None, (fit, f.left_over)))
-    yield "low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}"
+    lines = [*together, ("orders", orders), ("fit", "; ".join(filter(None, (fit, f.left_over)))),
+             ("low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}")]  # fmt: skip
     if results.asked.problem is not None:
         changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
-        yield "start", ", ".join(changes) or "the project's own: nothing that it frees was identified"
+        lines.append(("start", ", ".join(changes) or "the project's own: nothing that it frees was identified"))
+    return lines
 
 
 def _searched(f: Regression, name: str) -> str:

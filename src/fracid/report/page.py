@@ -44,6 +44,7 @@ from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import number, typeset_unit
+from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_analyses import Residuals
 
 REPORT = "report.html"
@@ -59,6 +60,9 @@ WARNINGS = 20
 
 STILL_POINTS = 900
 """Of one line of a drawing, of few recordings."""
+
+BESIDE = (COARSE_STEP, "verdict", "cut", "spread")
+"""Codes of warnings that stand where the page says more: at the checks, and in the rows of tables."""
 
 WIDE = 0.5
 """Part of a constant's value: a wider half of an interval is said beside it."""
@@ -270,7 +274,7 @@ def _context(material: Material) -> dict[str, Any]:
         "orders": orders_drawn(result["orders"]),
         "open_at_most": OPEN, "warnings_shown": WARNINGS,
         "headline": headline, "lines": lines,
-        "warnings": [*material.notes, *material.left_out, *_said_nowhere_else(result, [*rows, *own]),
+        "warnings": [*material.notes, *material.left_out, *(w for w in unsaid(result) if w.code not in BESIDE),
                      *material.project.notes],
         "recordings": [_recording(material, name, f"whole-{k}") for k, name in enumerate(result["recordings"])],
         "equations": equations(model, result, _driven(material)),
@@ -284,14 +288,6 @@ def _context(material: Material) -> dict[str, Any]:
         "command": _command(environment),
         "folder": _typed(material.folder, environment),
     }  # fmt: skip
-
-
-def _said_nowhere_else(result: Mapping[str, Any], rows: list[dict[str, Any]]) -> list[str]:
-    """The warnings that no row of a table says, and no check."""
-    check, cut, alone = (result.get(block) or {} for block in ("discretisation", "cut", "spread"))
-    elsewhere = [check.get("warning"), *(row.get("reason") for row in rows), *cut.get("warnings", ()),
-                 *alone.get("sentences", ())]  # fmt: skip
-    return [w for w in unsaid(result) if not any(said and said in w for said in elsewhere)]
 
 
 def _names(recordings: list[str]) -> str:
@@ -349,7 +345,7 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
         moved = by_the_step.get(name)
         step = "" if moved is None else f"half the step moves it by {number(moved, '.2g')}, more than its interval"
         yield {"name": name, "says": described(says.get(name, "")), **e, "moved": bool(step),
-               "reason": step or e.get("reason") or _wide(e)}  # fmt: skip
+               "reason": "; ".join(filter(None, (step, e.get("reason")))) or _wide(e)}  # fmt: skip
 
 
 def _wide(e: Mapping[str, Any]) -> str:

@@ -7,10 +7,12 @@ legs, and whoever reads it first has to read that with it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
+from fracid.findings import Note
 from fracid.optimise.base import Outcome
 from fracid.selection.claim import LACKS
 from fracid.units import GREEK
@@ -53,18 +55,18 @@ def claimed(claim: str, against: Mapping[str, str]) -> str:
     return f"{claim}, but {', and '.join(against.values())}" if against else claim
 
 
-def unsaid(result: Mapping[str, Any]) -> list[str]:
+def unsaid(result: Mapping[str, Any]) -> list[Note]:
     """The warnings that the claim's reasons have not said already: of residuals that are no noise.
 
     Examples
     --------
-    >>> misfit = {"code": "misfit", "where": "swing: alpha", "sentence": "The residual is large."}
-    >>> said = {"warnings": ["swing: alpha: The residual is large.", "C1 lies at its bound."], "findings": [misfit]}
-    >>> unsaid(said | {"claim_codes": ["unexplained"]})
+    >>> said = {"warnings": ["swing: alpha: The residual is large.", "C1 lies at its bound."]}
+    >>> unsaid(said | {"warning_codes": ["misfit", "verdict"], "claim_codes": ["unexplained"]})
     ['C1 lies at its bound.']
     """
-    said = {f"{f['where']}: {f['sentence']}" for f in result.get("findings", ()) if f["code"] == "misfit"}
-    return [w for w in result["warnings"] if w not in said or LACKS.isdisjoint(result.get("claim_codes", ()))]
+    said = set() if LACKS.isdisjoint(result.get("claim_codes", ())) else {"misfit"}
+    pairs = zip_longest(result["warnings"], result.get("warning_codes", ()), fillvalue="")  # none of an older version
+    return [Note(warning, code) for warning, code in pairs if code not in said]
 
 
 def _against(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
