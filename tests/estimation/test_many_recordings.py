@@ -101,6 +101,15 @@ def test_intervals_by_blocks_are_those_of_all_rows(thirty, monkeypatch, weights)
     np.testing.assert_allclose(b.inverse @ b.gradient, a.inverse @ a.gradient, rtol=1e-6, atol=1e-12)
 
 
+def test_derivatives_by_blocks_are_those_of_all_rows_and_stay_within_the_bounds(thirty, monkeypatch):
+    none = {"coulomb_alpha": Free(0.0, 0.0, 1e-2)}  # beyond its bound it would drive the pendulum
+    whole, parts = both(monkeypatch, thirty[:3], parameters=none, initial_state="rest")
+    x, everything = whole.start, np.arange(len(whole.start))
+    narrow = by_blocks(parts, x, everything)
+    for k, j in enumerate(jacobian(whole, x, everything)):
+        np.testing.assert_allclose(narrow.parts[k], j[..., parts.blocks.columns(k)], rtol=1e-9, atol=1e-12)
+
+
 def test_what_the_data_do_not_see_is_named_by_blocks_too(thirty, monkeypatch):
     blind = {"C4": Free(4e-4, 1e-4, 1e-3)}  # a product with C1 is all that a free pendulum shows, nearly
     still = tuple(replace(e, measured=0 * e.measured) for e in thirty[:3])
