@@ -349,10 +349,8 @@ class Model(CardDisplay):
     @property
     def order_names(self) -> tuple[str, ...]:
         """Names of the orders that have one, each once, in order of appearance."""
-        of_springpots = {*self.springpot_orders.values()}
         names = (q.parameter if isinstance(q, Complement) else q for q in self.orders)
-        return tuple(dict.fromkeys(n for n in names if (isinstance(n, str) and n not in self.parameter_names)
-                                   or n in of_springpots))  # fmt: skip
+        return tuple(dict.fromkeys(n for n in names if isinstance(n, str) and n not in self.parameter_names))
 
     @cached_property
     def rates(self) -> dict[int, int]:
@@ -572,13 +570,9 @@ class Model(CardDisplay):
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
         p = self.parameter_vector() if parameters is None else parameters
-        known = {q: 0.0 for q in self.orders if isinstance(q, Complement)} | values
-        q = np.array([known[q] if isinstance(q, str | Complement) else q for q in self.orders], dtype=np.float64)
-        for state, parameter in self.complements:
-            q[state] = 1.0 - p[parameter]
-        for state, name in self.springpot_orders.items():
-            q[state] = max(1.0 - values[name], NEAR_0)
-        return q
+        own = {i: 1.0 - p[parameter] for i, parameter in self.complements}
+        own |= {i: max(1.0 - values[name], NEAR_0) for i, name in self.springpot_orders.items()}
+        return np.array([own.get(i, values[q] if isinstance(q, str) else q) for i, q in enumerate(self.orders)], float)
 
     def state_vector(self, states: Mapping[str, float]) -> FloatArray:
         """Return the states x from values by name; those left out are zero.

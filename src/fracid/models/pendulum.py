@@ -72,7 +72,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -352,12 +352,6 @@ def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
     return {**p, **dict.fromkeys(["play_theta", "dead_zone", "tilt_x", "tilt_y", *dry], 0.0)}
 
 
-TERMS = (
-    "J_theta", "C6", "C3", "C1", "C4", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha",
-    "drag_theta", "drag_alpha", "cable_stiffness", "cable_offset", "torque_per_volt",
-)  # fmt: skip
-
-
 def _columns(
     model: Model,
     theta: FloatArray,
@@ -394,13 +388,9 @@ def _columns(
     return arm, pendulum
 
 
-LINEAR_TERMS = LinearTerms(
-    TERMS,
-    lumped=TERMS[:9],
-    pendulum=("C1", "C4", "b_alpha", "coulomb_alpha", "drag_alpha"),
-    gauge="C4",
-    columns=_columns,
-)
+_TERMS: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in TABLE["regression"].items()}
+
+LINEAR_TERMS = LinearTerms(**_TERMS, columns=_columns)
 
 MODEL = {"rotary-pendulum": rotary_pendulum}
 """By the name that a project file gives it."""

@@ -70,7 +70,7 @@ from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
-from fracid.safety.door import text_of
+from fracid.safety.door import own_text, text_of
 from fracid.safety.paths import path_of, refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
@@ -741,14 +741,7 @@ def _value(name: str, spec: float | _Range | _Constant | str | Free) -> Value:
 # --- what pydantic says, in our words ----------------------------------------------------------------
 
 
-TABLES = EXPECTED | {
-    "dict_type": "a table {{ ... }}",
-    "greater_than_equal": "{ge} or more",
-    "less_than_equal": "{le} at most",
-    "list_type": "a list [...]; for recordings type [[recording]]",
-    "model_type": "a table {{ {keys} }}",
-    "string_type": 'a text in "..."',
-}
+TABLES = EXPECTED | tomllib.loads(own_text("problem/expected.toml"))
 """What pydantic's faults mean in TOML."""
 
 
