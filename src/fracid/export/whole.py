@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
@@ -120,14 +120,15 @@ def words_of(template: str) -> tuple[str, ...]:
 def _lacking(model: Model) -> list[str] | None:
     """None where tree and right-hand side compute the same; else the constants that the tree lacks."""
     n, p = len(model.states), model.parameter_vector()
-    kept, read = [*range(n), *(n + i for i in model.relaxing_states)], Python(model.program).made()
+    kept = [*range(n), *(n + i for i in model.relaxing_states)]
+    read = replace(model, rhs=Python(model.program).made())
     for x, u, moved in _places(model):
-        solved = _derivatives(model, model.rhs, x, u, moved)[kept]
-        if np.array_equal(solved, _derivatives(model, read, x, u, moved)[kept], equal_nan=True):
+        solved = _derivatives(model, x, u, moved)[kept]
+        if np.array_equal(solved, _derivatives(read, x, u, moved)[kept], equal_nan=True):
             continue
         lacking = []
         for k, q in enumerate(model.parameters):
-            without = _derivatives(model, model.rhs, x, u, np.where(np.arange(len(p)) == k, p[k], moved))[kept]
+            without = _derivatives(model, x, u, np.where(np.arange(len(p)) == k, p[k], moved))[kept]
             if q.name not in model.program.constants and not np.array_equal(solved, without, equal_nan=True):
                 lacking.append(f"{q.name} = {p[k]:.6g}{'' if q.unit in ('', '1', '-') else f' {q.unit}'}")
         return lacking
@@ -142,12 +143,10 @@ def _places(model: Model) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]
         yield x, u, np.where(p == 0.0, MOVED, p) * (1.0 + MOVED * random.random(len(p)))
 
 
-def _derivatives(model: Model, rhs: Any, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+def _derivatives(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
     """What a right-hand side writes, rates of relaxing states included; NaN where it cannot be computed."""
-    out = np.zeros(len(x) * (1 + bool(model.relaxing)))
     try:
         with np.errstate(all="ignore"):
-            getattr(rhs, "py_func", rhs)(0.0, x, u, p, out)
+            return model.derivatives(x, u, p)
     except (ArithmeticError, ValueError, TypeError):
-        return np.full_like(out, np.nan)
-    return out
+        return np.full(len(x) * (1 + bool(model.relaxing)), np.nan)

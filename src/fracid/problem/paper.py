@@ -21,7 +21,7 @@ import numpy as np
 from fracid.models import Model, rotary_pendulum
 from fracid.problem.experiment import Experiment
 from fracid.problem.problem import Problem
-from fracid.problem.sensors import Sensor
+from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, start_of
 from fracid.units import GREEK
 
@@ -44,15 +44,11 @@ def fixed(experiment: Experiment) -> Experiment:
     >>> fixed(still).release_time
     0.0
     """
-    return replace(
-        experiment, release_time=start_of(experiment.release_time),
-        sensors={n: _fixed(s) for n, s in experiment.sensors.items()},
-        actuators={n: _fixed(s) for n, s in experiment.actuators.items()},
-    )  # fmt: skip
-
-
-def _fixed(sensor: Sensor) -> Sensor:
-    return Sensor(start_of(sensor.delay), start_of(sensor.gain), start_of(sensor.bias), start_of(sensor.lowpass))
+    sensors, actuators = (
+        {n: Sensor(*(start_of(getattr(s, quantity)) for quantity in QUANTITIES)) for n, s in of.items()}
+        for of in (experiment.sensors, experiment.actuators)
+    )
+    return replace(experiment, release_time=start_of(experiment.release_time), sensors=sensors, actuators=actuators)
 
 
 def differences(problem: Problem, rig: str | None, given: Mapping[str, float]) -> str:

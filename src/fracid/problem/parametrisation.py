@@ -295,15 +295,12 @@ class Parametrisation:
 
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
         own = {n: v for n, v in e.initial.items() if isinstance(v, Free)}
-        if self.initial_state in ("measured", "held") and not own:
-            return []
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
         states = self.model.output_states
         units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
         sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
-        reach = {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
-        if self.initial_state in ("measured", "held"):
-            reach = {}
+        known = self.initial_state in ("measured", "held")
+        reach = {} if known else {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
         if self.initial_state == "estimate":
             fastest = dict(zip(units, self._fastest(e).tolist(), strict=True))
             reach |= {

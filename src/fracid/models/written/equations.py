@@ -19,7 +19,7 @@ from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import Untranslatable, operation
+from fracid.models.written.reading import Untranslatable, choice, operation
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -476,8 +476,7 @@ class Flat:
             case Operation(sign, operands):
                 return operation(sign, *(self._within(a, here) for a in operands))
             case Choice(test, yes, no):
-                when, a, b = (self._within(part, here) for part in (test, yes, no))
-                return (a if when.value else b) if isinstance(when, Number) else Choice(when, a, b)
+                return choice(*(self._within(part, here) for part in (test, yes, no)))
         return e
 
     def _given(self, body: Sequence[Statement], here: dict[str, Expression]) -> Expression:

@@ -18,8 +18,8 @@ from typing import Any
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import FUNCTIONS, call, operation, truth
-from fracid.models.written.tree import Choice, Expression, Function, Number, Program
+from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
+from fracid.models.written.tree import Expression, Function, Number, Program
 from fracid.safety.text import printable
 
 SAYS = Words("models/written/refusals.toml")
@@ -151,8 +151,7 @@ class _Parser:
         if self.take("if"):
             test = truth(self.binary(1))
             self.need("else", "`else` is missing: yes if test else no.")
-            no = self.choice()
-            result = (result if test.value else no) if isinstance(test, Number) else Choice(test, result, no)
+            result = choice(test, result, self.choice())
         self._deeper(-1)
         return result
 

@@ -287,6 +287,13 @@ def truth(e: Expression) -> Expression:
     return e if is_truth(e) else operation("!=", e, Number(0.0))
 
 
+def choice(test: Expression, yes: Expression, no: Expression) -> Expression:
+    """One of two, or the one that it is."""
+    if isinstance(test, Number):
+        return yes if test.value else no
+    return Choice(test, yes, no)
+
+
 def call(name: str, arguments: Sequence[Expression]) -> Expression:
     """A function of mathematics."""
     first, *more = arguments
@@ -473,7 +480,7 @@ class _Scope:
             if is_truth(result) and is_truth(e):
                 result = operation(sign, result, e)
             else:
-                result = _choice(test, e, result) if sign == "and" else _choice(test, result, e)
+                result = choice(test, e, result) if sign == "and" else choice(test, result, e)
         return result
 
     def _either(self, test: Expression, yes: Callable[[], Any], no: Callable[[], Any], note: str = "") -> Any:
@@ -488,7 +495,7 @@ class _Scope:
             b = no()
         self.here = {n: v for n, v in self.here.items() if n in after and repr(after[n]) == repr(v)}
         if isinstance(a, Expression) and isinstance(b, Expression) and not body and not orelse:
-            return _choice(test, a, b)
+            return choice(test, a, b)
         if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
             names: Any = tuple(Name(self.fresh("result")) for _ in a)
             body += map(Assign, names, a)
@@ -696,12 +703,6 @@ class _Scope:
                 kept.append(v)
         for k, (t, v) in enumerate(zip(targets, kept, strict=True)):
             self._assign(t, v, note if k == len(kept) - 1 else "")
-
-
-def _choice(test: Expression, yes: Expression, no: Expression) -> Expression:
-    if isinstance(test, Number):
-        return yes if test.value else no
-    return Choice(test, yes, no)
 
 
 def _reads_out(value: Any) -> bool:
