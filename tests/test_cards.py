@@ -12,7 +12,7 @@ import pytest
 import fracid
 from fracid import solve_fde
 from fracid.cards import CELL, LENGTH, Card, CardDisplay
-from fracid.estimation.cost_profile import Profile, Profiles
+from fracid.estimation.cost_profile import CostAtBest, Profile, Profiles
 from fracid.estimation.profile_walk import End
 from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit
 from fracid.fit import Fit, of_problem
@@ -76,7 +76,12 @@ CARDS = {
     "trajectory": trajectory,
     "comparison": comparison,
     "profile": profile,
-    "profiles": lambda: Profiles(problem(), np.zeros(1), 1.0, {f"{HOSTILE} {k}": profile() for k in range(20)}),
+    "profiles": lambda: Profiles(
+        at_best=CostAtBest(name="rmse", value=1.0),
+        minimum={},
+        threshold=3.84,
+        profiles={f"{HOSTILE} {k}": profile() for k in range(20)},
+    ),
 }
 
 

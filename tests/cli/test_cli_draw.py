@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from matplotlib.lines import Line2D
@@ -186,7 +187,7 @@ def test_a_recording_that_is_not_there_is_refused_with_those_that_are(made):
 @pytest.mark.broad
 def test_profiles_come_back_from_their_file_as_they_were(made):
     _, fit, profiles = made
-    again = Profiles.of_json(json.loads(json.dumps(profiles.to_json())), fit.problem)
+    again = replace(Profiles.of_json(json.loads(json.dumps(profiles.to_json()))), problem=fit.problem)
     assert again.to_json() == profiles.to_json()
     assert content(again.plot()) == content(profiles.plot())
 

@@ -47,11 +47,11 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
@@ -64,18 +64,19 @@ from fracid.problem.checks import require_free
 from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import (
+    UNREAD,
     Array,
+    Beside,
     Block,
-    Coherent,
     InfiniteArray,
     InfiniteMatrix,
     Interval,
+    Listed,
     Number,
     OpenInterval,
     Pair,
     Record,
     Unknown,
-    as_json,
 )
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
@@ -96,7 +97,7 @@ Two = Annotated[tuple[str, ...], Pair]
 class Profile(CardDisplay, Record):
     """The profile of one unknown."""
 
-    name: Annotated[str, Field(exclude=True)] = ""
+    name: Beside[str] = ""
     best: Annotated[float, Field(alias="value")]
     """The value at the minimum."""
     unit: str
@@ -118,7 +119,7 @@ class Profile(CardDisplay, Record):
     """W at each, shape (n_points,)."""
     cost: InfiniteArray
     """The problem's cost at each, shape (n_points,)."""
-    points: Annotated[Any, Field(exclude=True)] = None
+    points: Beside[FloatArray] = UNREAD
     """All unknowns at each, shape (n_points, n_unknowns); None of what was read."""
 
     @property
@@ -173,15 +174,34 @@ class CostAtBest(Block):
     value: float
 
 
-class ProfilesBlock(Coherent):
-    """Profiles of several unknowns from one minimum."""
+def _named(profiles: dict[str, Profile]) -> dict[str, Profile]:
+    return {name: replace(p, name=name) for name, p in profiles.items()}
 
-    cost: CostAtBest
-    minimum: dict[str, float]
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Profiles(CardDisplay, Record):
+    """What :func:`profile` found."""
+
+    at_best: Annotated[CostAtBest, Field(alias="cost")]
+    minimum: Mapping[str, float]
+    """That the profiles start from."""
     threshold: Number
-    profiles: dict[str, Profile]
+    """Of a single one; None for a user's own cost."""
+    profiles: Annotated[dict[str, Profile], AfterValidator(_named)]
     joint: JointProfile | None = None
-    notes: list[str]
+    notes: Listed[str] = ()
+    """That the minimum given was none; that there is no threshold."""
+    problem: Beside[Problem] = UNREAD
+
+    @property
+    def x(self) -> FloatArray:
+        """The minimum, shape (n_unknowns,)."""
+        return np.array([self.minimum[n] for n in self.problem.names])
+
+    @property
+    def cost(self) -> float:
+        """At the minimum."""
+        return self.at_best.value
 
     def incoherence(self) -> str:
         """Lists that do not belong together."""
@@ -192,47 +212,6 @@ class ProfilesBlock(Coherent):
         if joint and [len(joint.second)] * len(joint.first) != [len(row) for row in joint.rise]:
             return "its joint profile has lists of different lengths"
         return ""
-
-
-@dataclass(frozen=True, repr=False)
-class Profiles(CardDisplay):
-    """What :func:`profile` found."""
-
-    problem: Problem
-    x: FloatArray
-    """The minimum that the profiles start from, shape (n_unknowns,)."""
-    cost: float
-    profiles: dict[str, Profile]
-    joint: JointProfile | None = None
-    notes: tuple[str, ...] = field(default=())
-    """That the minimum given was none; that there is no threshold."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return as_json(ProfilesBlock, {
-            "cost": {"name": self.problem.cost_function.name, "value": self.cost},
-            "minimum": self.problem.named(self.x),
-            "threshold": None if self.problem.cost_function.loss is None else CHI2_95[1],
-            "profiles": self.profiles,
-            "joint": self.joint,
-            "notes": list(self.notes),
-        })  # fmt: skip
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any], problem: Problem) -> Profiles:
-        """The same from :meth:`to_json`, but for the other unknowns along the way.
-
-        Parameters
-        ----------
-        content : mapping
-            The content of profiles.json.
-        problem : Problem
-            That was profiled.
-        """
-        block = ProfilesBlock.model_validate(content)
-        x = np.array([block.minimum[n] for n in problem.names])
-        profiles = {n: replace(p, name=n) for n, p in block.profiles.items()}
-        return cls(problem, x, block.cost.value, profiles, block.joint, tuple(block.notes))
 
     def _card(self) -> Card:
         joint = "" if self.joint is None else f" and {' with '.join(GREEK.get(n, n) for n in self.joint.names)}"
@@ -326,7 +305,11 @@ def profile(
     if not surface.calibrated:
         notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
     grid = None if pair is None else _joint(surface, pair, profiles, points, jobs, count)
-    return Profiles(problem, surface.top.point, surface.top.cost, profiles, grid, tuple(notes))
+    return Profiles(
+        problem=problem, minimum=problem.named(surface.top.point), profiles=profiles, joint=grid, notes=tuple(notes),
+        at_best=CostAtBest(name=problem.cost_function.name, value=surface.top.cost),
+        threshold=CHI2_95[1] if surface.calibrated else None,
+    )  # fmt: skip
 
 
 def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> Surface:

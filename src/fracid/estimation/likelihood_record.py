@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from pydantic import Field
 
 from fracid.estimation.agreement import Spread
-from fracid.estimation.cost_profile import ProfilesBlock
+from fracid.estimation.cost_profile import Profiles
 from fracid.safety.schema import Block, Interval, Number, OpenInterval, also_called
 
 ByMethod = dict[str, dict[str, OpenInterval | Number]]
@@ -46,7 +48,8 @@ class BootstrapBlock(Block):
     free_parameters = also_called("unknowns", dict[str, DrawsOfOne])
 
 
-class LikelihoodBlock(ProfilesBlock):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Likelihood(Profiles):
     """All that profiles.json has."""
 
     intervals: IntervalsBlock

@@ -14,7 +14,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
-from fracid.estimation.cost_profile import ProfilesBlock
+from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.records import RecordingFit
 from fracid.fit import Fit
 from fracid.models import Model
@@ -31,7 +31,7 @@ from fracid.units import shown_unit
 from fracid.validation.residual_analyses import Analyses, Residuals, analysed
 
 BESIDE: dict[str, tuple[type[Block | Record], str]] = {
-    "profiles.json": (ProfilesBlock, "fracid profile RUN"),
+    "profiles.json": (Profiles, "fracid profile RUN"),
     "compare.json": (Comparison, "fracid compare PROJECT --out RUN"),
     "environment.json": (EnvironmentBlock, "fracid fit PROJECT"),
 }

@@ -22,8 +22,8 @@ import numpy as np
 from markupsafe import Markup
 
 from fracid.errors import InputError, writing
-from fracid.estimation.cost_profile import ProfilesBlock
-from fracid.estimation.likelihood_record import LikelihoodBlock
+from fracid.estimation.cost_profile import Profiles
+from fracid.estimation.likelihood_record import Likelihood
 from fracid.experiments.plan import PlanBlock
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
@@ -145,7 +145,7 @@ def _prior(prior: Mapping[str, Any]) -> str:
 
 
 def _profiled(record: Mapping[str, Any]) -> Found:
-    beside = {} if fault_of(record, LikelihoodBlock) else record  # of what fracid profile wrote, and nobody else
+    beside = {} if fault_of(record, Likelihood) else record  # of what fracid profile wrote, and nobody else
     rows, found = [], beside.get("intervals", {}).get("unknowns", {})
     for name, p in record["profiles"].items():
         low, high = p["interval95"]
@@ -224,7 +224,7 @@ STUDIES = {
     "compare.json": Study(Comparison, _compared, **_SAID["compare.json"]),
     "plan.json": Study(PlanBlock, _planned, **_SAID["plan.json"]),
     "posterior.json": Study(PosteriorBlock, _drawn, **_SAID["posterior.json"]),
-    "profiles.json": Study(ProfilesBlock, _profiled, **_SAID["profiles.json"]),
+    "profiles.json": Study(Profiles, _profiled, **_SAID["profiles.json"]),
     "noise.json": Study(NoiseStudy, _disturbed, **_SAID["noise.json"]),
 }
 """By the file that the command writes; its page is called like that, with .html."""

@@ -8,7 +8,7 @@ import sys
 from pydantic.json_schema import GenerateJsonSchema
 
 from fracid.errors import InputError, unknown_name
-from fracid.estimation.likelihood_record import LikelihoodBlock
+from fracid.estimation.likelihood_record import Likelihood
 from fracid.regression.linear import RegressionResult
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, described
@@ -21,7 +21,7 @@ from fracid.validation.residual_records import ResidualsBlock
 FILES: dict[str, type[Block | Record]] = {
     "result.json": SavedRun,
     "residuals.json": ResidualsBlock,
-    "profiles.json": LikelihoodBlock,
+    "profiles.json": Likelihood,
     "regression.json": RegressionResult,
     "compare.json": Comparison,
     "noise.json": NoiseStudy,

@@ -60,7 +60,7 @@ from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Experiment, Problem
 from fracid.problem.checks import require_free
 from fracid.problem.costs import COSTS, cost_from_name
-from fracid.safety.schema import Listed, Record, as_json
+from fracid.safety.schema import UNREAD, Beside, Listed, Record, as_json
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import gain_over, integer_rival, is_off
 from fracid.solver.methods import METHODS
@@ -121,7 +121,7 @@ class NoiseStudy(CardDisplay, Record):
     """Output → what levels and resolutions are multiples of; None where they are as they stand."""
     repetitions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Each repetition's own result, by the key of its task."""
-    problem: Annotated[Any, Field(exclude=True)] = None
+    problem: Beside[Problem] = UNREAD
     """That was simulated and fitted; None of what was read."""
 
     def incoherence(self) -> str:

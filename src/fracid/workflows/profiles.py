@@ -13,9 +13,9 @@ from fracid.arrays import FloatArray
 from fracid.errors import DataError, Failure, writing
 from fracid.estimation.agreement import spread
 from fracid.estimation.block_bootstrap import Bootstrap, bootstrap
-from fracid.estimation.cost_profile import Profiles, profile
+from fracid.estimation.cost_profile import CostAtBest, Profiles, profile
 from fracid.estimation.covariance import METHODS, Uncertainty, uncertainty
-from fracid.estimation.likelihood_record import LikelihoodBlock
+from fracid.estimation.likelihood_record import Likelihood
 from fracid.estimation.long_records import as_fitted, is_coarse, on_all_samples
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.identification import identify
@@ -116,7 +116,7 @@ def run_profiles(
         verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
         likelihood = _on_every_sample(likelihood, fitted)
-        record = as_json(LikelihoodBlock, likelihood.to_json() | {
+        record = as_json(Likelihood, vars(likelihood) | {
             "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": verdicts,
             "bootstrap": str(resampling) if isinstance(resampling, Failure) else resampling.to_json(),
@@ -142,7 +142,8 @@ def _on_every_sample(likelihood: Profiles, fitted: Problem) -> Profiles:
     here, there = likelihood.cost, fitted.cost(likelihood.x)
     own = {n: replace(p, cost=on_all_samples(fitted, p.cost, here, there)) for n, p in likelihood.profiles.items()}
     notes = (*likelihood.notes, _note(likelihood.problem))
-    return replace(likelihood, problem=fitted, cost=there, profiles=own, notes=notes)
+    at_best = CostAtBest(name=likelihood.at_best.name, value=there)
+    return replace(likelihood, problem=fitted, at_best=at_best, profiles=own, notes=notes)
 
 
 @contextmanager

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
 from fracid.errors import InputError
-from fracid.estimation.cost_profile import Profiles, ProfilesBlock
+from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
@@ -133,10 +134,10 @@ def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
 def _of_profiles(run: SavedRun, style: str) -> Figures:
     path = run.folder / "profiles.json"
     if path.exists():
-        content = read_as(path, ProfilesBlock, "fracid profile RUN", UNREAD)
+        content = read_as(path, Profiles, "fracid profile RUN", UNREAD)
         if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
-        yield "profiles", Profiles.of_json(content, run.problem).plot(style=style)
+        yield "profiles", replace(Profiles.of_json(content), problem=run.problem).plot(style=style)
 
 
 def _of_linear(run: SavedRun, style: str) -> Figures:
