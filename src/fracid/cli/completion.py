@@ -33,11 +33,7 @@ def one_of(*values: str) -> Callable[[str], list[str]]:
     >>> one_of("hanging", "upright")("up")
     ['upright']
     """
-
-    def complete(incomplete: str) -> list[str]:
-        return [value for value in values if value.startswith(incomplete)]
-
-    return complete
+    return lambda incomplete: [value for value in values if value.startswith(incomplete)]
 
 
 def keys(table: str) -> list[str]:
@@ -60,11 +56,7 @@ def key_of(table: str) -> Callable[[str], list[str]]:
     >>> key_of("methods")("pi2-")
     ['pi2-implicit']
     """
-
-    def complete(incomplete: str) -> list[str]:
-        return one_of(*keys(table))(incomplete)
-
-    return complete
+    return lambda incomplete: one_of(*keys(table))(incomplete)
 
 
 class _Unlabelled:

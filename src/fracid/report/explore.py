@@ -6,7 +6,6 @@ so what a model has that the solver lacks is said in one sentence in the section
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from math import inf, isfinite
@@ -220,8 +219,8 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
         "deflections": list(_deflections(problem, x, e)),
         "unknowns": list(_unknowns(problem, x, e)),
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
-        "inputs": doubles(inputs),
-        "jumps": None if driven.jumps is None else doubles(driven.jumps[:rows]),
+        "inputs": base64_floats(inputs, "<f8"),
+        "jumps": None if driven.jumps is None else base64_floats(driven.jumps[:rows], "<f8"),
         "own": _lines(material, e, samples),
     }
 
@@ -268,14 +267,3 @@ def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dic
         size = values.parameters[model.parameter_names.index(delta)]
         slides = not free and values.initial[i] != 0.0
         yield {"state": i, "delta": delta, "share": None if slides else values.initial[i] / size if size else 0.0}
-
-
-def doubles(values: FloatArray) -> str:
-    """Numbers as base64 of little-endian float64.
-
-    Examples
-    --------
-    >>> doubles(np.array([1.0]))
-    'AAAAAAAA8D8='
-    """
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

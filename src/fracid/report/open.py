@@ -26,8 +26,8 @@ from fracid.problem.roles import ROTARY
 from fracid.recording.channel import TABLES
 from fracid.recording.guess import NAMES
 from fracid.recording.readers.table import Table, read_table
-from fracid.report.explore import doubles
 from fracid.report.frame import rendered
+from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter
 from fracid.report.study import in_script
 from fracid.safety.door import write_text
@@ -101,7 +101,7 @@ def table_for_page(table: Table, name: str, variable: str | None = None) -> dict
         raise InputError(f"{name} has {table.values.shape[1]} columns: too many for a page. Type fracid init {name}.")
     return {
         "name": name, "names": list(table.names), "units": list(table.units), "rows": len(values), "variable": variable,
-        "columns": [doubles(column) for column in values.T],
+        "columns": [base64_floats(column, "<f8") for column in values.T],
         "said": f"every {every} rows of {len(table.values)}" if every > 1 else "",
     }  # fmt: skip
 

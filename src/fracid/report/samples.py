@@ -14,15 +14,15 @@ import numpy as np
 from fracid.arrays import FloatArray
 
 
-def base64_floats(values: FloatArray) -> str:
-    """Numbers as base64 of little-endian float32.
+def base64_floats(values: FloatArray, kind: str = "<f4") -> str:
+    """Numbers as base64 of little-endian float32, or of another kind.
 
     Examples
     --------
     >>> base64_floats(np.array([0.0, 1.0]))
     'AAAAAAAAgD8='
     """
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
+    return base64.b64encode(np.asarray(values, dtype=kind).tobytes()).decode()
 
 
 def floats_of(text: str) -> FloatArray:

@@ -159,7 +159,8 @@ def run_comparison(
     hierarchy = ladder(base, keep=options["keep"], rungs=options["rungs"], others=others, alternatives=beside)
     for structure in hierarchy.structures if evidence else ():
         require_evidence(structure.problem)
-    study = _study(project, options)
+    same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
+    study = {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
     watching.stage("fits")
@@ -223,12 +224,6 @@ def _written(given: Any, value: Value, found: float | None) -> Any:
         start = min(max(value.start if found is None else found, value.lower), value.upper)
         return {"start": start, "lower": value.lower, "upper": value.upper, **kept}
     return {"value": float(value), "unit": kept["unit"]} if "unit" in kept else float(value)
-
-
-def _study(project: Project, options: Mapping[str, Any]) -> dict[str, Any]:
-    """All that a fit depends on."""
-    same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
-    return {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:

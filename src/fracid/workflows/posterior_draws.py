@@ -16,6 +16,7 @@ import numpy as np
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, unknown_name
+from fracid.findings import Words
 from fracid.optimise.base import Outcome
 from fracid.runs.environment import versions
 from fracid.runs.saved import SavedRun, load_run
@@ -25,6 +26,8 @@ from fracid.tasks.progress import Observer
 from fracid.workflows.figures import of_posterior
 from fracid.workflows.records import command_of
 from fracid.workflows.study import Finished, digest_of, folder_of, journal_of
+
+SAYS = Words("workflows/fit.toml")
 
 DRAWN = "draws.npz"
 
@@ -97,17 +100,13 @@ def run_posterior(
     with one_blas_thread():
         saved = load_run(run, trust=trust)
         if saved.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):
-            raise InputError(
-                f"The search of {run} was interrupted before its minimum, about which a posterior is drawn: type "
-                f"fracid fit {saved.project.path}."
-            )
+            raise InputError(SAYS("no-minimum", run=run, project=saved.project.path))
         folder = folder_of(out, run, "posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
         with journal_of(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations", words) as kept:
-            drawn = posterior(
-                saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=executor or "threads", **kept
-            )
+            place = executor or "threads"
+            drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=place, **kept)
     content = io.BytesIO()
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
     return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, of_posterior(drawn), watching,

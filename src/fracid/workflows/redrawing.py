@@ -12,6 +12,7 @@ from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
+from fracid.findings import Words
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.project import load_project
 from fracid.report import plane_of
@@ -33,6 +34,8 @@ from fracid.workflows.figures import (
     of_tests,
     saved,
 )
+
+SAYS = Words("workflows/fit.toml")
 
 FORMATS = ("pdf", "svg", "png")
 
@@ -102,10 +105,7 @@ def _of_named_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
     elif name.endswith(".toml"):
         yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot(style=style)
     else:
-        raise InputError(
-            f"{name!r} is neither a run, nor a project, nor a rig. Give a folder that fracid fit, compare "
-            f"or noise wrote, a project file, or one of the rigs {', '.join(RIGS)}."
-        )
+        raise InputError(SAYS("nothing-to-draw", name=name, rigs=", ".join(RIGS)))
 
 
 def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:

@@ -25,7 +25,7 @@ from fracid.findings import Words
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.runs.saved import SavedRun
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import fault_of, read_as
+from fracid.safety.schema import fault_of, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
@@ -35,9 +35,6 @@ SAYS = Words("workflows/resumption.toml")
 
 STUDIES = ("compare", "noise", "posterior", "control")
 """The commands that are typed again."""
-
-ASKED = ("preset", "optimiser", "seed", "starts", "cut", "executor")
-"""The options of a fit that its run.json has."""
 
 ADDRESS = "://"
 """In every address of a scheduler."""
@@ -92,7 +89,7 @@ def resume_run(
     options: Any = state.options if place is None else {**state.options, "executor": place}
     if fault := fault_of(options, FitOptions):
         raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
-    how = {name: options[name] for name in ASKED}
+    how = record_of(FitOptions, options).model_dump(exclude={"project"})
     return run(moved_project(folder, state), out=folder, jobs=jobs, resume=True, trust=trust, observer=observer, **how)
 
 
