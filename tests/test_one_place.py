@@ -51,7 +51,7 @@ OPTIMISER = Entry("pattern", pattern, "steps along each unknown", polish=True)
 MODEL = '''
 import math
 
-from fracid.models.base import Angle, Model, Parameter
+from fracid.models.base import Model, Parameter
 from fracid.models.friction import VISCOUS, Friction
 
 SEAL = Friction("seal", power=0, begins=1e-3, off=0.0)
@@ -69,7 +69,7 @@ def door(**values):
         parameters=(Parameter("stiffness", "1/s^2", 9.0, "of gravity", symbol=("k", "")),
                     Parameter("hinge", "1/s", 0.2, "of the hinge", symbol=("b", "φ"), friction=VISCOUS.at("phi")),
                     Parameter("lip", "1/s^2", 0.0, "of the seal", symbol=("s", "φ"), friction=SEAL.at("phi"))),
-        zero="hanging", source="an example", angles={"phi": Angle(of_zero=True)},
+        zero="hanging", source="an example", angles=("phi",), pendulum="phi",
     ).with_parameters(**values)
 
 

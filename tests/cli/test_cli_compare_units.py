@@ -19,7 +19,7 @@ from fracid.workflows.redrawing import redraw
 MODEL = """
 import math
 
-from fracid.models.base import Angle, Model, Parameter
+from fracid.models.base import Model, Parameter
 from fracid.models.friction import COULOMB, VISCOUS
 from fracid.models.joints import sliding
 
@@ -48,7 +48,7 @@ def cart_pole(zero="hanging", **values):
             Parameter("b_alpha", "N m s/rad", 2e-3, "viscous friction of the pivot", friction=VISCOUS.at("alpha")),
             Parameter("coulomb_cart", "N", 0.0, "dry friction of the rail", friction=COULOMB.at("s")),
         ),
-        zero=zero, source="a test", angles={"alpha": Angle(of_zero=True)}, input_units={"force": "N"},
+        zero=zero, source="a test", angles=("alpha",), pendulum="alpha", input_units={"force": "N"},
     ).with_parameters(**values)
 """
 

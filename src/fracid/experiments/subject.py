@@ -185,9 +185,8 @@ class Subject:
     def _first_value(self, output: str, c: Candidate) -> float:
         """Where an output begins: the released one at the angle of release from its rest."""
         model = self.problem.model
-        angle = model.angles.get(output)
-        upright = angle is not None and angle.of_zero and model.zero == "upright"
-        rest = self.problem.parameter_starts.get(angle.rest, 0.0) if angle is not None and angle.rest else 0.0
+        upright = output == model.pendulum and model.zero == "upright"
+        rest = self.problem.parameter_starts.get(model.rest_of(output), 0.0)
         return rest + (math.pi if upright else 0.0) + math.radians(c.release) * (output == self.released)
 
     @property

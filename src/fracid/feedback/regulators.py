@@ -108,7 +108,7 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     if model.postures is not None:
         x = model.postures(model, values)[name].copy()
     elif model.pendulum:
-        rest = values.get(model.angles[model.pendulum].rest, 0.0)
+        rest = values.get(model.rest_of(model.pendulum), 0.0)
         x[model.output_states[model.pendulum]] = (name != model.zero) * math.pi + rest
     for n, value in at.items():
         x[model.output_states[n]] = value

@@ -152,16 +152,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Angle:
-    """What a model says of an output that is an angle."""
-
-    rest: str = ""
-    """The parameter that is its value at rest or the offset of its zero; "" for none."""
-    of_zero: bool = False
-    """Whether :attr:`Model.zero` says where it is zero: the pendulum's."""
-
-
-@dataclass(frozen=True)
 class LinearTerms:
     """The equations as Σ columns · constants = 0, for :mod:`fracid.regression`: of an arm and a pendulum at its end."""
 
@@ -225,8 +215,10 @@ class Model(CardDisplay):
     integer_orders: Mapping[str, float | None] = field(default_factory=dict)
     """Order → its value, 0 or 1, in the integer-order model that a fractional fit is held against; None where there is
     none.  1 for those left out."""
-    angles: Mapping[str, Angle] = field(default_factory=dict)
-    """Output → what there is to say of it, for those that are angles."""
+    angles: tuple[str, ...] = ()
+    """The outputs that are angles."""
+    pendulum: str = ""
+    """That of which :attr:`zero` says where it is zero; "" where there is none."""
     input_units: Mapping[str, str] = field(default_factory=dict)
     """Input → its unit; SI where it says nothing."""
     output_units: Mapping[str, str] = field(default_factory=dict)
@@ -305,8 +297,8 @@ class Model(CardDisplay):
         kind, joint = next(kinds, (None, ""))
         if kind is None or joint not in self.outputs:
             return kind
-        rests = tuple(n for n in (f"{joint}_rest",) if kind.rests and n in self.parameter_names)
-        return replace(kind, joint=joint, rests=rests)
+        rest = self.rest_of(joint) if kind.rests else ""
+        return replace(kind, joint=joint, rests=(rest,) if rest else ())
 
     def input_unit(self, name: str) -> str:
         """Return the unit of an input; that which its name says where the model says nothing.
@@ -336,10 +328,16 @@ class Model(CardDisplay):
         """Parameters that say where something rests, ``…_rest``: each recording has its own."""
         return tuple(name for name in self.parameter_names if name.endswith("_rest"))
 
-    @property
-    def pendulum(self) -> str:
-        """The output that :attr:`zero` is of; "" where there is none."""
-        return next((name for name, angle in self.angles.items() if angle.of_zero), "")
+    def rest_of(self, output: str) -> str:
+        """The parameter that is an output's value at rest or the offset of its zero, ``…_rest``; "" for none.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().rest_of("alpha")
+        'alpha_rest'
+        """
+        return f"{output}_rest" if f"{output}_rest" in self.parameter_names else ""
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:

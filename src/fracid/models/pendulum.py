@@ -80,7 +80,7 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
-from fracid.models.base import Angle, LinearTerms, Model, Parameter, RightHandSide, symbol_of
+from fracid.models.base import LinearTerms, Model, Parameter, RightHandSide, symbol_of
 from fracid.models.joints import CONTACT, gap, presliding, saturated, sliding, springpot
 from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
 from fracid.models.scene import Scene, scene_of
@@ -162,7 +162,8 @@ def rotary_pendulum(
         parameters=PARAMETERS,
         zero=zero,
         source=f"{RIGS[rig].title}. {RIGS[rig].source}",
-        angles={"theta": Angle("theta_rest"), "alpha": Angle("alpha_rest", of_zero=True)},
+        angles=("theta", "alpha"),
+        pendulum="alpha",
         input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         drive="torque_per_volt",
         about="an arm that a motor turns in a plane, with a pendulum at its end: Furuta's",

@@ -174,7 +174,7 @@ class Hanging:
 def _hanging(problem: Problem) -> Hanging | None:
     """None where the model has no pendulum, or one whose rest is no parameter."""
     pendulum = problem.model.pendulum
-    rest = problem.model.angles[pendulum].rest if pendulum in problem.model.angles else ""
+    rest = problem.model.rest_of(pendulum)
     if not rest:
         return None
     own, start, reach = problem.parameters.get(rest), problem.model.parameter(rest).value, 0.0

@@ -51,7 +51,6 @@ from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.derivatives import jacobian, row_weights
 from fracid.findings import Finding, Words
-from fracid.models.base import Angle
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
@@ -295,6 +294,6 @@ def _size(problem: Problem, m: Misreading) -> str:
 
 
 def _fix(problem: Problem, m: Misreading) -> str:
-    angle, far = problem.model.angles.get(m.signal, Angle()), 3 * abs(m.size)
-    zero = 'Type zero = "rest"' if angle.of_zero else "Look at zero"
-    return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=angle.rest or "the model's rest")
+    model, far = problem.model, 3 * abs(m.size)
+    zero = 'Type zero = "rest"' if m.signal == model.pendulum else "Look at zero"
+    return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=model.rest_of(m.signal) or "the model's rest")

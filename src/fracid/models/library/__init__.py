@@ -33,7 +33,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.models.base import ZEROS, Angle, Model, Parameter
+from fracid.models.base import ZEROS, Model, Parameter
 from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
@@ -85,9 +85,8 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
         [Parameter.of(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
         {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {}, spec.get("scene"),
     )  # fmt: skip
-    angles = {n: Angle(a.rest, of_zero=n == angle) for n, a in model.angles.items()}
     model = replace(
-        model, zero=zero, angles=angles, about=table["about"], source=table["source"],
+        model, zero=zero, pendulum=angle, about=table["about"], source=table["source"],
         **{n: spec[n] for n in ("input_rates", "input_defaults", "integer_orders") if n in spec},
     )  # fmt: skip
     return model.with_parameters(**parameters)

@@ -14,7 +14,7 @@ from typing import Any
 
 from fracid.errors import InputError
 from fracid.findings import Words
-from fracid.models.base import Angle, Model, Parameter, symbol_of
+from fracid.models.base import Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
@@ -122,7 +122,7 @@ class _Written:
             inputs=tuple(self.inputs), parameters=parameters, zero="", source="equations",
             input_units={n: unit for n, unit in self.inputs.items() if unit},
             output_units={n: e.unit for n, e in self.outputs.items() if e.unit},
-            angles={n: Angle(_rest(n, parameters)) for n, e in self.outputs.items() if e.unit == "rad"},
+            angles=tuple(n for n, e in self.outputs.items() if e.unit == "rad"),
             symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
             follows={n: e.follows for n, e in there.items() if e.follows},
             relaxing={n: there[n].size or there[n].only for n in relaxing},
@@ -176,10 +176,6 @@ def model_of(
     on = frozenset(p.name for p in parameters if p.value != 0.0)
     written = _Written(equations, outputs, inputs, definitions or {}, numbers or {}, scene or {})
     return written.made(name, tuple(parameters), on)
-
-
-def _rest(output: str, parameters: Sequence[Parameter]) -> str:
-    return next((p.name for p in parameters if p.name == f"{output}_rest"), "")
 
 
 def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
