@@ -12,7 +12,7 @@ import fracid
 from browser import CHROMIUM, Browser
 from fracid.cli.app import main
 from fracid.errors import InputError
-from fracid.experiments.plan import PlanBlock, Value
+from fracid.experiments.plan import Plan, Value
 from fracid.report.study import LARGEST_FIGURE, STUDIES, write_study
 from fracid.safety.schema import as_json, record_of
 from fracid.schemas.feedback import Conditions, Controller, ControlRecord, Design, Trial
@@ -65,7 +65,7 @@ def posterior():
 
 def plan():
     values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None)}
-    return as_json(PlanBlock, {"for": HOSTILE, "criterion": "D", "of": ["mu"], "experiments": [{"text": "release"}],
+    return as_json(Plan, {"for": HOSTILE, "criterion": "D", "of": ["mu"], "experiments": [{"text": "release"}],
                                "expected": values, "gain": {"mu": 10.0}, "candidates": 3, "excluded": 0,
                                "distances": None, "alone": None})  # fmt: skip
 

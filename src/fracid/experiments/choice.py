@@ -28,6 +28,7 @@ from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
+from fracid.safety.json_files import json_number
 from fracid.tasks.job import Progress, in_threads
 from fracid.tasks.progress import Observer
 
@@ -332,7 +333,8 @@ def _plan(
         (c, dict(zip(names, np.sqrt(np.diag((base + i).covariance(scale))).tolist(), strict=True)))
         for c, i in possible
     )  # fmt: skip
-    return Plan(
-        subject, experiments=tuple(possible[i][0] for i in chosen), expected=expected, candidates=len(possible),
-        landscape=landscape, covariance=total.covariance(scale), **said,
+    plan = Plan(
+        subject=subject, name=subject.name, experiments=tuple(possible[i][0] for i in chosen), expected=expected,
+        candidates=len(possible), landscape=landscape, covariance=total.covariance(scale), gain={}, **said,
     )  # fmt: skip
+    return replace(plan, gain={n: json_number(factor) for n, factor in plan.gain_over().items()})

@@ -20,10 +20,10 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PlainSerializer
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
@@ -41,7 +41,7 @@ from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_text
-from fracid.safety.schema import Block, Number, Record, as_json, computed
+from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -80,46 +80,41 @@ class Value(Record):
         return self.value - half, self.value + half
 
 
-class PlanBlock(Block):
-    """plan.json: the experiments to do next, and what they should show."""
-
-    subject: str = Field(alias="for")
-    criterion: str
-    of: list[str]
-    experiments: list[dict[str, Any]]
-    expected: dict[str, Value]
-    gain: dict[str, Number]
-    candidates: int
-    excluded: int
-    distances: dict[str, float] | None
-    alone: dict[str, float] | None
+if TYPE_CHECKING:
+    Experiments = tuple[Candidate, ...]
+else:
+    _written = PlainSerializer(lambda them: [c if isinstance(c, dict) else c.to_json() for c in them])
+    Experiments = Annotated[list[dict[str, Any]], _written]
 
 
-@dataclass(frozen=True, repr=False)
-class Plan(CardDisplay):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Plan(CardDisplay, Record):
     """What :func:`fracid.design` gives."""
 
-    subject: Subject
+    name: Annotated[str, Field(alias="for")]
     criterion: str
     """``D``, ``A``, ``Ds`` or ``T`` (:mod:`fracid.experiments.criteria`)."""
-    of: tuple[str, ...]
+    of: Listed[str]
     """The values to narrow; empty for all."""
-    experiments: tuple[Candidate, ...]
+    experiments: Experiments
     """Repetitions stand there as often as they are to be done."""
     expected: Mapping[str, Value]
     """Name of each free value → what is to be expected."""
+    gain: Mapping[str, Number]
+    """By what factor its interval becomes narrower than the recordings so far predict; None where there is none now."""
     candidates: int
     """Candidates that are possible."""
     excluded: int
     """Candidates that exceed a limit, or whose simulation fails."""
-    landscape: tuple[tuple[Candidate, Mapping[str, float]], ...]
-    """Each candidate with the standard errors that it alone would leave."""
-    covariance: FloatArray
-    """Covariance of the free values after the plan, shape (n, n)."""
     distances: Mapping[str, float] | None = None
     """Integer-order alternative → its distance in standard deviations, of a plan against them."""
     alone: Mapping[str, float] | None = None
     """Order → the distance of the nearest of them from a rig on which it alone is off."""
+    subject: Beside[Subject] = UNREAD
+    landscape: Beside[tuple[tuple[Candidate, Mapping[str, float]], ...]] = UNREAD
+    """Each candidate with the standard errors that it alone would leave."""
+    covariance: Beside[FloatArray] = UNREAD
+    """Covariance of the free values after the plan, shape (n, n)."""
 
     def gain_over(self, run: Fit | None = None) -> dict[str, float]:
         """By what factor the interval of each value becomes narrower.
@@ -147,14 +142,6 @@ class Plan(CardDisplay):
                 raise InputError(f"The run and the plan share no free value; the plan has {', '.join(self.expected)}.")
         return {n: math.inf if (before := now[n]) is None else before / v.standard_error
                 for n, v in self.expected.items() if n in now and v.standard_error is not None}  # fmt: skip
-
-    def to_json(self) -> dict[str, Any]:
-        """Everything but the landscape, as plain values."""
-        return as_json(PlanBlock, vars(self) | {
-            "for": self.subject.name,
-            "experiments": [c.to_json() | {"text": str(c)} for c in self.experiments],
-            "gain": {n: g if math.isfinite(g) else None for n, g in self.gain_over().items()},
-        })  # fmt: skip
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Draw the expected interval against angle of release and duration."""
@@ -205,7 +192,7 @@ class Plan(CardDisplay):
         details = [*(rows[MOST_ROWS - 1 :] if len(rows) > MOST_ROWS else []),
                    *((n, text) for n, text in texts.items() if n not in named)]  # fmt: skip
         count = len(self.experiments)
-        title = f"Plan of {count} experiment{'s' * (count > 1)} for {self.subject.name}"
+        title = f"Plan of {count} experiment{'s' * (count > 1)} for {self.name}"
         return Card(title, (*shown, *tail), tuple(details))
 
     def _comparisons(self, named: tuple[str, ...]) -> Iterator[tuple[str, str]]:

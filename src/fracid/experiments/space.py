@@ -68,7 +68,7 @@ class Candidate:
         return {"release": self.release, "seconds": self.seconds, "rate": self.rate, "arm": self.arm,
                 "voltage": None if self.voltage is None else
                 {"kind": type(self.voltage).__name__.lower(), **vars(self.voltage)},
-                "constants": dict(self.constants)}  # fmt: skip
+                "constants": dict(self.constants), "text": str(self)}  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)

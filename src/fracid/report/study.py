@@ -24,7 +24,7 @@ from markupsafe import Markup
 from fracid.errors import InputError, writing
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.likelihood_record import Likelihood
-from fracid.experiments.plan import PlanBlock
+from fracid.experiments.plan import Plan
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
@@ -222,7 +222,7 @@ _SAID = tomllib.loads(own_text("report/studies.toml"))
 STUDIES = {
     "control.json": Study(ControlRecord, _controlled, **_SAID["control.json"]),
     "compare.json": Study(Comparison, _compared, **_SAID["compare.json"]),
-    "plan.json": Study(PlanBlock, _planned, **_SAID["plan.json"]),
+    "plan.json": Study(Plan, _planned, **_SAID["plan.json"]),
     "posterior.json": Study(PosteriorBlock, _drawn, **_SAID["posterior.json"]),
     "profiles.json": Study(Profiles, _profiled, **_SAID["profiles.json"]),
     "noise.json": Study(NoiseStudy, _disturbed, **_SAID["noise.json"]),
