@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.regression.estimators import Gauge, solve
-from fracid.regression.rows import Data, Pair, Rows, Swing, System, only, own_values
+from fracid.regression.rows import Data, Pair, Swing, System, only
 from fracid.solver.solve import simulate
 
 FIRST_SWINGS = 4.0
@@ -27,14 +27,12 @@ CLAMPED = 1e3
 
 
 def instruments_of(
-    data: Data, system: System, gauge: Gauge, scales: FloatArray, names: Sequence[str], model: Model,
-    orders: Mapping[str, float],
-) -> tuple[Pair | None, FloatArray]:  # fmt: skip
+    data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float]
+) -> tuple[Pair | None, FloatArray]:
     """Instruments from the first start that leads to a response like the measured one; None if none does."""
     for start in ("tls", "huber", "model"):
-        own = own_values(model, names)[list(gauge.free)]
-        v = own if start == "model" else solve(start, system, gauge, scales, None)[0]
-        instruments, own_scales = _iterated(data, system, gauge, scales, names, model, orders, v)
+        v = data.own[list(gauge.free)] if start == "model" else solve(start, system, gauge, scales, None)[0]
+        instruments, own_scales = _iterated(data, system, gauge, scales, orders, v)
         if instruments is None:
             continue
         if min(_likeness(Z, W) for Z, W in zip(instruments, system.W, strict=True) if len(W)) >= ALIKE:
@@ -43,19 +41,18 @@ def instruments_of(
 
 
 def _iterated(
-    data: Data, system: System, gauge: Gauge, scales: FloatArray, names: Sequence[str], model: Model,
-    orders: Mapping[str, float], v: FloatArray,
-) -> tuple[Pair | None, FloatArray]:  # fmt: skip
+    data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float], v: FloatArray
+) -> tuple[Pair | None, FloatArray]:
     """Rows of the simulated response of the estimate, which is found again with them, over ever more swings.
 
     A few swings first: later ones are out of phase until the frequency is right.
     """
-    near = system.scales(own_values(model, names))
+    near = system.scales(data.own)
     longest = max(float(t.max()) for t in data.times if len(t))
     horizon = FIRST_SWINGS / min(r.swing.frequency for r in data.rows)
     whole: Pair | None = None
     for _ in range(ROUNDS):
-        simulated = _simulated(data.rows, names, gauge.beta(v), model, orders)
+        simulated = _simulated(data, gauge.beta(v), orders)
         if simulated is None:
             return None, scales
         whole = data.W([simulated], orders)[0]
@@ -76,11 +73,9 @@ def _likeness(Z: FloatArray, W: FloatArray) -> float:
     return float(np.sum(Z * W / unit**2) / math.sqrt(np.sum((Z / unit) ** 2) * np.sum((W / unit) ** 2)))
 
 
-def _simulated(
-    rows: Sequence[Rows], names: Sequence[str], beta: FloatArray, model: Model, orders: Mapping[str, float]
-) -> list[FloatArray] | None:
+def _simulated(data: Data, beta: FloatArray, orders: Mapping[str, float]) -> list[FloatArray] | None:
     """Low-passed angles of the simulated response of each recording; None where a run diverges."""
-    values = dict(zip(names, beta.tolist(), strict=True))
+    rows, model, values = data.rows, data.model, dict(zip(data.names, beta.tolist(), strict=True))
     friction = {n: max(values[n], 0.0) for n, kind in model.friction.items() if n in values and kind.power is not None}
     clamped = {} if any(r.swing.arm for r in rows) else {"J_theta": CLAMPED}
     parameters = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}

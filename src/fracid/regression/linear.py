@@ -277,7 +277,7 @@ def _regress(
     names, fixed_values = _terms(swings, model, fixed_values, terms)
     hertz, reason = _cutoff(swings, cutoff)
     window = WINDOW / min(s.frequency for s in swings)
-    rows = [Rows(s, model, tuple(terms_of(model).names.index(n) for n in names), hertz, window) for s in swings]
+    rows = [Rows(s, model, names, hertz, window) for s in swings]
     if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
         raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
                               constants=len(names)))  # fmt: skip
@@ -287,33 +287,29 @@ def _regress(
     at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
     search, spread = None, np.zeros(len(names))
     if any(isinstance(v, Free) for v in orders.values()):
-        own = own_values(model, names)
-        basic = _independent(data.system(at), gauge, own)[0]
-        search, at, spread = search_orders(data, basic, own, orders)
+        basic = _independent(data.system(at), gauge, data.own)[0]
+        search, at, spread = search_orders(data, basic, orders)
     intervals = search.interval95 if search else {}
     searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
     how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "search": search, "searched": searched}
-    regression = _at(data, gauge, names, fixed_values, model, at, estimator, spread, **how)
+    regression = _at(data, gauge, at, estimator, spread, **how)
     return _doubted(regression, search is not None and any(s.in_motion for s in swings), estimator)
 
 
 def _at(
-    data: Data, gauge: Gauge, names: Sequence[str], fixed_values: Mapping[str, float], model: Model,
-    orders: Mapping[str, float], estimator: str, spread: FloatArray, **how: Any,
-) -> Regression:  # fmt: skip
+    data: Data, gauge: Gauge, orders: Mapping[str, float], estimator: str, spread: FloatArray, **how: Any
+) -> Regression:
     """Regress at given orders; `how` they and the filters were found is told with it."""
     system = data.system(orders)
     warnings = list(_motion_warnings(data.rows, orders))
-    own = own_values(model, names)
-    gauge, dependent, scales, ratio = _independent(system, gauge, own)
+    gauge, dependent, scales, ratio = _independent(system, gauge, data.own)
     # What is left in the rows is all taken for noise, so that the bias is rather over- than understated.
     data = Data.of(data.rows, math.sqrt(min(max(ratio, 1.0), LOUDEST)))
     system = data.system(orders)
-    near = system.scales(own)
-    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales, None)[0]), near)
+    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales, None)[0]), system.scales(data.own))
     instruments = None
     if estimator == "iv":
-        instruments, scales = instruments_of(data, system, gauge, scales, names, model, orders)
+        instruments, scales = instruments_of(data, system, gauge, scales, orders)
         if instruments is None:
             estimator = "huber"
             warnings.append(SAYS("no-instruments"))
@@ -331,8 +327,8 @@ def _at(
     noise = {n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))}
     amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
     return Regression(
-        parameters=_constants(names, fixed_values, gauge, beta, bias, covariance, dependent, model),
-        combinations=_combinations(names, dependent, beta), estimator=estimator,
+        parameters=_constants(data, gauge, beta, bias, covariance, dependent),
+        combinations=_combinations(data.names, dependent, beta), estimator=estimator,
         residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
         weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
         fit_percent=fit_percents(system, beta), noise_ratio=ratio,
@@ -415,27 +411,26 @@ def _independent(
 
 
 def _constants(
-    names: Sequence[str], fixed_values: Mapping[str, float], gauge: Gauge, beta: FloatArray, bias: FloatArray,
-    covariance: FloatArray, dependent: Mapping[int, Mapping[int, float]], model: Model,
+    data: Data, gauge: Gauge, beta: FloatArray, bias: FloatArray, covariance: FloatArray,
+    dependent: Mapping[int, Mapping[int, float]],
 ) -> dict[str, Constant]:  # fmt: skip
-    units = {p.name: p.unit for p in model.parameters} | {"cable_offset": "N m"}
+    names, units = data.names, {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(errors, errors)
     constants = {}
     for i, name in enumerate(names):
-        value = float(beta[i])
-        if name in fixed_values:
-            constants[name] = Constant(value, units[name], None, None, "known", "known")
-        elif i in dependent:
-            partners = [names[j] for j in dependent[i]]
-            constants[name] = Constant(value, units[name], None, None, *_together(partners))
-        else:
+        found: tuple[float | None, float | None] = None, None
+        worth: Worth = "known", "known"
+        if i in dependent:
+            worth = _together([names[j] for j in dependent[i]])
+        elif i in gauge.free:
             k = gauge.free.index(i)
             dependents = [names[j] for j, combination in dependent.items() if i in combination]
             close = [names[gauge.free[j]] for j in np.flatnonzero(np.abs(correlation[k]) > 0.97) if j != k]
-            error, off = float(errors[k]), float(bias[k])
-            constants[name] = Constant(value, units[name], error, off, *_verdict(value, error, off, dependents, close))
+            found = float(errors[k]), float(bias[k])
+            worth = _verdict(float(beta[i]), *found, dependents, close)
+        constants[name] = Constant(float(beta[i]), units[name], *found, *worth)
     return constants
 
 

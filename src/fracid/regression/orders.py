@@ -36,7 +36,7 @@ class OrderSearch:
 
 
 def search_orders(
-    data: Data, gauge: Gauge, own: FloatArray, orders: Mapping[str, float | Free]
+    data: Data, gauge: Gauge, orders: Mapping[str, float | Free]
 ) -> tuple[OrderSearch, dict[str, float], FloatArray]:
     """Variable projection: minimise over the orders what total least squares leaves, in units of the noise."""
     from scipy.optimize import minimize
@@ -49,7 +49,7 @@ def search_orders(
         return {n: values.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
-        value = scaled_by_itself(data.system(at(q), draws=1), gauge, own)[1]
+        value = scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1]
         evaluations.append((np.array(np.atleast_1d(q)), value))
         return math.log(value)
 
@@ -68,7 +68,7 @@ def search_orders(
     points, ratios = (np.array(column) for column in zip(*evaluations, strict=True))
     search = OrderSearch(dict(zip(free, points.T, strict=True)), ratios, profile, interval,
                          "converged" if result.success else str(result.message))  # fmt: skip
-    return search, at(result.x), _spread(data, gauge, own, at, paths, interval)
+    return search, at(result.x), _spread(data, gauge, at, paths, interval)
 
 
 def _profile(
@@ -109,14 +109,14 @@ def _interval(along: FloatArray, values: FloatArray, least: float, independent: 
 
 
 def _spread(
-    data: Data, gauge: Gauge, own: FloatArray, at: Callable[[ArrayLike], dict[str, float]],
-    paths: Mapping[str, FloatArray], interval: Mapping[str, tuple[float, float]],
+    data: Data, gauge: Gauge, at: Callable[[ArrayLike], dict[str, float]], paths: Mapping[str, FloatArray],
+    interval: Mapping[str, tuple[float, float]],
 ) -> FloatArray:  # fmt: skip
     """By how much the constants move with an order by one standard deviation along its profile, shape (n_terms,)."""
     moves = []
     for i, (n, path) in enumerate(paths.items()):
         ends = (data.system(at(row[:-1]), draws=1) for row in (path[0], path[-1]))
-        first, last = (scaled_by_itself(system, gauge, own)[0] for system in ends)
+        first, last = (scaled_by_itself(system, gauge, data.own)[0] for system in ends)
         half = 0.5 * (interval[n][1] - interval[n][0])
         width = float(path[-1, i] - path[0, i])
         slope = (last - first) / width if width > 0.0 else np.zeros_like(first)

@@ -301,8 +301,8 @@ class Rows:
 
     swing: Swing
     model: Model
-    terms: tuple[int, ...]
-    """Which of the model's."""
+    names: tuple[str, ...]
+    """Of the model's constants those that have a column."""
     cutoff: float
     """[Hz]"""
     window: float
@@ -370,7 +370,8 @@ class Rows:
         """W of both equations, shapes (n_rows, n_terms), for each of many low-passed pairs of angles."""
         from scipy.signal import fftconvolve
 
-        scale = self.model.parameter("time_scale").value
+        scale, every = self.model.parameter("time_scale").value, terms_of(self.model).names
+        columns = [every.index(n) for n in self.names]
         theta, alpha = np.stack(many, axis=-1).swapaxes(0, 1)
         both_rates = [_rates(x, orders[n], self.step, scale) for x, n in ((theta, "lambda"), (alpha, "mu"))]
         pairs = []
@@ -378,7 +379,7 @@ class Rows:
             arm_rates, rates = ((x[:, i], a[:, i]) for x, a in both_rates)
             both = _columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
             sides = zip(both, self.kept, strict=True)
-            arm, pendulum = (fftconvolve(W[:, self.terms], self.hann, mode="same", axes=0)[rows] for W, rows in sides)
+            arm, pendulum = (fftconvolve(W[:, columns], self.hann, mode="same", axes=0)[rows] for W, rows in sides)
             pairs.append((arm, pendulum))
         return pairs
 
@@ -401,6 +402,21 @@ class Data:
             plus, minus = (tuple(r.angles(sign * e) for r, e in zip(rows, errors, strict=True)) for sign in (1, -1))
             noisy.append((plus, minus))
         return cls(tuple(rows), tuple(r.angles() for r in rows), tuple(noisy))
+
+    @property
+    def model(self) -> Model:
+        """Of all."""
+        return self.rows[0].model
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Constants, one a column."""
+        return self.rows[0].names
+
+    @cached_property
+    def own(self) -> FloatArray:
+        """The model's values of them, shape (n_terms,)."""
+        return own_values(self.model, self.names)
 
     def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Pair]:
         """Rows of all recordings, one below the other, for each of many sets of angles."""

@@ -176,12 +176,12 @@ def _outside(x, bounds):
 
 
 @inline
-def _kept(n, row, run, x, out):
-    """Store the sample of step n, if it is one of every so many; gives the next one's row, and whether the run ends."""
+def _kept(how, n, row, run, x, out):
+    """Store a good sample of step n, if it is one of every so many; gives the next one's row, and how the run ends."""
     m = len(run.past) - 1
-    if n == m + row * run.every:
+    if how == COMPLETED and n == m + row * run.every:
         row = _store(row, x, out)
-    return row, LEFT if n >= m and _outside(x, run.bounds) else COMPLETED
+    return row, LEFT if how == COMPLETED and n >= m and _outside(x, run.bounds) else how
 
 
 @when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
@@ -215,8 +215,7 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
             if not abs(x[i]) <= run.limit:
                 how = DIVERGED if _finite(f) else NOT_FINITE
                 break
-        if how == COMPLETED:
-            row, how = _kept(n, row, run, x, out)
+        row, how = _kept(how, n, row, run, x, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
@@ -571,8 +570,7 @@ def step_pi2(rhs, run, started, history, work, third, out):
         for i in range(states):
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
         how = _judged(x, f, run.limit, state)
-        if how == COMPLETED:
-            row, how = _kept(n, row, run, x, out)
+        row, how = _kept(how, n, row, run, x, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
@@ -646,8 +644,7 @@ def step_bdf2(rhs, run, started, history, work, out):
         for i in range(states):
             enter(i, j, f[i], head, window, ahead, kernels)
         how = _judged(x, f, run.limit, state)
-        if how == COMPLETED:
-            row, how = _kept(n, row, run, x, out)
+        row, how = _kept(how, n, row, run, x, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
