@@ -248,7 +248,7 @@ def regression(seeds=6):
     for orders, degrees in cases:
         found = [fracid.regress(release(degrees, orders, seed), rig, known=known) for seed in (1, 2, 3)]
         off = {n: max(abs(f.orders[n] - orders[n]) for f in found) for n in orders}
-        half = {n: max(np.ptp(f.search.interval95[n]) / 2 for f in found) for n in orders}
+        half = {n: max(np.ptp(f.intervals[n]) / 2 for f in found) for n in orders}
         inertias = max(abs(f.parameters[n].value / true[n] - 1) for f in found for n in ("J_theta", "C3", "C1"))
         words = ", ".join(f"{n} {off[n]:.4f} (± {half[n]:.3f})" for n in orders)
         print(f"  {orders['lambda']:7}, {orders['mu']:6} {degrees:6}°  {words}; {100 * inertias:.1f} %", flush=True)

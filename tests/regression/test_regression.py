@@ -214,13 +214,10 @@ def test_rows_without_noise_need_no_weights():
 def test_the_search_finds_both_orders_of_a_large_release():
     found = regress(release(60, "near", 1), RIG, known=C4)
     for n, true in orders("near").items():
-        low, high = found.search.interval95[n]
+        low, high = found.intervals[n]
         assert low < true < high
         assert high - low < 0.05
         assert abs(found.orders[n] - true) < 0.005
-        along, ratio = found.search.profile[n]
-        assert ratio.max() > 5 * ratio.min()
-        assert abs(along[np.argmin(ratio)] - true) < 0.01
 
 
 @pytest.mark.broad

@@ -117,7 +117,7 @@ def _lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
 
 
 def _searched(f: Regression, name: str) -> str:
-    if f.search is None or name not in f.search.interval95:
+    if name not in f.intervals:
         return " (given)"
-    low, high = f.search.interval95[name]
+    low, high = f.intervals[name]
     return f" ({low:.3g} … {high:.3g})" if high - low < float("inf") else " (not seen)"

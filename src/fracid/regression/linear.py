@@ -32,7 +32,7 @@ from fracid.regression.estimators import (
     stack,
 )
 from fracid.regression.instruments import instruments_of, theta_rest_of
-from fracid.regression.orders import OrderSearch, search_orders
+from fracid.regression.orders import search_orders
 from fracid.regression.rows import (
     Data,
     Rows,
@@ -139,13 +139,16 @@ class Regression(CardDisplay, Record):
     """W β of the rows used, ``arm`` and ``pendulum`` [N m]."""
     weights: Beside[Mapping[str, FloatArray]] = UNREAD
     """Robust weights of these rows, 1 for a sample that fits."""
-    search: Beside[OrderSearch | None] = None
-    """None where no order was searched."""
 
     @property
     def orders(self) -> dict[str, float]:
         """Each as it was given or found."""
         return {n: order.value for n, order in self.searched.items()}
+
+    @property
+    def intervals(self) -> dict[str, Any]:
+        """Of the orders that were searched, at 95 %; infinite where the profile ends before."""
+        return {n: order.interval95 for n, order in self.searched.items() if order.interval95 is not None}
 
     def _card(self) -> Card:
         constants = (estimate_text(n, c.value, c.interval95, c.unit) if c.interval95 else f"{n} = {c.value:.4g}"
@@ -285,15 +288,15 @@ def _regress(
     gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
     data = Data.of(rows)
     at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
-    search, spread = None, np.zeros(len(names))
+    intervals: dict[str, tuple[float, float]] = {}
+    spread = np.zeros(len(names))
     if any(isinstance(v, Free) for v in orders.values()):
         basic = _independent(data.system(at), gauge, data.own)[0]
-        search, at, spread = search_orders(data, basic, orders)
-    intervals = search.interval95 if search else {}
+        intervals, at, spread = search_orders(data, basic, orders)
     searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
-    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "search": search, "searched": searched}
+    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
     regression = _at(data, gauge, at, estimator, spread, **how)
-    return _doubted(regression, search is not None and any(s.in_motion for s in swings), estimator)
+    return _doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
 def _at(
@@ -483,8 +486,7 @@ def _doubted(regression: Regression, late: bool, estimator: Estimator) -> Regres
     Where another estimator than the one asked for was taken, for there are no instruments, the estimate does not
     even reproduce the motion: its own bias says too little then.
     """
-    search = regression.search
-    wide = {n: i for n, i in (search.interval95 if search else {}).items() if i[1] - i[0] > WIDE}
+    wide = {n: i for n, i in regression.intervals.items() if i[1] - i[0] > WIDE}
     poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
     messages: list[str] = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()]
     fits = ((n, f"{regression.fit_percent[n]:.0f} %") for n in poor)
@@ -569,7 +571,7 @@ def start_of(problem: Problem, regression: Regression) -> FloatArray:
     --------
     See :func:`start_values`.
     """
-    intervals = regression.search.interval95 if regression.search else {}
+    intervals = regression.intervals
     best = {n: c.value for n, c in regression.parameters.items() if c.identified}
     best |= {n: v for n, v in regression.orders.items() if n not in intervals or np.ptp(intervals[n]) < WIDE}
     if "cable_stiffness" in best:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.problem import Free
 from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
-from fracid.regression.rows import Data, Pair
+from fracid.regression.rows import Data
 
 PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
 """How far from the best order its profile goes."""
@@ -20,38 +19,23 @@ PROFILE = (-0.12, -0.06, -0.03, 0.03, 0.06, 0.12)
 CHI_SQUARE_95 = 3.84
 
 
-@dataclass(frozen=True)
-class OrderSearch:
-    """What the outer search saw."""
-
-    orders: Mapping[str, FloatArray]
-    """Each order's values along the search, shape (n,)."""
-    noise_ratio: FloatArray
-    """Residual against what noise in the columns explains, shape (n,)."""
-    profile: Mapping[str, Pair]
-    """For each free order: values, and the noise ratio there with the other at its best."""
-    interval95: Mapping[str, tuple[float, float]]
-    """From that profile, by the number of rows that are independent; infinite where the profile ends before."""
-    outcome: str
-
-
 def search_orders(
     data: Data, gauge: Gauge, orders: Mapping[str, float | Free]
-) -> tuple[OrderSearch, dict[str, float], FloatArray]:
-    """Variable projection: minimise over the orders what total least squares leaves, in units of the noise."""
+) -> tuple[dict[str, tuple[float, float]], dict[str, float], FloatArray]:
+    """Variable projection: minimise over the orders what total least squares leaves, in units of the noise.
+
+    Gives the intervals of those that are free, all orders, and by how much the constants move with them.
+    """
     from scipy.optimize import minimize
 
     free = {n: v for n, v in orders.items() if isinstance(v, Free)}
-    evaluations: list[tuple[FloatArray, float]] = []
 
     def at(q: ArrayLike) -> dict[str, float]:
         values = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
         return {n: values.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
-        value = scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1]
-        evaluations.append((np.array(np.atleast_1d(q)), value))
-        return math.log(value)
+        return math.log(scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1])
 
     bounds = [(f.lower, f.upper) for f in free.values()]
     axes = [np.unique([*np.linspace(f.lower, f.upper, 6), f.start]) for f in free.values()]
@@ -63,12 +47,9 @@ def search_orders(
     result = minimize(ratio, best, method="Nelder-Mead", bounds=bounds, options=simplex | {"maxfev": 80})
     paths = {n: _profile(ratio, result.x, math.exp(result.fun), bounds, i) for i, n in enumerate(free)}
     independent = sum(len(t) for t in data.times) / overlap(data.rows[0])
-    profile = {n: (path[:, i], np.exp(path[:, -1])) for i, (n, path) in enumerate(paths.items())}
-    interval = {n: _interval(*curve, math.exp(result.fun), independent) for n, curve in profile.items()}
-    points, ratios = (np.array(column) for column in zip(*evaluations, strict=True))
-    search = OrderSearch(dict(zip(free, points.T, strict=True)), ratios, profile, interval,
-                         "converged" if result.success else str(result.message))  # fmt: skip
-    return search, at(result.x), _spread(data, gauge, at, paths, interval)
+    intervals = {n: _interval(path[:, i], np.exp(path[:, -1]), math.exp(result.fun), independent)
+                 for i, (n, path) in enumerate(paths.items())}  # fmt: skip
+    return intervals, at(result.x), _spread(data, gauge, at, paths, intervals)
 
 
 def _profile(

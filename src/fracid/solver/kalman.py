@@ -138,28 +138,27 @@ def _bent(F, i, c, dc):
 
 
 @helper
+def _column(rhs, t, x, u, p, f, moved, k, d, J, c):
+    """Put into column c of J how f changes with entry k of x or p, which is `moved` by d."""
+    trial, kept = np.zeros(len(f)), moved[k]
+    moved[k] = kept + d
+    rhs(t, x, u, p, trial)
+    moved[k] = kept
+    for r in range(len(f)):
+        J[r, c] = (trial[r] - f[r]) / d
+
+
+@helper
 def _jacobian(rhs, F, t, x, u, f, J, G):
     """∂f/∂x, and ∂f/∂θ for the slow states that are constants."""
-    trial = np.zeros(len(f))
     for i in range(len(x)):
-        kept = x[i]
-        d = NEAR * (1e-2 + abs(kept))
-        x[i] = kept + d
-        rhs(t, x, u, F.p, trial)
-        x[i] = kept
-        for r in range(len(f)):
-            J[r, i] = (trial[r] - f[r]) / d
+        _column(rhs, t, x, u, F.p, f, x, i, NEAR * (1e-2 + abs(x[i])), J, i)
     for s in range(len(F.slow)):
         G[:, s] = 0.0
         if F.slow[s, 0] == 0.0:
             k = int(F.slow[s, 1])
-            kept = F.p[k]
-            d = NEAR * (abs(kept) if kept != 0.0 else 1.0)
-            F.p[k] = kept + d
-            rhs(t, x, u, F.p, trial)
-            F.p[k] = kept
-            for r in range(len(f)):
-                G[r, s] = (trial[r] - f[r]) / d
+            size = abs(F.p[k]) if F.p[k] != 0.0 else 1.0
+            _column(rhs, t, x, u, F.p, f, F.p, k, NEAR * size, G, s)
 
 
 @helper
