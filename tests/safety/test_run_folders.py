@@ -239,8 +239,10 @@ def test_a_journals_line_counts_only_if_it_is_a_result_of_its_study(tmp_path, ch
 
 def test_a_score_has_the_outputs_of_its_study():
     score = {"rmse": {"alpha": 0.1}, "fit_percent": {"alpha": 99}, "itae": {"alpha": None}, "failed": ""}
-    said = {"values": {}, "cost": 0.1, "squares": 0.1, "samples": 9, "parameters": 1, "at_bound": [], "orders": {},
-            "in_sample": {"one": score}, "held_out": {}, "outcome": ""}  # fmt: skip
+    row = {"friction": "viscous", "fractional": False, "name": "viscous, orders 1", "paper": False, "cost": 0.1,
+           "parameters": 1, "bic_above_best": None, "orders": {}, "values": {}, "at_bound": [],
+           "in_sample": {"one": score}, "held_out": {}, "outcome": ""}  # fmt: skip
+    said = {"row": row, "squares": 0.1, "samples": 9}
     assert fault_of_fitted(said, ["alpha"]) == ""
     assert fault_of_fitted(said, ["alpha", "theta"]) == "in_sample.one.rmse has no theta"
 

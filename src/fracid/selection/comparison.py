@@ -361,27 +361,30 @@ def _fit_structure(
     predicted = {e.name: (problem, e, errors) if isinstance(errors, Failure)
                  else _predicted(structure, values, e, place.fold.window, jobs) for e in others}  # fmt: skip
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
-    orders = {problem.names[i]: i for i in problem.order_indices}
-    known: dict[str, Any] = {"orders": dict.fromkeys(orders), "at_bound": []}
+    intervals, beyond, at_bound = dict[str, tuple[float, float]](), dict[str, float](), tuple[str, ...]()
     if not isinstance(precision := uncertainty(problem, best.point, jobs=jobs), Failure):
-        intervals = {n: precision.interval(best.point, i) for n, i in orders.items()}
-        beyond = {n: precision.half_beyond_bounds(i) for n, i in orders.items() if intervals[n]}
-        at_bound = [problem.names[i] for i in np.flatnonzero(precision.at_bound)]
-        known = {"orders": intervals, "beyond_bounds": beyond, "at_bound": at_bound}
-    return as_json(FittedBlock, known | {
-        "values": values,
-        "parameters": len(values),
-        "work": watch.work,
-        "cost": best.cost,
+        searched = {problem.names[i]: i for i in problem.order_indices}
+        intervals = {n: ends for n, i in searched.items() if (ends := precision.interval(best.point, i)) is not None}
+        beyond = {n: precision.half_beyond_bounds(searched[n]) for n in intervals}
+        at_bound = tuple(problem.names[i] for i in np.flatnonzero(precision.at_bound))
+    at = {n: float(v) for n, v in (problem.order_starts | values).items()}
+    roots = {n: problem.ties.get(n, n) for n in problem.orders}
+    row = Row(
+        structure.friction, structure.fractional, structure.name, structure.paper, best.cost, len(values), math.inf,
+        {n: OrderOfRow(at[q], intervals.get(q), beyond.get(q, 0.0)) for n, q in roots.items()}, values, at_bound,
+        in_sample={n: _score(problem, *found) for n, found in followed.items()},
+        held_out={name: _score(*prediction) for name, prediction in predicted.items()},
+        outcome=str(errors) if isinstance(errors, Failure) else outcome,
+        left_over=leftovers(problem, best.point),
+    )  # fmt: skip
+    return as_json(FittedBlock, {
+        "row": row,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": 2.0 if isinstance(errors, Failure) else effective_samples(errors),
-        "in_sample": {n: _score(problem, *found) for n, found in followed.items()},
-        "held_out": {name: _score(*prediction) for name, prediction in predicted.items()},
-        "left_over": leftovers(problem, best.point),
         "curves": {
             name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
         },
-        "outcome": str(errors) if isinstance(errors, Failure) else outcome,
+        "work": watch.work,
     })  # fmt: skip
 
 
@@ -477,16 +480,16 @@ def _curves(problem: Problem, e: Experiment, simulated: FloatArray, recordings: 
     }
 
 
-def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> dict[str, Any]:
+def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> Score:
     if isinstance(simulated, Failure):
-        nothing = dict.fromkeys(problem.outputs)
-        return {"rmse": nothing, "fit_percent": nothing, "itae": nothing, "failed": str(simulated)}
+        none = dict.fromkeys(problem.outputs, math.inf)
+        return Score(none, dict.fromkeys(problem.outputs, -math.inf), none, str(simulated))
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     error = np.where(np.isnan(simulated), 0.0, e.measured - simulated)
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
     fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
-    return as_json(Score, Score(fit.rmse, fit.fit_percent, itae))
+    return Score(fit.rmse, fit.fit_percent, itae)
 
 
 # --- all of them -----------------------------------------------------------------------------------------
@@ -540,7 +543,7 @@ class _Study:
     def fit_again(self, fits: Fits, substeps: int) -> Fits:
         """All fits once more, at a finer step, each from its minimum."""
         coarse, self.whole = self.ladder(WHOLE).given.substeps, replace(self.whole, substeps=substeps)
-        before = {at: (fit.values, fit.outcome, coarse) for at, fit in fits.items() if fit.cost is not None}
+        before = {at: (dict(fit.row.values), fit.row.outcome, coarse) for at, fit in fits.items() if fit.ended}
         self.total += len(self.folds) + len(before)
         self._fit_project(note := f"again, with {substeps} steps a sample")
         return self._fit_structures(fits, before, f" | {substeps} steps a sample", note)
@@ -583,8 +586,8 @@ class _Study:
 
     def _arguments(self, fold: str, s: Structure, fits: Fits, beside: int) -> tuple[Any, ...]:
         place = self.place(fold)
-        ended = {n: fits[fold, n] for n in s.below if fits[fold, n].cost is not None}
-        below = {n: assignment(*place.minimum(n, fit.values)) for n, fit in ended.items()}
+        ended = {n: fits[fold, n].row for n in s.below if fits[fold, n].ended}
+        below = {n: assignment(*place.minimum(n, row.values)) for n, row in ended.items()}
         below |= {GIVEN: self.given[fold]} if self.given[fold] else {}
         return place, s.name, below, self.seed, self.starts, max(1, self.execution.jobs // beside)
 
@@ -741,25 +744,16 @@ def _rows(
 ) -> tuple[tuple[Row, ...], float]:
     """The table's rows, and the samples that the residuals of the best in sample are worth."""
     whole = {s.name: fits[WHOLE, s.name] for s in hierarchy.structures}
-    samples = min(whole.values(), key=lambda r: math.inf if r.cost is None else r.cost).samples
-    criteria = {n: math.inf if r.squares is None else schwarz(r.squares, r.parameters, samples, problem.cost_function)
-                for n, r in whole.items()}  # fmt: skip
+    samples = min(whole.values(), key=lambda fit: fit.row.cost).samples
+    criteria = {n: math.inf if fit.squares is None
+                else schwarz(fit.squares, fit.row.parameters, samples, problem.cost_function)
+                for n, fit in whole.items()}  # fmt: skip
     lowest = min(criteria.values())
     rows = []
-    for s in hierarchy.structures:
-        r = whole[s.name]
-        at = s.problem.order_starts | r.values
-        orders = {
-            n: OrderOfRow(float(at[q]), r.orders.get(q), r.beyond_bounds.get(q, 0.0))
-            for n in s.problem.orders
-            for q in [s.problem.ties.get(n, n)]
-        }
-        own = {fold: fits[fold, s.name] for fold in folds if (fold, s.name) in fits}
-        held_out = {n: score for fit in own.values() for n, score in fit.held_out.items()}
-        curves = {**r.curves} | {n: y for fold, fit in own.items() for n, y in fit.curves.items() if n in folds[fold]}
-        rows.append(Row(
-            s.friction, s.fractional, s.name, s.paper, math.inf if r.cost is None else r.cost, r.parameters,
-            criteria[s.name] - lowest if math.isfinite(lowest) else math.inf, orders, r.values, tuple(r.at_bound),
-            r.in_sample, held_out, r.outcome, r.left_over, curves,
-        ))  # fmt: skip
+    for name, fit in whole.items():
+        own = {fold: fits[fold, name] for fold in folds if (fold, name) in fits}
+        held_out = {n: score for other in own.values() for n, score in other.row.held_out.items()}
+        beyond = {n: y for fold, other in own.items() for n, y in other.curves.items() if n in folds[fold]}
+        bic = criteria[name] - lowest if math.isfinite(lowest) else math.inf
+        rows.append(replace(fit.row, bic=bic, held_out=held_out, curves={**fit.curves, **beyond}))
     return tuple(rows), samples

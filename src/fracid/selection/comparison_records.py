@@ -356,22 +356,18 @@ class CurvesBlock(Coherent):
 
 
 class FittedBlock(Block):
-    """The fit of a structure, as the journal of a comparison has it."""
+    """The fit of a structure, as the journal of a comparison has it: its row, before it is held against the others."""
 
-    values: dict[str, float]
-    cost: Number
+    row: Row
     squares: Number
     samples: float
-    parameters: int
-    at_bound: list[str]
-    orders: dict[str, Interval | None]
-    beyond_bounds: dict[str, float] = Field({})
-    in_sample: dict[str, Score]
-    held_out: dict[str, Score]
-    left_over: dict[str, LeftOver] = Field({})
     curves: Curves = Field({})
-    outcome: str
     work: int = Field(0)
+
+    @property
+    def ended(self) -> bool:
+        """Whether a run of it ends."""
+        return math.isfinite(self.row.cost)
 
 
 def fault_of_fitted(content: Any, outputs: Iterable[str]) -> str:
@@ -381,7 +377,7 @@ def fault_of_fitted(content: Any, outputs: Iterable[str]) -> str:
     scores = {
         f"{use}.{name}.{kind}": score[kind]
         for use in ("in_sample", "held_out")
-        for name, score in content[use].items()
+        for name, score in content["row"][use].items()
         for kind in ("rmse", "fit_percent", "itae")
     }
     return lacking(scores, outputs)

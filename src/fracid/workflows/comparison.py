@@ -246,7 +246,7 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
         there = fault_of_fitted(result, problem.outputs)
         if there or options["leave_one_out"]:
             return there
-        same = set(result["in_sample"]) == fitted and set(result["held_out"]) == validation
+        same = set(result["row"]["in_sample"]) == fitted and set(result["row"]["held_out"]) == validation
         return "" if same else "of other recordings"
 
     return fault
