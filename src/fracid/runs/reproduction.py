@@ -22,16 +22,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.runs.environment import code, machine
 from fracid.runs.folder import CODE, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Infinite, Listed, Record, computed, fault_of, read_if_whole
+from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, fault_of, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
 
@@ -76,7 +74,7 @@ class Difference(Record):
 class Reproduction(CardDisplay, Record):
     """What :func:`reproduce` gives."""
 
-    result: Annotated[Mapping[str, Any], Field(exclude=True)]
+    result: Beside[Mapping[str, Any]]
     """The new one."""
     values: int
     """How many were compared."""

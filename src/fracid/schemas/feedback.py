@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from fracid.arrays import FloatArray
 from fracid.safety.json_files import json_number
-from fracid.safety.schema import Ends, Listed, Number, Record, _listed, computed
+from fracid.safety.schema import Beside, Ends, Listed, Number, Record, _listed, computed
 
 SECONDS = 10.0
 """Of a trial."""
@@ -186,7 +186,7 @@ class ControlRecord(Record):
     share95: Ends
     """The binomial interval of the share."""
     notes: Listed[str] = ()
-    loop: Annotated[Any, Field(exclude=True)] = None
+    loop: Beside[Any] = None
     """What simulates it, in the session that designed it."""
 
     @computed

@@ -20,6 +20,7 @@ from fracid.figures import Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
 from fracid.safety.schema import (
     AS_NULL,
+    Beside,
     Block,
     Coherent,
     Infinite,
@@ -118,7 +119,7 @@ class Row(Record):
     """How the search ended, and from where it came."""
     left_over: Mapping[str, LeftOver] = field(default_factory=dict)
     """Fitted recording and output, in words → what is left over of it."""
-    curves: Annotated[Curves, Field(exclude=True)] = field(default_factory=dict, compare=False, repr=False)
+    curves: Beside[Curves] = field(default_factory=dict, compare=False, repr=False)
     """Its simulation of every recording that it is scored on; in curves.json."""
     log_odds: Unknown = math.nan
     """Logarithm of its odds against the most probable structure, 0 at most, all equally probable beforehand [nats]; NaN

@@ -38,7 +38,7 @@ from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
-from fracid.safety.schema import Infinite, Listed, Record, Unknown
+from fracid.safety.schema import Beside, Infinite, Listed, Record, Unknown
 from fracid.selection import coloured_noise
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
@@ -126,7 +126,7 @@ class Alternative(Record):
     """A sentence, where the fractional model does not win."""
     trials: Listed[Trial] = ()
     """All that was tried."""
-    values: Annotated[Mapping[str, float], Field(exclude=True)] = field(default_factory=dict, compare=False)
+    values: Beside[Mapping[str, float]] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
     settles: bool = True
     """Whether it is at no limit of its own, and leaves nothing but noise."""

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
-
-from pydantic import Field
 
 from fracid.cards import Card, CardDisplay
-from fracid.safety.schema import Block, Number, Record, Unknown
+from fracid.safety.schema import Beside, Block, Number, Record, Unknown
 
 SHORT = 30
 """Samples below which nothing is asked."""
@@ -83,7 +80,7 @@ class Spectrum(Record):
     """Its share of the power."""
     line: Line | None = None
     """The strongest frequency, if it stands out."""
-    swing_share: Annotated[float, Field(exclude=True)] = NAN
+    swing_share: Beside[float] = NAN
     """Of the power, in the band of the swing, beyond what white noise has there."""
 
 
