@@ -17,13 +17,14 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, writing
 from fracid.optimise.base import Outcome
 from fracid.problem.costs import COSTS
 from fracid.report.charts import Chart, Series, still
+from fracid.report.drawing import filled
 from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
 from fracid.report.sentences import in_unit, joined, letter
@@ -220,19 +221,12 @@ def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> No
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return
-    links = [_neighbour("← ", "previous run", before), f'<li><a href="../{INDEX}">all runs</a></li>',
-             _neighbour("→ ", "next run", after)]  # fmt: skip
-    nav = f'<nav class="runs" aria-label="Other runs"><ul>{"".join(links)}</ul></nav>'
+    around = {where: run and (run.who.name, _address(run.folder / PAGE, run.folder.parent))
+              for where, run in (("before", before), ("after", after))}  # fmt: skip
+    nav = filled("neighbours.html.j2", index=INDEX, **around)
     linked = text[: begin + len(RUNS_BEGIN)] + nav + text[end:]
     if linked != text:
         write_text(page, linked)
-
-
-def _neighbour(arrow: str, which: str, run: RunOfIndex | None) -> str:
-    if run is None or not (href := _address(run.folder / PAGE, run.folder.parent)):
-        return ""
-    name = escape(printable(run.who.name))
-    return f'<li><a href="../{href}" title="{which}: {name}">{arrow}{name}</a></li>'
 
 
 def _address(page: Path, folder: Path) -> str:
