@@ -163,7 +163,7 @@ def compiled(rhs: Any, parameters: int, inputs: int) -> Any:
         for i in range(inputs):
             now[i] = u[0, i]
         run = Run(own_gain, own_gain, u, own_p, past[:, :, k], slope[:, k], 0.0, h, steps, every, limit, bounds,
-                  kernels, corrections, False, relaxing, after)  # fmt: skip
+                  kernels, corrections, False, relaxing, bounds[:0], after)  # fmt: skip
         started = Start(begin[:, :, k], x0[:, k], together, knots, parabolas[:, :, :, k])
         work = ((x, before, earlier, last, part, own_newest, scale, jump, entered, share), (f, trial), now, W, start)
         ended[0, k], ended[1, k] = step(0, run, started, (window[:, :, k], sums[:, :, k], ahead), work, False,

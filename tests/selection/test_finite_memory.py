@@ -107,7 +107,7 @@ def test_what_coarser_recordings_lead_to_is_what_every_sample_leads_to_but_for_w
     assert near == [2, 3]
     assert near == [m.relaxations for m in quick if m.gain < HOPELESS]
     gains = [[m.gain for m in found if m.relaxations in near] for found in (quick, slow)]
-    assert gains[0] == pytest.approx(gains[1], abs=3.0)
+    assert gains[0] == pytest.approx(gains[1], abs=5.0)
 
 
 @pytest.mark.broad

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from fracid.errors import InputError
+from fracid.solver.arguments import Equation, InitialCondition, Options, Relaxations
 from fracid.solver.memory import Memory, compressed, full, memory_from_name, short
-from fracid.solver.solve import solve_fde
+from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.solve import integrate, solve_fde
 from scripts import module_of
 
 ORDERS = (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.8623, 0.9, 0.99, 0.999, 0.999999, 1.0,
@@ -275,3 +278,54 @@ def test_at_order_one_the_third_order_weights_are_those_of_adams_and_moulton():
     summed = compressed().kernel("pi3", 1.0, 5000).at([0, 1, 2, 3, 4, 4999])
     np.testing.assert_allclose(np.diff(summed[:5], prepend=0.0), np.array([9, 19, -5, 1, 0]) / 24, atol=1e-15)
     assert summed[-1] == 1.0
+
+
+def leaking(t, x, u, p, out):
+    out[0] = u[0] - 0.4 * x[0]
+
+
+def driven_by_slow(t, x, u, p, out):
+    out[0] = -x[0] + x[1]
+    out[1] = np.cos(t) - 0.5 * x[0] - np.sin(x[1])
+
+
+SHARES, TIMES, HELD = np.array([0.5, 0.4, 0.3]), np.array([2.0, 0.05]), np.array([0.2, -0.1])
+
+
+@pytest.mark.parametrize("shares", [SHARES, SHARES * (1, -1, 1), np.array([0.0, 1.0, 0.0])])
+@pytest.mark.parametrize("held", [HELD, 0.0 * HELD])
+def test_a_finite_memory_is_that_of_a_state_for_each_relaxation_where_the_input_jumps_too(shares, held):
+    def slope(t, y, on):
+        f = np.sin(t) + on - 0.4 * y[0]
+        return [shares.sum() * f - shares[1:] @ (y[1:] / TIMES), *(f - y[1:] / TIMES)]
+
+    errors = []
+    for step in (0.04, 0.02):
+        t = np.arange(round(8 / step) + 1) * step
+        before, after = (np.sin(t) + on for on in (t > 4 + 1e-9, t > 4 - 1e-9))
+        equation = Equation(compile_rhs(leaking), np.ones(1), before[:, None], np.zeros(0), after=after[:, None],
+                            fading=(Relaxations(0, shares, TIMES, held),))  # fmt: skip
+        run = integrate(equation, InitialCondition(np.array([0.3])), step, len(t) - 1, Options("pi2", compressed()))
+        first = solve_ivp(slope, (0, 4), [0.3, *held], args=(0.0,), rtol=1e-10, atol=1e-12, dense_output=True)
+        then = solve_ivp(slope, (4, 8.1), first.y[:, -1], args=(1.0,), rtol=1e-10, atol=1e-12, dense_output=True)
+        exact = np.where(t <= 4, first.sol(np.minimum(t, 4))[0], then.sol(np.maximum(t, 4))[0])
+        errors.append(np.max(np.abs(run.states[:, 0] - exact)))
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] > 3.5
+
+
+def test_a_finite_memory_beside_an_order_begins_as_its_states_do():
+    def with_states(t, x, u, p, out):
+        f = np.cos(t) - 0.5 * x[0] - np.sin(x[1])
+        out[0] = -x[0] + x[1]
+        out[1] = 1.2 * f - 0.4 * x[2] / 2.0 - 0.3 * x[3] / 0.05
+        out[2] = f - x[2] / 2.0
+        out[3] = f - x[3] / 0.05
+
+    u, p, how = np.zeros((1, 1)), np.zeros(0), Options("pi2", compressed())
+    as_states = Equation(compile_rhs(with_states), np.array([0.6, 1.0, 1.0, 1.0]), u, p)
+    memory = Relaxations(1, SHARES, TIMES, HELD)
+    remembers = Equation(compile_rhs(driven_by_slow), np.array([0.6, 1.0]), u, p, fading=(memory,))
+    fine = integrate(as_states, InitialCondition(np.array([0.3, 0.1, *HELD])), 1 / 1280, 6400, how).states[::64, :2]
+    run = integrate(remembers, InitialCondition(np.array([0.3, 0.1])), 1 / 80, 400, how).states[::4]
+    assert np.max(np.abs(run - fine)) < 1e-4

@@ -167,6 +167,19 @@ class LinearTerms:
     """(model, θ, α, (x₂, D^λ x₂), (x₄, D^μ x₄), drive) → the arm's and the pendulum's by name, shape (n,)."""
 
 
+@dataclass(frozen=True)
+class Memory:
+    """Where the numbers of a finite memory stand."""
+
+    state: int
+    shares: tuple[int, ...]
+    """Among the parameters: a_0 … a_n."""
+    times: tuple[int, ...]
+    """There too: ln τ_1 … ln τ_n."""
+    held: tuple[int, ...]
+    """Behind the states that are simulated: what each relaxation holds at the start."""
+
+
 @dataclass(frozen=True, repr=False)
 class Model(CardDisplay):
     """A fractional state-space model: D^{q_i} x_i = f_i(t, x, u, p).
@@ -253,6 +266,8 @@ class Model(CardDisplay):
     """State → its δ, for each :func:`fracid.models.joints.presliding` element."""
     follows: Mapping[str, str] = field(default_factory=dict)
     """State → the state with whose value it begins where nobody says: an arm stands where its hub does."""
+    memories: tuple[Memory, ...] = ()
+    """Of states of order 1 that remember for finite times (:mod:`fracid.selection.finite_memory`)."""
     grown: Callable[[Model, frozenset[str]], Model] | None = None
     """(model, parameters that are not zero) → the model with the states that they need; None where it has them all."""
 

@@ -31,7 +31,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import Reading
 from fracid.problem.unknowns import Free
-from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.arguments import Equation, InitialCondition, Options, Relaxations
 from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed_steps
 from fracid.solver.memory import Memory
 from fracid.solver.outputs import output_along
@@ -192,9 +192,16 @@ class Simulator:
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
         u = self.inputs(x, e)
+        fading = tuple(
+            Relaxations(m.state, parameters[[*m.shares]], np.exp(parameters[[*m.times]]), initial[[*m.held]])
+            for m in model.memories
+        )
+        if fading:  # what relaxations hold at the start stands behind the states that are simulated
+            n = min(i for m in model.memories for i in m.held)
+            orders, initial = orders[:n], initial[:n]
         equation = Equation(
             compile_rhs(model.rhs), orders, u.before, parameters, time_scale(model, parameters), model.relaxing_states,
-            u.jumps,
+            u.jumps, fading,
         )  # fmt: skip
         return equation, InitialCondition(initial, time=release, history=history)
 

@@ -37,13 +37,12 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import thinned
 from fracid.models import Model, Parameter
-from fracid.models.base import RightHandSide
+from fracid.models.base import Memory
 from fracid.models.joints import Complement
 from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.selection.integer_rival import FEW, WORTH, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
-from fracid.solver.right_hand_side import AROUND, compile_rhs
 
 MOST = FEW + 1
 """Relaxations that an order must not be beaten by."""
@@ -216,43 +215,18 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
                 Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))),
         )
     )  # fmt: skip
-    rhs = _rhs(compile_rhs(model.rhs), len(model.states), len(model.parameters), where,
-               bool(model.relaxing))  # fmt: skip
+    n, constants, each = len(model.states), len(model.parameters), np.arange(count)
+    memories = tuple(
+        Memory(i, (own, *(own + 2 * each + 1)), (*(own + 2 * each + 2),), (*(n + count * k + each),))
+        for k, (i, own) in enumerate((i, constants + g * (1 + 2 * count)) for i, g in where)
+    )
     return replace(
-        model, rhs=rhs, states=(*model.states, *states), parameters=(*model.parameters, *parameters), grown=None,
+        model, memories=memories, grown=None,
+        states=(*model.states, *states), parameters=(*model.parameters, *parameters),
         orders=(*(1.0 if i in replaced else q for i, q in enumerate(model.orders)), *(1.0 for _ in states)),
         integer_orders={q: v for q, v in model.integer_orders.items() if q not in gone},
         seen_in={q: v for q, v in model.seen_in.items() if q not in gone},
     )  # fmt: skip
-
-
-def _rhs(base: RightHandSide, n: int, constants: int, where: tuple[tuple[int, int], ...], rates: bool) -> RightHandSide:
-    """The base's rates, those of the states in `where` through their group's relaxations: one function for any number.
-
-    Behind the model's own states are those of the relaxations, behind its constants those of each group.
-    """
-
-    def relaxing(t, x, u, p, out):  # type: ignore[no-untyped-def]
-        if rates and len(out) > len(x):  # behind the derivatives are those with which presliding forgets
-            base(t, x[:n], u, p[:constants], out[: 2 * n])
-            for i in range(n - 1, -1, -1):
-                out[len(x) + i] = out[n + i]
-            for i in range(len(x) + n, len(out)):
-                out[i] = 0.0
-        else:
-            base(t, x[:n], u, p[:constants], out[:n])
-        at, count = n, (len(x) - n) // len(where)
-        for i, group in where:
-            own, f = constants + group * (1 + 2 * count), out[i]
-            total = p[own] * f
-            for j in range(count):
-                out[at] = f - x[at] * math.exp(-p[own + 2 * j + 2])
-                total += p[own + 2 * j + 1] * out[at]
-                at += 1
-            out[i] = total
-
-    relaxing.__module__ = AROUND
-    return relaxing
 
 
 def _relaxing(problem: Problem, best: Evaluation, groups: Mapping[str, Sequence[int]], count: int) -> Problem:

@@ -73,6 +73,22 @@ class Arguments:
 
 
 @dataclass(frozen=True)
+class Relaxations:
+    r"""A finite memory in the place of an order: :math:`x = x_0 + \int k f + \sum_j a_j z_j (e^{-t/τ_j} - 1)`.
+
+    With :math:`k(t) = a_0 + \sum_j a_j e^{-t/τ_j}`.
+    """
+
+    state: int
+    shares: FloatArray
+    """a_0 … a_n, shape (n + 1,)."""
+    times: FloatArray
+    """τ_1 … τ_n [s], shape (n,)."""
+    held: FloatArray
+    """z_1 … z_n, what each holds at the start, shape (n,)."""
+
+
+@dataclass(frozen=True)
 class Equation:
     """A system τ₀^(q−1)·D^q x = f(t, x, u, p) with all that it depends on."""
 
@@ -90,6 +106,8 @@ class Equation:
     """States of order 1 with f = c − a x; ``rhs`` writes a behind f, at ``out[n_states + i]``, where there is room."""
     after: FloatArray | None = None
     """u just after each grid point where it jumps, `inputs` being just before it, of their shape; None for no jumps."""
+    fading: tuple[Relaxations, ...] = ()
+    """Of states of order 1 whose memory is finite; ``pi2`` alone runs them."""
 
 
 @dataclass(frozen=True)

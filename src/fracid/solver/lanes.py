@@ -501,7 +501,7 @@ def step_together(rhs, run, started, room, out):
     lanes = Run(
         _together(run.orders), _together(run.gain), run.u, _together(run.p), _together(run.past),
         _together(run.slope), run.start, run.h, run.steps, run.every, run.limit, run.bounds,
-        kernels, run.corrections, run.corrected, run.relaxing, run.after,
+        kernels, run.corrections, run.corrected, run.relaxing, run.fading, run.after,
     )  # fmt: skip
     begin = Start(_together(started.known), _together(started.x0), started.together, started.knots,
                   _together(started.parabolas))  # fmt: skip

@@ -55,6 +55,8 @@ class Run(NamedTuple):
     """Whether ``pi2`` and ``pi3`` correct for a solution that begins like t^q."""
     relaxing: IntArray
     """States of order 1 whose f is c − a x, with a in the second half of what the right-hand side writes."""
+    fading: FloatArray
+    """Of each state with a finite memory: which, then a_0, and a_j, h/τ_j, z_j of its relaxations, a row each."""
     after: Any
     """Inputs just after each grid point, where `u` are those just before it, of its shape; no rows for no jumps.  Of a
     closed loop what gives them (:class:`fracid.solver.closed_loop.Loop`)."""
@@ -65,7 +67,7 @@ def run_type(more: int, after: Any = types.float64[:, ::1]) -> types.NamedTuple:
     vector, matrix = (types.Array(types.float64, n + more, "C") for n in (1, 2))
     inputs, limits = types.float64[:, ::1], (types.float64, types.float64[:, ::1])
     grid = types.float64, types.float64, types.int64, types.int64
-    how = KERNELS, types.int64, types.boolean, types.int64[::1], after
+    how = KERNELS, types.int64, types.boolean, types.int64[::1], types.float64[:, ::1], after
     return types.NamedTuple((vector, vector, inputs, vector, matrix, vector, *grid, *limits, *how), Run)
 
 

@@ -73,17 +73,12 @@ def compile_rhs(rhs: Any) -> Any:
     return _compiled(function)
 
 
-AROUND = "around"
-"""The module of a right-hand side of fracid's own around one that is compiled: it is not kept, as that may change."""
-
-
 @once_for_equals
 def _compiled(function: Any) -> Any:
     teach_helpers(function)
-    module = function.__module__ or ""  # what exec made may have none
-    if module.startswith("fracid.") or module == AROUND:
+    if (function.__module__ or "").startswith("fracid."):  # what exec made may have none
         # ours allocate nothing, and counting who has x and out doubles their time; a test asks for their indices
-        return kept(RHS_SIGNATURE, module != AROUND, error_model="numpy", nogil=True, _nrt=False)(function)
+        return kept(RHS_SIGNATURE, error_model="numpy", nogil=True, _nrt=False)(function)
     options = {"error_model": "numpy", "nogil": True, "boundscheck": _largest_indices(function) is None}
     try:
         return _reading(function, options)

@@ -112,7 +112,7 @@ _ENDED = types.UniTuple(types.int64, 2)  # the last good step, and how the run e
 
 
 ROWS, NEWEST, SHARE = 10, 5, 9
-"""For x and the like; what f weighs in its own step, and the share of a jump of f, beside a third, in the next one."""
+"""For x and the like; what f weighs in its own step, and a jump of f, beside a third, in the next one."""
 
 
 def room_for(run: Run, *lanes: int) -> tuple[Any, Any]:
@@ -127,7 +127,9 @@ def room_for(run: Run, *lanes: int) -> tuple[Any, Any]:
     rows = np.zeros((ROWS, states, *lanes))
     rows[NEWEST] = run.gain * run.kernels.own[run.kernels.of, 0].reshape(q.shape)
     rows[NEWEST, run.relaxing] = 0.0
-    rows[SHARE] = q - (2 ** (q + 1) - 2) / 3
+    row, begins = run.kernels.table[run.kernels.of], run.kernels.lags + 16
+    rows[SHARE] = run.gain * (row[:, begins + 8] - row[:, 8] / 3).reshape(q.shape)
+    rows[SHARE, run.relaxing] = 0.0
     start = np.zeros((relaxing, 4, *lanes))
     work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), start
     return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
@@ -256,7 +258,7 @@ def _look_back(n, head, k, started, history, kernels):
     window, sums, ahead = history
     head = room(head, window, kernels.lags)
     look_ahead(n, head, window, sums, ahead, kernels)
-    if started.together > 0:
+    if len(started.knots) > 3:
         k = _correct_block(n, started.knots, k, started.parabolas, ahead)
     return head, k
 
@@ -489,7 +491,7 @@ def _predict(n, j, run, started, rows, f, ahead, curve):
     for i in range(len(x)):
         known[i] = started.x0[i] + run.slope[i] * (n * run.h) + run.gain[i] * ahead[i, j]
         if len(run.after) > 0:
-            known[i] += newest[i] * share[i] * jump[i]
+            known[i] += share[i] * jump[i]
         bend = curve * (f[i] - 2 * before[i] + earlier[i])
         x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if free else started.known[n, i]
         earlier[i], before[i] = before[i], f[i]

@@ -32,6 +32,7 @@ from fracid.solver.arguments import (
     Equation,
     InitialCondition,
     Options,
+    Relaxations,
     check_bounds,
     check_driven,
     check_history,
@@ -51,6 +52,7 @@ from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
 from fracid.solver.stiffness import fault_of, grows_by_itself, step_gain
 from fracid.solver.trajectory import Outcome, Trajectory, vector
+from fracid.solver.weights import Kernel, relaxing_kernel
 
 if TYPE_CHECKING:
     from fracid.models import Model
@@ -356,7 +358,8 @@ def _together(
     for k in range(0, len(equations), lanes.COUNT):
         few = slice(k, k + lanes.COUNT)
         orders = np.stack([e.orders for e in equations[few]], axis=-1).ravel()
-        kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps)
+        own = {lanes.COUNT * i + lane: k for lane, e in enumerate(equations[few]) for i, k in _own(e, step).items()}
+        kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own)
         runs = [_run(e, i, step, steps, options, kernels) for e, i in zip(equations[few], initials[few], strict=True)]
         found = lanes.run_together((address_of(of_lanes), address_of(one.rhs)), runs)
         if found is None:
@@ -386,10 +389,12 @@ def _run(
         every=int(options.every),
         limit=min(float(options.limit), LARGEST),
         bounds=np.tile((-np.inf, np.inf), (states, 1)) if options.bounds is None else options.bounds,
-        kernels=kernels or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1),
+        kernels=kernels
+        or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1, _own(equation, step)),
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
         relaxing=np.array(equation.relaxing, dtype=np.int64),
+        fading=np.array([_row(f, step) for f in equation.fading]) if equation.fading else np.zeros((0, 2)),
         after=after,
     )
 
@@ -431,7 +436,16 @@ def _room(steps: int, every: int, states: int) -> FloatArray:
         raise InputError(SAYS("memory", steps=steps, states=states)) from None
 
 
-def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int) -> Kernels:
-    """One kernel per state; states of the same order share its construction."""
+def _own(equation: Equation, step: float) -> dict[int, Kernel]:
+    """The kernels of states with a finite memory."""
+    return {f.state: relaxing_kernel(f.shares, step / f.times) for f in equation.fading}
+
+
+def _row(f: Relaxations, step: float) -> FloatArray:
+    return np.hstack([f.state, f.shares[0], np.column_stack([f.shares[1:], step / f.times, f.held]).ravel()])
+
+
+def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int, own: Mapping[int, Kernel]) -> Kernels:
+    """One kernel per state, its own if it has one; states of the same order share its construction."""
     of = {q: memory.kernel(family, q, steps) for q in set(orders.tolist())}
-    return stack([of[q] for q in orders.tolist()])
+    return stack([own.get(i, of[q]) for i, q in enumerate(orders.tolist())])

@@ -61,6 +61,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -73,7 +74,15 @@ from scipy.special import binom, gamma, rgamma
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import evaluate, when_called
 from fracid.solver.loop_arguments import Run
-from fracid.solver.weights import bdf_series, bdf_weights, exact_weights, third_weights, trapezoidal_weights, zeta
+from fracid.solver.weights import (
+    bdf_series,
+    bdf_weights,
+    exact_weights,
+    relaxing_kernel,
+    third_weights,
+    trapezoidal_weights,
+    zeta,
+)
 
 PI, PI3, BDF = "pi", "pi3", "bdf"
 """The families of weights that are corrected: those of ``pi2``, ``pi3`` and ``bdf2``."""
@@ -338,6 +347,9 @@ def begun(rhs: int, run: Run, family: str) -> Start:
     past, states = run.past, len(run.orders)
     steps = len(past) - 1 + run.steps
     plain = Start(past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3)))
+    if np.any(run.fading[:, 4::3]):
+        knots = knots_up_to(steps + 8)
+        plain = plain._replace(knots=knots, parabolas=_parabolas(knots, _held(run, knots)))
     if not (run.corrected or family == PI3):
         return plain
     with np.errstate(all="ignore"):  # f may be infinite anywhere
@@ -348,14 +360,37 @@ def begun(rhs: int, run: Run, family: str) -> Start:
         s = _steps_together(family, sigma)
         if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
             return plain
-        tables = corrections(family, tuple(run.orders.tolist()), sigma, steps + 8)
+        tables = _uncorrected(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
         solved = _solved_together(rhs, run, A, tables.together)
     if solved is None:
         return plain
     x, f, base = solved
     f[1:] -= f[0]
-    C = np.einsum("ei,ien->in", tables.fit @ f, tables.errors)
+    C = np.einsum("ei,ien->in", tables.fit @ f, tables.errors) + _held(run, tables.knots)
     return Start(x, base, s, tables.knots, _parabolas(tables.knots, C))
+
+
+def _held(run: Run, n: FloatArray | NDArray[np.int64]) -> FloatArray:
+    """What finite memories that hold something at the start add at the steps n, over the gain: (n_states, n_steps)."""
+    C = np.zeros((len(run.orders), len(n)))
+    for i, (a, s, z) in ((int(row[0]), row[2:].reshape(-1, 3).T) for row in run.fading):
+        C[i] = (a * z) @ np.expm1(-np.outer(s, n)) / run.gain[i]
+    return C
+
+
+def _uncorrected(run: Run, tables: Corrections) -> Corrections:
+    """The same with the rule alone for states of a finite memory, whose kernel is no power."""
+    if not len(run.fading):
+        return tables
+    M, errors = tables.together.copy(), tables.errors.copy()
+    lags = np.subtract.outer(np.arange(M.shape[1]), np.arange(M.shape[1]))
+    for row in run.fading:
+        i, kernel = int(row[0]), relaxing_kernel(row[[1, *range(2, len(row), 3)]], row[3::3])
+        first = replace(kernel, weights=kernel.start, amplitude=kernel.amplitude * kernel.start_ratio)
+        M[i], errors[i] = np.where(lags >= 0, kernel.at(np.maximum(lags, 0).ravel()).reshape(lags.shape), 0.0), 0.0
+        M[i, :, 0] = first.at(lags[:, 0])
+        M[i, 0] = 0.0
+    return tables._replace(together=M, errors=errors)
 
 
 def _parabolas(knots: NDArray[np.int64], C: FloatArray) -> FloatArray:
@@ -413,7 +448,7 @@ def _solved_together(
     x, base = run.past[np.minimum(np.arange(max(m, s) + 1), m)], run.past[0].copy()
     f, n = np.zeros((s + 1, states)), np.arange(s + 1.0)
     t, u = _first_time(run) + n * run.h, run.u[: s + 1] if len(run.u) > 1 else np.repeat(run.u, s + 1, axis=0)
-    drift, weights = n[:, None] * run.h * run.slope, run.gain[:, None, None] * M
+    drift, weights = n[:, None] * run.h * run.slope + run.gain * _held(run, n).T, run.gain[:, None, None] * M
     size = max(0, s - m) * states
     inverse = _newton_matrix(A, M, m) if 0 < size <= LARGE else np.eye(size)
     settles = _iterate(rhs, t, x, u, run.p, f, drift, weights, inverse, np.zeros(size), base, m, run.limit)
