@@ -169,21 +169,23 @@ def _store(row, x, out):
 
 
 @inline
-def _outside(x, bounds):
-    """Tell whether a state is beyond the caller's bounds."""
-    for i in range(len(x)):  # noqa: SIM110
-        if not bounds[i, 0] <= x[i] <= bounds[i, 1]:
-            return True
-    return False
+def _ended(n, row, state, run, x, f, out):
+    """Keep the sample of a step, if it is good and one of every so many; `state` is that of Newton's matrix.
 
-
-@inline
-def _kept(how, n, row, run, x, out):
-    """Store a good sample of step n, if it is one of every so many; gives the next one's row, and how the run ends."""
+    Gives the row of the next one, and how the run ends with this step.
+    """
     m = len(run.past) - 1
-    if how == COMPLETED and n == m + row * run.every:
+    for i in range(len(x)):
+        if not abs(x[i]) <= run.limit or not abs(f[i]) < math.inf:
+            return row, DIVERGED if _finite(f) else NOT_FINITE
+    if state == UNSOLVED:
+        return row, UNSETTLED
+    if n == m + row * run.every:
         row = _store(row, x, out)
-    return row, LEFT if how == COMPLETED and n >= m and _outside(x, run.bounds) else how
+    for i in range(len(x) if n >= m else 0):
+        if not run.bounds[i, 0] <= x[i] <= run.bounds[i, 1]:
+            return row, LEFT
+    return row, COMPLETED
 
 
 @when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
@@ -217,7 +219,8 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
             if not abs(x[i]) <= run.limit:
                 how = DIVERGED if _finite(f) else NOT_FINITE
                 break
-        row, how = _kept(how, n, row, run, x, out)
+        if how == COMPLETED:
+            row, how = _ended(n, row, np.int64(KEPT), run, x, f, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
@@ -261,15 +264,6 @@ def _look_back(n, head, k, started, history, kernels):
     if len(started.knots) > 3:
         k = _correct_block(n, started.knots, k, started.parabolas, ahead)
     return head, k
-
-
-@inline
-def _judged(x, f, limit, state):
-    """Tell how the run ends with a step, if it does; `state` is that of Newton's matrix."""
-    for i in range(len(x)):
-        if not abs(x[i]) <= limit or not abs(f[i]) < math.inf:
-            return DIVERGED if _finite(f) else NOT_FINITE
-    return UNSETTLED if state == UNSOLVED else COMPLETED
 
 
 @bare
@@ -499,37 +493,33 @@ def _predict(n, j, run, started, rows, f, ahead, curve):
 
 
 @inline
-def _follow(rhs, t, run, x, known, f, now, start):
-    """Have the relaxing states follow the speed that is predicted, or f would not be that of any motion."""
-    relaxing = run.relaxing
-    for r in range(len(relaxing)):
-        x[relaxing[r]] = start[r, 0]
-    evaluate(rhs, t, x, now, run.p, f)
-    _relax(relaxing, x, f, start, run.h, known)
-    for r in range(len(relaxing)):
-        x[relaxing[r]] = known[relaxing[r]]
-
-
-@inline
-def _sweep(sweeps, rhs, t, run, rows, f, now, start):
-    """Put x = known + g b_0 f(t, x) so many times, and evaluate f there; tells whether a state runs away."""
-    x, last_x, known, newest = rows[0], rows[3], rows[4], rows[5]
-    for _ in range(sweeps):
+def _sweep(rhs, n, t, free, run, rows, f, now, start):
+    """Sweep, x = known + g b_0 f(t, x), where x is `free`, and evaluate f there; tells whether a state runs away."""
+    x, last_x, known, newest, relaxing = rows[0], rows[3], rows[4], rows[5], run.relaxing
+    if free and len(relaxing):  # they follow the speed that is predicted, or f would not be that of any motion
+        for r in range(len(relaxing)):
+            x[relaxing[r]] = start[r, 0]
         evaluate(rhs, t, x, now, run.p, f)
-        _relax(run.relaxing, x, f, start, run.h, known)
+        _relax(relaxing, x, f, start, run.h, known)
+        for r in range(len(relaxing)):
+            x[relaxing[r]] = known[relaxing[r]]
+    more = 4 if n <= EARLY and run.corrections > 0 else 0
+    for _ in range(run.corrections + more if free else 0):
+        evaluate(rhs, t, x, now, run.p, f)
+        _relax(relaxing, x, f, start, run.h, known)
         for i in range(len(x)):
             last_x[i], x[i] = x[i], known[i] + newest[i] * f[i]
             if not abs(x[i]) <= run.limit:
                 return DIVERGED if _finite(f) else NOT_FINITE
     evaluate(rhs, t, x, now, run.p, f)
-    _relax(run.relaxing, x, f, start, run.h, known)
+    _relax(relaxing, x, f, start, run.h, known)
     return COMPLETED
 
 
 @when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, _matrix), allocates=False)
 def step_pi2(rhs, run, started, history, work, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
-    h, p, after, relaxing, corrections, kernels = run.h, run.p, run.after, run.relaxing, run.corrections, run.kernels
+    h, p, after, relaxing, kernels = run.h, run.p, run.after, run.relaxing, run.kernels
     m, states, end = len(run.past) - 1, len(run.slope), len(run.past) - 1 + run.steps
     t0, jumps, curve = run.start - m * h, len(after) > 0, 1.0 if third else 0.0
     window, _, ahead = history
@@ -554,15 +544,12 @@ def step_pi2(rhs, run, started, history, work, third, out):
                 scale[i] = 1 / (SMALL + abs(x[i]))
         _read(run.u, n, now)
         free, joins = _predict(n, j, run, started, rows, f, ahead, curve), n == m > started.together
-        if free and len(relaxing):
-            _follow(rhs, t, run, x, known, f, now, start)
-        sweeps = 0 if not free else corrections if n > EARLY or corrections == 0 else corrections + 4
-        how = _sweep(sweeps, rhs, t, run, rows, f, now, start)
+        how = _sweep(rhs, n, t, free, run, rows, f, now, start)
         if how != COMPLETED:
             end = n - 1
             break
         newton = _slow(x, last_x, f, known, newest, scale) | _unsettled(relaxing, x, known, start)
-        newton = (newton | (corrections == 0)) & free
+        newton = (newton | (run.corrections == 0)) & free
         if anywhere(newton) or joins:
             state = _rare(newton, joins, run.past[m], rhs, t, x, now, p, f, known, newest, W, state, trial, started.x0,
                           relaxing, start, h)  # fmt: skip
@@ -571,8 +558,7 @@ def step_pi2(rhs, run, started, history, work, third, out):
         _keep_relaxing(relaxing, x, f, start)
         for i in range(states):
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
-        how = _judged(x, f, run.limit, state)
-        row, how = _kept(how, n, row, run, x, out)
+        row, how = _ended(n, row, state, run, x, f, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
@@ -645,8 +631,7 @@ def step_bdf2(rhs, run, started, history, work, out):
             _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             enter(i, j, f[i], head, window, ahead, kernels)
-        how = _judged(x, f, run.limit, state)
-        row, how = _kept(how, n, row, run, x, out)
+        row, how = _ended(n, row, state, run, x, f, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
