@@ -39,7 +39,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, at_least
 from fracid.estimation.climbing import climbed
 from fracid.estimation.horizons import Watch, grown_horizon, horizons, minimised, refined, uninterrupted
-from fracid.estimation.starts import Start
+from fracid.estimation.starts import EndBlock, Start
 from fracid.optimise import (
     MOST_STARTS,
     Entry,
@@ -53,8 +53,8 @@ from fracid.optimise import (
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
 from fracid.problem.project import Project
-from fracid.safety.schema import as_json
-from fracid.schemas.run_record import EndBlock
+from fracid.safety.json_files import from_json
+from fracid.safety.schema import as_json, record_of
 from fracid.tasks.job import Task
 from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import run_tasks
@@ -226,21 +226,17 @@ def _scattered(
 ) -> tuple[Result, tuple[Start, ...]]:
     """One task a start."""
     tasks = [Task(origin, (problem, origin, x)) for origin, x in points]
-    results = [*run_tasks(_one_start, tasks, executor=executor, jobs=watch.jobs, journal=journal).values()]
-    ends = [EndBlock.model_validate(content) for content in results]
-    starts = tuple(
-        Start(
-            origin, problem.named(x), e.first_cost, problem.named(np.array(e.end)), e.cost, e.ended, None, e.evaluations
-        )
-        for (origin, x), e in zip(points, ends, strict=True)
-    )
+    results = run_tasks(_one_start, tasks, executor=executor, jobs=watch.jobs, journal=journal).values()
+    ends = [record_of(EndBlock, content) for content in results]
+    starts = tuple(replace(e.start, cost=from_json(e.start.cost, np.inf)) for e in ends)
     watch.count += sum(s.evaluations for s in starts)
     watch.work += sum(s.evaluations for s in starts) * problem.simulator.work
-    best = min(ends, key=lambda e: e.cost)
-    return Result(problem.evaluate(np.array(best.end)), Outcome(best.outcome), watch.count), starts
+    k = int(np.argmin(np.array([s.cost for s in starts], dtype=float)))
+    best = problem.evaluate(np.array([starts[k].end[n] for n in problem.names]))
+    return Result(best, ends[k].outcome, watch.count), starts
 
 
 def _one_start(problem: Problem, origin: str, x: FloatArray) -> dict[str, Any]:
     """A start to its end, as plain JSON values."""
     result, (start,) = grown_horizon(problem, [(origin, x)], Watch())
-    return as_json(EndBlock, vars(start) | {"end": [*start.end.values()], "outcome": result.outcome.value})
+    return as_json(EndBlock, {"start": start, "outcome": result.outcome})

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from fracid.safety.schema import Infinite, Number, Record, Unknown
+from fracid.optimise.base import Outcome
+from fracid.safety.schema import Block, Infinite, Number, Record, Unknown, fault_of, lacking
 
 SAME_COST = 1.01
 """Costs up to this factor above the lowest are the same step of the waterfall."""
@@ -37,6 +38,25 @@ class Start(Record):
     joined: Origin | None
     """The origin of the start whose minimum it fell into."""
     evaluations: int
+
+
+class EndBlock(Block):
+    """A start at its end, as the journal of a search has it."""
+
+    start: Start
+    outcome: Annotated[Outcome, Field(strict=False)]
+
+
+def fault_of_end(content: Any, names: Iterable[str]) -> str:
+    """Where a start's end is not one of a search for these unknowns, in words.
+
+    Examples
+    --------
+    >>> start = Start("given", {"mu": 1.0}, 0.2, {"mu": 0.9}, 0.1, "converged", None, 9)
+    >>> fault_of_end(as_json(EndBlock, {"start": start, "outcome": Outcome.CONVERGED}), ["mu", "C1"])
+    'end has no C1'
+    """
+    return fault_of(content, EndBlock) or lacking({"end": content["start"]["end"]}, names)
 
 
 def won(starts: Sequence[Start]) -> Start | None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from pydantic import Field
 
-from fracid.safety.json_files import shown
-from fracid.safety.schema import Block, Infinite, fault_of
+from fracid.safety.schema import Block
 
 
 class FitOptions(Block):
@@ -45,32 +43,3 @@ class StudyLine(Block):
     """The first line of a journal."""
 
     study: dict[str, Any]
-
-
-class EndBlock(Block):
-    """A start of a search at its end, as its journal has it."""
-
-    first_cost: Infinite
-    end: list[float]
-    cost: Infinite
-    ended: str
-    evaluations: int
-    outcome: str
-
-
-def fault_of_end(content: Any, unknowns: int, outcomes: Iterable[str]) -> str:
-    """Where a start's end is not one of a search with so many unknowns, in words.
-
-    Examples
-    --------
-    >>> end = {"first_cost": None, "end": [1.0], "cost": 0.1, "ended": "", "evaluations": 3, "outcome": "done"}
-    >>> fault_of_end(end, 2, ["done"])
-    'end has 1 entries; expected 2'
-    """
-    if fault := fault_of(content, EndBlock):
-        return fault
-    if len(content["end"]) != unknowns:
-        return f"end has {len(content['end'])} entries; expected {unknowns}"
-    expected = tuple(outcomes)
-    outcome = content["outcome"]
-    return "" if outcome in expected else f"outcome is {shown(outcome)}; expected {' or '.join(expected)}"

@@ -22,6 +22,7 @@ from typing import Any
 from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError, Unfinished, at_least
 from fracid.estimation.records import RecordingFit
+from fracid.estimation.starts import fault_of_end
 from fracid.findings import Finding, Words
 from fracid.fit import Fit
 from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
@@ -39,7 +40,6 @@ from fracid.runs.folder import (
     write_result,
 )
 from fracid.safety.paths import default_folder
-from fracid.schemas.run_record import fault_of_end
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import free_memory, one_blas_thread
 from fracid.tasks.journal import Journal
@@ -323,7 +323,7 @@ def _identified(
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
         Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
-        _starts_kept(run, options["executor"], len(project.problem.unknowns)) as journal,
+        _starts_kept(run, options["executor"], project.problem.names) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
             observer.notice(note)
@@ -345,13 +345,13 @@ def _short_of_room(project: Project, folder: Path) -> Iterator[str]:
         yield SAYS("memory", needed=needed / 1e9, available=available / 1e9)
 
 
-def _starts_kept(run: Run, executor: str, unknowns: int) -> AbstractContextManager[Journal | None]:
+def _starts_kept(run: Run, executor: str, names: Sequence[str]) -> AbstractContextManager[Journal | None]:
     """Of starts that run elsewhere, a journal in a folder of its own."""
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
     study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
-    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, unknowns, Outcome))
+    return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, names))
 
 
 def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
