@@ -214,7 +214,7 @@ def main(sizes: list[int]) -> None:
         print(f"CPU, lanes: {alone:.0f} runs/s on one core, {together:.0f} on {cores}, in processes", flush=True)
     clock = time.process_time()
     orders = np.stack([e.orders for e in equations], axis=-1).ravel()
-    all_kernels = solve._kernels(options.memory, methods.METHODS["pi2"].family, orders, STEPS)
+    all_kernels = solve._kernels(options.memory, methods.METHODS["pi2"].family, orders, STEPS, {})
     runs = [solve._run(e, i, *args, all_kernels) for e, i in zip(equations, initials, strict=True)]
     starts = [begun(solve.address_of(equations[0].rhs), run, "pi") for run in runs]
     print(f"weights and start, on the CPU: {1e3 * (time.process_time() - clock) / DISTINCT:.2f} ms a run", flush=True)

@@ -110,7 +110,9 @@ def posterior(
         raise unknown_name("method", method, METHODS)
     at_least("jobs", jobs, 1)
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
-    notes += () if x is None else _not_minimum(problem, likelihood, vector("x", x))
+    if x is not None and not problem.parametrisation.priors:  # with priors its point is not the data's minimum
+        rise = -likelihood.log_likelihood(vector("x", x))
+        notes += (SAYS("not-at-minimum", rise=rise),) if rise > SAME else ()
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
     prior, how = joint_prior(problem), {"draws": draws, "seed": seed}
     execution, unbounded = Execution(executor, jobs, journal, progress), [problem.names[i] for i in prior.unbounded]
@@ -130,14 +132,6 @@ def posterior(
         **vars(sample), problem=problem, method=method, x=likelihood.centre, cost=likelihood.cost, seed=seed,
         effective_samples=likelihood.samples, degrees_of_freedom=likelihood.degrees, notes=notes,
     )  # fmt: skip
-
-
-def _not_minimum(problem: Problem, likelihood: RecordedLikelihood, x: FloatArray) -> tuple[str, ...]:
-    """That a fit stopped short; with priors its point is not the data's minimum."""
-    rise = 0.0 if problem.parametrisation.priors else -likelihood.log_likelihood(x)
-    if rise <= SAME:
-        return ()
-    return (SAYS("not-at-minimum", rise=rise),)
 
 
 def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[Mapping[str, float]]) -> tuple[str, ...]:

@@ -151,25 +151,24 @@ def sensitivities(
     q = np.array(np.broadcast_to(vector("orders", orders), len(x0)))
     states = np.atleast_2d(x0.T)[0]
     moving = np.column_stack([x0, np.zeros(len(x0))]) if x0.ndim == 1 else x0  # a neighbour of order 1 is above it
-    points = [(kind, i) for kind, values in (("orders", q), ("parameters", p), ("initial", states))
-              for i in range(len(values))]  # fmt: skip
-    steps = {"orders": _order_steps(q), "parameters": _steps(p), "initial": _steps(states)}
+    kinds = {"orders": (q, _order_steps(q)), "parameters": (p, _steps(p)), "initial": (moving, _steps(states))}
+    points = [(kind, i, step) for kind, (_, steps) in kinds.items() for i, step in enumerate(steps)]
     runs: list[dict[str, Any]] = [{}]
-    for kind, i in points:
+    for kind, i, step in points:
         for side in STENCIL:
-            values = {"orders": q, "parameters": p, "initial": moving}[kind].copy()
-            values[(i, 0) if values.ndim == 2 else i] += side * steps[kind][i]
+            values = kinds[kind][0].copy()
+            values[(i, 0) if values.ndim == 2 else i] += side * step
             runs.append({"initial": moving, kind: values})
     common = {"orders": q, "initial": x0, "parameters": p, "tolerance": tolerance, **options}
     run, *neighbours = solve_fde_batch(rhs, runs, jobs=jobs, **common)
-    slopes: dict[str, list[FloatArray]] = {"orders": [], "parameters": [], "initial": []}
-    for k, (kind, i) in enumerate(points):
+    slopes: dict[str, list[FloatArray]] = {kind: [] for kind in kinds}
+    for k, (kind, i, step) in enumerate(points):
         difference: Any = 0.0
         for weight, near in zip(STENCIL.values(), neighbours[k * len(STENCIL) :], strict=False):
             if len(near.time) < len(run.time):
                 raise InputError(SAYS("no-derivative", kind=kind, i=i, run=near, end=near.time[-1]))
             difference = difference + weight * near.states[: len(run.time)]
-        slopes[kind].append(difference / steps[kind][i])
+        slopes[kind].append(difference / step)
     empty = np.empty((*run.states.shape, 0))
     return Sensitivities(run, *(np.stack(s, axis=-1) if s else empty for s in slopes.values()))
 

@@ -70,11 +70,6 @@ def _step(loop: str, rhs: int, run: Run, *how: Any, family: str = "") -> tuple[i
     return ended
 
 
-def _bdf2(rhs: int, run: Run, out: FloatArray) -> tuple[int, int]:
-    nothing = run.relaxing[:0]  # what relaxes dies in this scheme by itself
-    return _step("step_bdf2", rhs, run._replace(relaxing=nothing), out, family="bdf")
-
-
 METHODS = {
     "pi2": Method(
         "pi", 2, lambda rhs, run, out: _step("step_pi2", rhs, run, False, out, family="pi"),
@@ -89,7 +84,8 @@ METHODS = {
         exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
     ),
     "bdf2": Method(
-        "bdf", 2, _bdf2,
+        "bdf", 2,  # what relaxes dies in this scheme by itself
+        lambda rhs, run, out: _step("step_bdf2", rhs, run._replace(relaxing=run.relaxing[:0]), out, family="bdf"),
         "stiff systems at every order: what is fast dies, above order 1 too",
     ),
     "pi3": Method(
