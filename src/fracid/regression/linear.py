@@ -147,7 +147,7 @@ class Regression(CardDisplay, Record):
 
     @property
     def intervals(self) -> dict[str, Any]:
-        """Of the orders that were searched, at 95 %; infinite where the profile ends before."""
+        """The 95 % intervals of orders that were searched; infinite where the profile ends before."""
         return {n: order.interval95 for n, order in self.searched.items() if order.interval95 is not None}
 
     def _card(self) -> Card:
