@@ -11,7 +11,7 @@ Both keep the file's SHA-256, and refuse a file that changes while it is read.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
@@ -160,7 +160,7 @@ def inspect_recording(
     channels, more = choose_channels(table, columns, source.column, rows)
     if columns is not None:
         refuse_shared(table, channels, source.column)
-    dead = _left_out(table, rows, channels, source.column) if columns is None else ()
+    dead = tuple(_left_out(table, rows, channels, source.column)) if columns is None else ()
     digest, reading = _digest(path), (*table.notes, *source.sentences, *repeats, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
@@ -223,17 +223,15 @@ def _signals(
 
 def _left_out(
     table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], time: int | None
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     """A column that is called the pendulum's angle and left out, for it never changes."""
     taken = {table.find(c.column) for c in channels.values()} | {time}
     left = [j for j, name in enumerate(table.names) if j not in taken and is_angle(name)]
     dead = [j for j in left if rows.any() and np.ptp(table.values[rows, j]) == 0.0]
-    findings = []
     for j in dead:
         channel, name = Channel(j, unit=header_unit(table.units[j]) or "1"), table.names[j]  # a number if nothing says
         first = channel.convert(table.values[rows, j][:1].copy(), name)
-        findings.append(still(name, float(first[0]), channel.signal_unit))
-    return tuple(findings)
+        yield still(name, float(first[0]), channel.signal_unit)
 
 
 def _guesses(
