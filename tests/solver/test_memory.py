@@ -289,15 +289,16 @@ def driven_by_slow(t, x, u, p, out):
     out[1] = np.cos(t) - 0.5 * x[0] - np.sin(x[1])
 
 
-SHARES, TIMES, HELD = np.array([0.5, 0.4, 0.3]), np.array([2.0, 0.05]), np.array([0.2, -0.1])
+SHARES, TIMES, HELD = (0.5, 0.4, 0.3), (2.0, 0.05), (0.2, -0.1)
 
 
-@pytest.mark.parametrize("shares", [SHARES, SHARES * (1, -1, 1), np.array([0.0, 1.0, 0.0])])
-@pytest.mark.parametrize("held", [HELD, 0.0 * HELD])
+@pytest.mark.parametrize("shares", [SHARES, (0.5, -0.4, 0.3), (0.0, 1.0, 0.0)])
+@pytest.mark.parametrize("held", [HELD, (0.0, 0.0)])
 def test_a_finite_memory_is_that_of_a_state_for_each_relaxation_where_the_input_jumps_too(shares, held):
     def slope(t, y, on):
         f = np.sin(t) + on - 0.4 * y[0]
-        return [shares.sum() * f - shares[1:] @ (y[1:] / TIMES), *(f - y[1:] / TIMES)]
+        fades = y[1:] / TIMES
+        return [sum(shares) * f - shares[1:] @ fades, *(f - fades)]
 
     errors = []
     for step in (0.04, 0.02):

@@ -168,8 +168,8 @@ class LinearTerms:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """Where the numbers of a finite memory stand."""
+class FadingState:
+    """Where the numbers of a state with a finite memory stand."""
 
     state: int
     shares: tuple[int, ...]
@@ -266,7 +266,7 @@ class Model(CardDisplay):
     """State → its δ, for each :func:`fracid.models.joints.presliding` element."""
     follows: Mapping[str, str] = field(default_factory=dict)
     """State → the state with whose value it begins where nobody says: an arm stands where its hub does."""
-    memories: tuple[Memory, ...] = ()
+    memories: tuple[FadingState, ...] = ()
     """Of states of order 1 that remember for finite times (:mod:`fracid.selection.finite_memory`)."""
     grown: Callable[[Model, frozenset[str]], Model] | None = None
     """(model, parameters that are not zero) → the model with the states that they need; None where it has them all."""

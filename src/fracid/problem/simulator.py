@@ -26,6 +26,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
+from fracid.models.base import FadingState
 from fracid.problem.coarse import means, stepped
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
@@ -192,10 +193,7 @@ class Simulator:
         past = self.parametrisation.pasts.get(e.name)
         history = None if past is None else past.states(orders, parameters)[:-1]
         u = self.inputs(x, e)
-        fading = tuple(
-            Relaxations(m.state, parameters[[*m.shares]], np.exp(parameters[[*m.times]]), initial[[*m.held]])
-            for m in model.memories
-        )
+        fading = tuple(_relaxations(m, parameters.tolist(), initial.tolist()) for m in model.memories)
         if fading:  # what relaxations hold at the start stands behind the states that are simulated
             n = min(i for m in model.memories for i in m.held)
             orders, initial = orders[:n], initial[:n]
@@ -332,6 +330,11 @@ class Simulator:
             for array in arrays:
                 digests[e.name].update(np.ascontiguousarray(array).data)
         return digests
+
+
+def _relaxations(memory: FadingState, p: list[float], x: list[float]) -> Relaxations:
+    shares, held = (tuple(v[i] for i in where) for v, where in ((p, memory.shares), (x, memory.held)))
+    return Relaxations(memory.state, shares, tuple(math.exp(p[i]) for i in memory.times), held)
 
 
 EDGE = 8

@@ -37,7 +37,7 @@ from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import thinned
 from fracid.models import Model, Parameter
-from fracid.models.base import Memory
+from fracid.models.base import FadingState
 from fracid.models.joints import Complement
 from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
@@ -217,7 +217,7 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
     )  # fmt: skip
     n, constants, each = len(model.states), len(model.parameters), np.arange(count)
     memories = tuple(
-        Memory(i, (own, *(own + 2 * each + 1)), (*(own + 2 * each + 2),), (*(n + count * k + each),))
+        FadingState(i, (own, *(own + 2 * each + 1)), (*(own + 2 * each + 2),), (*(n + count * k + each),))
         for k, (i, own) in enumerate((i, constants + g * (1 + 2 * count)) for i, g in where)
     )
     return replace(

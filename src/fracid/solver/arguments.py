@@ -80,12 +80,12 @@ class Relaxations:
     """
 
     state: int
-    shares: FloatArray
-    """a_0 … a_n, shape (n + 1,)."""
-    times: FloatArray
-    """τ_1 … τ_n [s], shape (n,)."""
-    held: FloatArray
-    """z_1 … z_n, what each holds at the start, shape (n,)."""
+    shares: tuple[float, ...]
+    """a_0 … a_n."""
+    times: tuple[float, ...]
+    """τ_1 … τ_n [s]."""
+    held: tuple[float, ...]
+    """z_1 … z_n, what each holds at the start."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -438,11 +439,12 @@ def _room(steps: int, every: int, states: int) -> FloatArray:
 
 def _own(equation: Equation, step: float) -> dict[int, Kernel]:
     """The kernels of states with a finite memory."""
-    return {f.state: relaxing_kernel(f.shares, step / f.times) for f in equation.fading}
+    return {f.state: relaxing_kernel(f.shares, tuple(step / τ for τ in f.times)) for f in equation.fading}
 
 
-def _row(f: Relaxations, step: float) -> FloatArray:
-    return np.hstack([f.state, f.shares[0], np.column_stack([f.shares[1:], step / f.times, f.held]).ravel()])
+def _row(f: Relaxations, step: float) -> list[float]:
+    of_each = zip(f.shares[1:], (step / τ for τ in f.times), f.held, strict=True)
+    return [f.state, f.shares[0], *chain.from_iterable(of_each)]
 
 
 def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int, own: Mapping[int, Kernel]) -> Kernels:

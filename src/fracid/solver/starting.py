@@ -384,8 +384,8 @@ def _uncorrected(run: Run, tables: Corrections) -> Corrections:
         return tables
     M, errors = tables.together.copy(), tables.errors.copy()
     lags = np.subtract.outer(np.arange(M.shape[1]), np.arange(M.shape[1]))
-    for row in run.fading:
-        i, kernel = int(row[0]), relaxing_kernel(row[[1, *range(2, len(row), 3)]], row[3::3])
+    for state, a_0, *of_each in run.fading.tolist():
+        i, kernel = int(state), relaxing_kernel((a_0, *of_each[::3]), tuple(of_each[1::3]))
         first = replace(kernel, weights=kernel.start, amplitude=kernel.amplitude * kernel.start_ratio)
         M[i], errors[i] = np.where(lags >= 0, kernel.at(np.maximum(lags, 0).ravel()).reshape(lags.shape), 0.0), 0.0
         M[i, :, 0] = first.at(lags[:, 0])

@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,28 +109,29 @@ def exact_kernel(family: str, order: float, steps: int) -> Kernel:
     return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
 
 
-def relaxing_kernel(shares: FloatArray, rates: FloatArray) -> Kernel:
+@lru_cache(maxsize=64)
+def relaxing_kernel(shares: tuple[float, ...], rates: tuple[float, ...]) -> Kernel:
     r"""The product-trapezoidal weights of :math:`k(t) = a_0 + \sum_j a_j e^{-s_j t}`, in units of the step, exactly.
 
     Parameters
     ----------
-    shares : array, shape (n + 1,)
+    shares : tuple of float
         a_0 … a_n.
-    rates : array, shape (n,)
+    rates : tuple of float
         s_1 … s_n, steps over time constants.
 
     Examples
     --------
-    >>> relaxing_kernel(np.array([1.0]), np.empty(0)).at([0, 1, 2, 9])
+    >>> relaxing_kernel((1.0,), ()).at([0, 1, 2, 9])
     array([0.5, 1. , 1. , 1. ])
     """
-    s = np.append(0.0, rates)
+    s, a = np.array([0.0, *rates]), np.array(shares)
     with np.errstate(divide="ignore", invalid="ignore"):  # half and whole of the hat that f is between the samples
         half = np.where(s < 1e-3, 1 / 2 + s / 6 + s**2 / 24 + s**3 / 120, (np.expm1(s) - s) / s**2)
         hat = np.where(s > 0, (np.sinh(s / 2) / (s / 2)) ** 2, 1.0)
     z = np.exp(-s)
-    w, start = [shares @ (hat - half), shares @ (hat * z)], [0.0, shares @ (half * z)]
-    return Kernel(np.array(w), np.array(start), np.expm1(-s), shares * hat * z * z, half / hat)
+    w, start = [a @ (hat - half), a @ (hat * z)], [0.0, a @ (half * z)]
+    return Kernel(np.array(w), np.array(start), np.expm1(-s), a * hat * z * z, half / hat)
 
 
 def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatArray]:
