@@ -208,7 +208,7 @@ class Writer:
 
     def block(self, body: Sequence[Statement], pending: set[str], depth: int, loops: bool = False) -> Iterator[str]:
         """Lines; `pending` are the variables to be declared here or further in."""
-        pending, names = set(pending), [self._names(s) for s in body]
+        pending, names, assigned = set(pending), [self._names(s) for s in body], [self._assigned(s) for s in body]
         for k, s in enumerate(body):
             here, later = pending & names[k], set().union(*names[k + 1 :])
             inner = {n for n in here - later if not loops and isinstance(s, If) and self._in_one_branch(s, n)}
@@ -219,8 +219,8 @@ class Writer:
             pending -= here
             match s:
                 case Assign(target, value, note):
-                    known = isinstance(target, Name) and target.name in later
-                    once = not loops and not (known and target.name in self._assigned(body[k + 1 :]))
+                    again = isinstance(target, Name) and target.name in later & set().union(*assigned[k + 1 :])
+                    once = not loops and not again
                     word = self.say("once" if once else "variable") if first else ""
                     yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
                 case If(test, yes, no, note):
@@ -263,8 +263,8 @@ class Writer:
         return set(mentioned(node)) - loops
 
     @staticmethod
-    def _assigned(body: Sequence[Statement]) -> set[str]:
-        return {s.target.name for s in parts(tuple(body)) if isinstance(s, Assign) and isinstance(s.target, Name)}
+    def _assigned(body: Statement) -> set[str]:
+        return {s.target.name for s in parts(body) if isinstance(s, Assign) and isinstance(s.target, Name)}
 
     def _in_one_branch(self, s: If, name: str) -> bool:
         return name not in self._names(s.test) and (name in self._names(s.body)) != (name in self._names(s.orelse))
