@@ -52,6 +52,7 @@ def fault_of_end(content: Any, names: Iterable[str]) -> str:
 
     Examples
     --------
+    >>> from fracid.safety.schema import as_json
     >>> start = Start("given", {"mu": 1.0}, 0.2, {"mu": 0.9}, 0.1, "converged", None, 9)
     >>> fault_of_end(as_json(EndBlock, {"start": start, "outcome": Outcome.CONVERGED}), ["mu", "C1"])
     'end has no C1'
