@@ -8,13 +8,16 @@ capacitors, a wall that heat creeps into fade too, over a few times,
 
 and over a record of two decades one of them looks much like a power.  So before orders are called fractional the kernel
 of each that is off its integer is cut down to one, then two, then three such relaxations, all else equal, and the
-recordings are fitted again.  Nothing has to be known of the physics: beside x' itself each relaxation is a state,
+recordings are fitted again.  Nothing has to be known of the physics: the solver holds an order as exponentials, and
+takes these in their place (:func:`fracid.solver.weights.relaxing_kernel`), so that the model runs as it is.  That is as
+if beside x' each relaxation were a state,
 
 .. math::  x' = \Big(\sum_{j=0}^n a_j\Big) f - \sum_j a_j z_j/\tau_j, \qquad z_j' = f - z_j/\tau_j, \quad z_j(0) = 0,
 
-and states that share an order share its relaxations.  One of the amplitudes says only in which unit the model's other
-constants are given, s^(q-1) against 1, and another may be a spring that the model has: as parameters count the
-directions in which the constants, but for one amplitude, move the recordings.
+which is why what each holds at the start, unknown after a past, has the place of a state.  States that share an order
+share its relaxations.  One of the amplitudes says only in which unit the model's other constants are given, s^(q-1)
+against 1, and another may be a spring that the model has: as parameters count the directions in which the constants,
+but for one amplitude, move the recordings.
 
 An order is worth as many relaxations as it takes to come within 12 of its BIC.  Enough of them imitate any kernel, so
 what is claimed is that it is worth more than two, and that three, for all their constants, are no better.
@@ -202,7 +205,7 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
     count : int
         Relaxations of each.
     """
-    where = tuple((i, g) for g, states in enumerate(groups.values()) for i in states)
+    where = [(i, name) for name, states in groups.items() for i in states]
     replaced = {i for i, _ in where}
     names = [q.parameter if isinstance(q, Complement) else q for q in model.orders]
     gone = {q for i, q in enumerate(names) if i in replaced}
@@ -215,10 +218,15 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
                 Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))),
         )
     )  # fmt: skip
-    n, constants, each = len(model.states), len(model.parameters), np.arange(count)
+    place, n = {p.name: k for k, p in enumerate((*model.parameters, *parameters))}, len(model.states)
     memories = tuple(
-        FadingState(i, (own, *(own + 2 * each + 1)), (*(own + 2 * each + 2),), (*(n + count * k + each),))
-        for k, (i, own) in enumerate((i, constants + g * (1 + 2 * count)) for i, g in where)
+        FadingState(
+            i,
+            shares=tuple(place[f"share{j}_{name}"] for j in range(count + 1)),
+            times=tuple(place[f"ln_tau{j}_{name}"] for j in range(1, count + 1)),
+            held=tuple(range(n + count * k, n + count * (k + 1))),
+        )
+        for k, (i, name) in enumerate(where)
     )
     return replace(
         model, memories=memories, grown=None,
