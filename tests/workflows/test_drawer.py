@@ -44,6 +44,18 @@ def test_what_the_process_beside_has_not_begun_is_done_here():
 
 
 @pytest.mark.broad
+def test_who_is_patient_waits_for_the_process_beside_with_what_it_has_not_begun():
+    with drawer(2) as beside:
+        answers = [beside.asked(its_process, n, 0.2) for n in range(3)]
+        assert [answer.waits for answer in answers[1:]] == [True, True]
+        processes = {answer(patient=True) for answer in reversed(answers)}
+    assert len(processes) == 1
+    assert os.getpid() not in processes
+    assert not any(answer.waits for answer in answers)
+    assert Drawer(None).asked(its_process, None)(patient=True) == os.getpid()
+
+
+@pytest.mark.broad
 def test_the_process_beside_imports_no_solver_to_draw():
     material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _drawn, of_recordings
     with drawer(2) as beside:

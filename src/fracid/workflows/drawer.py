@@ -2,8 +2,8 @@
 
 It is started first of all.  While this process imports what a fit needs, it imports what drawing needs; while this one
 searches, it draws the rig; while this one examines a minimum, simulates the plane of the orders and writes the page, it
-tests the residuals and draws the recordings.  What it has not begun when this one is done with that, this one draws,
-from the last.  Where it dies, or where there is none, this process does its work.
+tests the residuals and draws the recordings.  Of what it has not begun when this one is done with that, this one draws
+from the last, too, where it is more than a few.  Where it dies, or where there is none, this process does its work.
 """
 
 from __future__ import annotations
@@ -64,9 +64,14 @@ class Asked(Generic[T]):
     what: tuple[Any, ...]
     future: Future[T] | None
 
-    def __call__(self) -> T:
-        """Its result: here and now where nobody has begun, else waited for."""
-        if self.future is not None and not self.future.cancel():
+    @property
+    def waits(self) -> bool:
+        """Whether the process has it to do, and has not begun."""
+        return self.future is not None and not (self.future.running() or self.future.done())
+
+    def __call__(self, *, patient: bool = False) -> T:
+        """Its result: waited for where the process has begun, or by who is patient; else here and now."""
+        if self.future is not None and (patient or not self.future.cancel()):
             with suppress(BrokenExecutor):
                 return self.future.result()
         return self.work(*self.what)

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from fracid.validation.monte_carlo import NoiseStudy
     from fracid.validation.residual_analyses import Analyses, Residuals
 
+FEW = 3
+"""To draw so few that wait here, too, would take longer than they take beside: to import what draws is one second."""
+
 Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
 
@@ -95,7 +98,8 @@ class Drawing:
         residuals = {name: tested for r in recordings for name, tested in r.residuals().items()}
         page = write_report(folder, fit, self.project, plane=plane, jobs=self.jobs, residuals=residuals)
         self.observer.stage("figures of the recordings")
-        written = [piece() for piece in reversed(pieces)]  # the last are those that the process beside has not begun
+        patient = sum(piece.waits for piece in pieces) <= FEW
+        written = [piece(patient=patient) for piece in reversed(pieces)]  # the last are those that nobody has begun
         return (*chain.from_iterable(reversed(written)), *of_starts, page)
 
     def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
