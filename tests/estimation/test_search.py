@@ -117,7 +117,7 @@ def test_the_result_is_the_same_for_any_number_of_threads():
 @pytest.mark.broad
 def test_the_seed_decides_the_sobol_points():
     p = stiff(swing(end=1.0), parameters={})
-    points = [[s.point.tolist() for s in search(p, MULTISTART, np.random.default_rng(seed), starts=4)[1]]
+    points = [[s.point for s in search(p, MULTISTART, np.random.default_rng(seed), starts=4)[1]]
               for seed in (1, 1, 2)]  # fmt: skip
     assert points[0] == points[1] != points[2]
 
