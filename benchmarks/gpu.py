@@ -21,8 +21,9 @@ from numba import cuda, float64
 
 import fracid
 from fracid.solver import methods, schemes, solve
-from fracid.solver.arguments import Arguments, check_options
+from fracid.solver.arguments import Options
 from fracid.solver.loop_arguments import Run
+from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.starting import Start, begun
 
@@ -176,8 +177,7 @@ def sets() -> tuple[Any, Any, Any, Any]:
     """Distinct runs of the release."""
     rig = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
     random, values = np.random.default_rng(1), rig.parameter_vector()
-    options = check_options(Arguments(orders=1.0, initial=[0.0] * STATES, step=1e-3, end=1.0, every=EVERY,
-                                      method="pi2", inputs=None), None)  # fmt: skip
+    options = Options("pi2", compressed(), every=EVERY)
     rhs, u, equations, initials = compile_rhs(rig.rhs), np.zeros((1, len(rig.inputs))), [], []
     for _ in range(DISTINCT):
         p = values * (1 + 0.02 * random.standard_normal(len(values)))

@@ -1,8 +1,8 @@
-"""The arguments of a simulation: as the caller gives them, their checks, and the records that a checked run is made of.
+"""The arguments of a simulation: their checks, and the records that a checked run is made of.
 
-:class:`Arguments` are those of :func:`fracid.solve_fde`, unchecked.  Each ``check_…`` looks at one or two of them and
-returns the arrays that the loops take, or raises :class:`~fracid.errors.InputError` with the value, what was expected
-and what to type.  What is checked goes on as three records, grouped by who sets them:
+Each ``check_…`` looks at one or two of what :func:`fracid.solve_fde` is given and returns the arrays that the loops
+take, or raises :class:`~fracid.errors.InputError` with the value, what was expected and what to type.  What is checked
+goes on as three records, grouped by who sets them:
 
 ==========================  ==========================================================================================
 :class:`Equation`           τ₀^(q−1)·D^q x = f(t, x, u, p), with its inputs and parameters: the model's
@@ -14,6 +14,7 @@ and what to type.  What is checked goes on as three records, grouped by who sets
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, at_least, brief, unknown_name
 from fracid.findings import Words
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
-from fracid.solver.memory import Memory, memory_from_name
+from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import refuse_masked, vector
 
@@ -45,31 +46,6 @@ class StepWarning(UserWarning):
 
 class AtRestWarning(UserWarning):
     """A state of order above 1 was given one initial value, so its first derivative is taken as 0."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Arguments:
-    """What :func:`fracid.solve_fde` is given beside the right-hand side, unchecked; it documents each."""
-
-    orders: ArrayLike
-    initial: ArrayLike
-    step: float
-    end: float
-    start: float = 0.0
-    inputs: ArrayLike | Driven | None = None
-    between: str = "line"
-    parameters: ArrayLike = ()
-    method: str = "pi2"
-    memory: str | Memory = "compressed"
-    tolerance: float = 1e-10
-    corrections: int = 1
-    corrected: bool = True
-    history: ArrayLike | None = None
-    every: int = 1
-    times: ArrayLike | None = None
-    bounds: ArrayLike | None = None
-    limit: float = 1e100
-    relaxing: Sequence[int] = ()
 
 
 @dataclass(frozen=True)
@@ -131,7 +107,13 @@ class InitialCondition:
 
 @dataclass(frozen=True)
 class Options:
-    """How a run is solved, what is stored, and where it ends."""
+    """How a run is solved, what is stored, and where it ends.
+
+    Raises
+    ------
+    InputError
+        For an unknown method, or a number that is none of its kind.
+    """
 
     method: str
     """Key of :data:`~fracid.solver.methods.METHODS`."""
@@ -148,6 +130,14 @@ class Options:
     bounds: FloatArray | None = None
     """Lowest and highest value of each state, shape (n_states, 2); the run ends with the first sample outside."""
 
+    def __post_init__(self) -> None:
+        """Refuse a method that is none, and numbers that mean nothing."""
+        if self.method not in METHODS:
+            raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
+        check_above_0("limit", self.limit)
+        for name in ("corrections", "every"):
+            at_least(name, getattr(self, name), 1)
+
 
 def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
     """A row for each state from some states' names; `other` for those left out."""
@@ -161,6 +151,14 @@ def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatAr
 
 
 # --- arguments -------------------------------------------------------------------------------------
+
+
+def warn_caller(sentence: str, kind: type[Warning]) -> None:
+    """Warn where the caller of fracid's functions stands, however many of these are between."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back and str(frame.f_globals.get("__name__")).startswith("fracid."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(sentence, kind, stacklevel=level)
 
 
 def check_relaxing(relaxing: Sequence[int], orders: FloatArray) -> tuple[int, ...]:
@@ -192,7 +190,7 @@ def check_initial_and_orders(
     if states is None and values.ndim == 1 and above.size:
         i = above[0]
         pairs = ", ".join(f"[{x:g}, 0]" for x in x0[:3]) + ", …" * (len(x0) > 3)
-        warnings.warn(SAYS("at-rest", i=i, order=q[i], pairs=pairs), AtRestWarning, stacklevel=4)
+        warn_caller(SAYS("at-rest", i=i, order=q[i], pairs=pairs), AtRestWarning)
     return x0, slope, q
 
 
@@ -218,7 +216,7 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
                               after=start + (below + 1) * step))  # fmt: skip
     steps = math.ceil(duration / step)
     shortened = duration / steps
-    warnings.warn(SAYS("shortened", end=end, step=step, shortened=shortened), StepWarning, stacklevel=4)
+    warn_caller(SAYS("shortened", end=end, step=step, shortened=shortened), StepWarning)
     return shortened, steps
 
 
@@ -301,15 +299,7 @@ def check_driven(
     return np.column_stack([d.before for d in driven]), np.column_stack([d.after for d in driven])
 
 
-def check_options(arguments: Arguments, bounds: FloatArray | None) -> Options:
-    """Method, memory and what is stored."""
-    method = arguments.method
-    for name in ("tolerance", "limit"):
-        value = getattr(arguments, name)
-        if not _number(name, value, expected := "a number above 0") > 0:
-            raise InputError(f"{name} = {value!r}: expected {expected}.")
-    if method not in METHODS:
-        raise InputError(f"There is no method {method!r}; type one of {', '.join(METHODS)}.")
-    corrections, every = (at_least(n, getattr(arguments, n), 1) for n in ("corrections", "every"))
-    memory = memory_from_name(arguments.memory, arguments.tolerance)
-    return Options(method, memory, corrections, arguments.corrected, every, arguments.limit, bounds)
+def check_above_0(name: str, value: float) -> None:
+    """A number, and above 0."""
+    if not _number(name, value, expected := "a number above 0") > 0:
+        raise InputError(f"{name} = {value!r}: expected {expected}.")

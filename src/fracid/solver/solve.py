@@ -16,7 +16,6 @@ By which method, :data:`fracid.solver.methods.METHODS` says, with the order of e
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -29,26 +28,26 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.solver.arguments import (
-    Arguments,
     Equation,
     InitialCondition,
     Options,
     Relaxations,
+    check_above_0,
     check_bounds,
     check_driven,
     check_history,
     check_initial_and_orders,
-    check_options,
     check_relaxing,
     check_times,
     count_steps,
     named_states,
+    warn_caller,
 )
 from fracid.solver.compilation import address_of
 from fracid.solver.history import Kernels, forget_mode, stack
 from fracid.solver.inputs import Driven
 from fracid.solver.loop_arguments import Run
-from fracid.solver.memory import Memory
+from fracid.solver.memory import Memory, memory_from_name
 from fracid.solver.methods import METHODS, Method
 from fracid.solver.right_hand_side import RightHandSide, compile_rhs, name_of, probe
 from fracid.solver.stiffness import fault_of, grows_by_itself, step_gain
@@ -91,6 +90,7 @@ def solve_fde(
     bounds: ArrayLike | None = None,
     limit: float = 1e100,
     relaxing: Sequence[int] = (),
+    model: Model | None = None,
 ) -> Trajectory:
     """Solve D^q x = f(t, x, u, p), in the sense of Caputo (14).
 
@@ -139,6 +139,9 @@ def solve_fde(
     relaxing : sequence of int
         States of order 1 whose f is c − a x, however large a is, as of a presliding joint: there `out` is twice as
         long, and `rhs` writes a of state i into ``out[n_states + i]`` (:mod:`fracid.solver.schemes`).
+    model : Model, optional
+        The one that `rhs` is of, whose states and inputs are counted and whose time scale holds; :func:`simulate`
+        gives it.
 
     Returns
     -------
@@ -169,13 +172,30 @@ def solve_fde(
     >>> bool(abs(on.states - run.states[500:]).max() < 1e-14)
     True
     """
-    arguments = Arguments(
-        orders=orders, initial=initial, step=step, end=end, start=start, inputs=inputs, between=between,
-        parameters=parameters, method=method, memory=memory, tolerance=tolerance, corrections=corrections,
-        corrected=corrected, history=history, every=every, times=times, bounds=bounds, limit=limit,
-        relaxing=relaxing,
-    )  # fmt: skip
-    return _solve(rhs, arguments)
+    states, n_inputs = (len(model.states), len(model.inputs)) if model else (None, None)
+    x0, slope, q = check_initial_and_orders(initial, orders, states)
+    past = check_history(history, x0)
+    samples = inputs.before if isinstance(inputs, Driven) else inputs
+    exact = history is not None or (samples is not None and len(vector("inputs", samples)) > 1)
+    h, steps = count_steps(step, start, end, exact)
+    u, after = check_driven(inputs, between, len(past) + steps, n_inputs)
+    p, instants = vector("parameters", parameters), check_times(times, start, end)
+    check_above_0("tolerance", tolerance)
+    options = Options(method, memory_from_name(memory, tolerance), corrections, corrected, every, limit,
+                      check_bounds(bounds, x0))  # fmt: skip
+    relaxing = check_relaxing(relaxing, q)
+    probe(rhs, x0, u[0], p, bool(relaxing))
+    if METHODS[method].raw and np.any(x0 != 0):
+        warn_caller(SAYS("raw-sums", options=options), PaperSchemeWarning)
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale(model, p) if model else 1.0, relaxing, after)
+    run = integrate(equation, InitialCondition(x0, slope, start, past), h, steps, options)
+    run = replace(run, fault=fault_of(run, equation.rhs, step_gain(h, q, equation.time_scale), u, p))
+    if run.completed and grows_by_itself(run):
+        run = replace(run, outcome=Outcome.UNSTABLE)
+    if instants is None:
+        return run
+    within = instants[instants <= run.time[-1] + 1e-9 * h]
+    return replace(run, time=within, states=run.at(within))
 
 
 def simulate(
@@ -231,14 +251,14 @@ def simulate(
         orders = _with_integer_orders(model, orders or {})
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
-    arguments = Arguments(
-        orders=model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
-        initial=named_states(model, model.with_followers(initial), 0.0) if isinstance(initial, Mapping) else initial,
+    return solve_fde(
+        model.rhs,
+        model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
+        named_states(model, model.with_followers(initial), 0.0) if isinstance(initial, Mapping) else initial,
         step=step, end=end, inputs=inputs, parameters=values,
         bounds=named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
-        relaxing=model.relaxing_states, **options,
+        relaxing=model.relaxing_states, model=model, **options,
     )  # fmt: skip
-    return _solve(model.rhs, arguments, time_scale(model, values), (len(model.states), len(model.inputs)))
 
 
 def _with_integer_orders(model: Model, given: Mapping[str, float]) -> dict[str, float]:
@@ -255,36 +275,6 @@ def time_scale(model: Model, values: FloatArray) -> float:
     """τ₀ of a model [s]: the equations are τ₀^(q−1)·D^q x = f; 1 where it has no such parameter."""
     names = model.parameter_names
     return float(values[names.index("time_scale")]) if "time_scale" in names else 1.0
-
-
-def _solve(
-    rhs: RightHandSide, arguments: Arguments, time_scale: float = 1.0, size: tuple[int, int] | None = None
-) -> Trajectory:
-    """Check everything, then run; `size` is the number of states and of inputs, where it is known."""
-    states, n_inputs = size or (None, None)
-    x0, slope, q = check_initial_and_orders(arguments.initial, arguments.orders, states)
-    past, inputs = check_history(arguments.history, x0), arguments.inputs
-    samples = inputs.before if isinstance(inputs, Driven) else inputs
-    exact = arguments.history is not None or (samples is not None and len(vector("inputs", samples)) > 1)
-    h, steps = count_steps(arguments.step, arguments.start, arguments.end, exact)
-    u, after = check_driven(inputs, arguments.between, len(past) + steps, n_inputs)
-    p = vector("parameters", arguments.parameters)
-    bounds, times = check_bounds(arguments.bounds, x0), check_times(arguments.times, arguments.start, arguments.end)
-    options = check_options(arguments, bounds)
-    relaxing = check_relaxing(arguments.relaxing, q)
-    probe(rhs, x0, u[0], p, bool(relaxing))
-    if METHODS[options.method].raw and np.any(x0 != 0):
-        warnings.warn(SAYS("raw-sums", options=options),
-                      PaperSchemeWarning, stacklevel=3)  # fmt: skip
-    equation = Equation(compile_rhs(rhs), q, u, p, time_scale, relaxing, after)
-    trajectory = integrate(equation, InitialCondition(x0, slope, arguments.start, past), h, steps, options)
-    trajectory = replace(trajectory, fault=fault_of(trajectory, equation.rhs, step_gain(h, q, time_scale), u, p))
-    if trajectory.completed and grows_by_itself(trajectory):
-        trajectory = replace(trajectory, outcome=Outcome.UNSTABLE)
-    if times is None:
-        return trajectory
-    within = times[times <= trajectory.time[-1] + 1e-9 * h]
-    return replace(trajectory, time=within, states=trajectory.at(within))
 
 
 def integrate(
