@@ -13,9 +13,11 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 import fracid
+from fracid.arrowhead import Blocks
 from fracid.errors import Failure, FailureReason
+from fracid.estimation.block_covariance import Bread, widening
 from fracid.estimation.bounded import lowest, reach
-from fracid.estimation.covariance import METHODS, at_bound, uncertainty, widening
+from fracid.estimation.covariance import METHODS, at_bound, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
 from fracid.optimise import least_squares, minimise
@@ -308,6 +310,12 @@ def test_a_prior_narrows_an_interval_as_one_more_measurement_does():
 # --- few samples ---------------------------------------------------------------------------------------
 
 
+def widened(rows, inverse, bandwidth):
+    """Where all recordings share all unknowns."""
+    shared = Blocks(np.full(len(inverse), -1), np.cumsum([0, *map(len, rows)]))
+    return widening(shared, rows, Bread(inverse, np.eye(len(inverse)), np.empty((0, len(inverse)))), bandwidth)
+
+
 def means(n, rho, seeds=2000):
     """Of AR(1) records with mean 0: their mean, its standard error as it comes, and by what that is to be widened."""
     rng, rows = np.random.default_rng(1), [np.ones((n, 1, 1))]
@@ -317,7 +325,7 @@ def means(n, rho, seeds=2000):
         scores = y - y.mean()
         B = sokal_bandwidth(scores)
         error = np.sqrt(bartlett_long_run(scores, B)[0, 0]) / n
-        found.append((y.mean(), error, widening(rows, np.array([[1 / n]]), B)[0]))
+        found.append((y.mean(), error, widened(rows, np.array([[1 / n]]), B)[0]))
     return np.array(found).T
 
 
@@ -332,19 +340,19 @@ def test_a_mean_of_few_samples_lies_in_its_widened_interval_and_not_in_the_plain
 @pytest.mark.parametrize("n", [5, 10, 100])
 def test_white_samples_widen_as_students_t_does(n):
     # s²/n knows n - 1 degrees of freedom, of which a fit of the mean took one: f = 1/n, ν = n
-    wider = widening([np.ones((n, 1, 1))], np.array([[1 / n]]), 0.0)[0]
+    wider = widened([np.ones((n, 1, 1))], np.array([[1 / n]]), 0.0)[0]
     assert wider == pytest.approx(student.ppf(0.975, n) / 1.96 / np.sqrt(1 - 1 / n), rel=1e-4)
     assert wider == pytest.approx(student.ppf(0.975, n - 1) / 1.96 / np.sqrt(1 - 1 / n), rel=0.1)
 
 
 def test_what_two_recordings_tell_is_widened_less_than_what_one_tells():
     one, two = [np.ones((50, 2, 1))], [np.ones((50, 2, 1))] * 2
-    assert 1 < widening(two, np.array([[1 / 200]]), 5.0)[0] < widening(one, np.array([[1 / 100]]), 5.0)[0]
+    assert 1 < widened(two, np.array([[1 / 200]]), 5.0)[0] < widened(one, np.array([[1 / 100]]), 5.0)[0]
 
 
 def test_samples_that_do_not_count_widen_nothing():
     rows, inverse = np.concatenate([np.ones((40, 1, 1)), np.zeros((400, 1, 1))]), np.array([[1 / 40]])
-    assert widening([rows], inverse, 3.0) == pytest.approx(widening([rows[:40]], inverse, 3.0))
+    assert widened([rows], inverse, 3.0) == pytest.approx(widened([rows[:40]], inverse, 3.0))
 
 
 def test_an_interval_has_an_end_beside_columns_that_are_nearly_one_too():

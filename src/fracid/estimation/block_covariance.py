@@ -1,4 +1,4 @@
-r"""The parts of the sandwich (:mod:`.covariance`) for many recordings, recording by recording.
+r"""The parts of the sandwich (:mod:`.covariance`), recording by recording; unknowns that all share are one block.
 
 The inverse of an arrowhead is a matrix of small blocks and one of the rank of the shared unknowns,
 :math:`A^{-1} = D + FCF'` [M]_: D has the inverse of each recording's own part, C is the covariance of the shared ones,
@@ -10,20 +10,26 @@ widen its interval are forms of the second and the fourth degree in v, which are
 
 References
 ----------
+.. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 .. [M] J. Meyer et al., in Triggs et al., Bundle adjustment – a modern synthesis, LNCS 1883 (2000): the same structure
    in photographs, each with a camera of its own.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Arrowhead, Blocks
+from fracid.estimation.block_jacobian import BlockJacobian
+from fracid.estimation.derivatives import prior_curvature, rows_and_scores
+from fracid.estimation.tangent import UNSEEN
+from fracid.problem import Problem
+from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import (
     bartlett_long_run,
     neighbour_correlation,
@@ -32,6 +38,12 @@ from fracid.signals.correlation import (
     sokal_lag,
     whitened,
 )
+
+TAKEN = 0.75
+"""More than this part of a variance the fit is never thought to have taken out of the residuals."""
+
+WHITENED = 0.97
+"""Limit of the correlation that is taken out before S is estimated [AM]_."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +56,23 @@ class Bread:
     """F, shape (n_unknowns, n_shared)."""
     unseen: FloatArray
     """Directions that J does not see, shape (n_unseen, n_unknowns)."""
-    condition: float
-    """Of J, to a percent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The normal equations of least squares at a point, in units in which the diagonal of A is 1."""
+
+    norm: FloatArray
+    """√A_ii, by which all else was divided, shape (n_unknowns,)."""
+    rows: list[FloatArray]
+    """R of each recording, shape (n_rows, n_columns)."""
+    scores: list[FloatArray]
+    """Of each recording, shape (n_samples, n_columns)."""
+    prior: FloatArray
+    """What priors add to the diagonal of A, shape (n_unknowns,)."""
+    level: float
+    """Of :func:`fracid.estimation.derivatives.prior_curvature`."""
+    bread: Bread
 
 
 def summed(blocks: Blocks, parts: Sequence[FloatArray]) -> FloatArray:
@@ -56,28 +83,20 @@ def summed(blocks: Blocks, parts: Sequence[FloatArray]) -> FloatArray:
     return total
 
 
-def scaled_bread(
-    blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, least: float
-) -> tuple[Bread, FloatArray]:
-    """:func:`block_bread` of rows that are divided, in place, by the norms of A's columns; and these norms.
-
-    Parameters
-    ----------
-    rows : sequence of array, shape (n_rows, n_columns)
-        Of each recording.
-    prior : array, shape (n_unknowns,)
-        What is added to A's diagonal.
-    least : float
-        Singular values below this part of the largest count as zero.
-    """
-    norm = np.sqrt(summed(blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
+def normal_equations(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Equations:
+    """Those of the unknowns `free`, by which J derives."""
+    rows, scores = rows_and_scores(problem, J.errors, J.parts)
+    prior, level = prior_curvature(problem, J.errors, free)
+    norm = np.sqrt(summed(J.blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
     norm[norm == 0] = 1.0
-    for k, r in enumerate(rows):
-        r /= norm[blocks.columns(k)]
-    return block_bread(blocks, rows, np.sqrt(prior) / norm, least), norm
+    for k, parts in enumerate(zip(rows, scores, strict=True)):
+        for tall in parts:  # in place: each is as long as its recording
+            tall /= norm[J.blocks.columns(k)]
+    prior = prior / norm**2
+    return Equations(norm, rows, scores, prior, level, bread_of(J.blocks, rows, np.sqrt(prior)))
 
 
-def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, least: float) -> Bread:
+def bread_of(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray) -> Bread:
     """A⁻¹ of rows, and of priors, as many roots of what is added to A's diagonal; column-scaled.
 
     Parameters
@@ -85,15 +104,13 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
     rows : sequence of array, shape (n_rows, n_columns)
         Of each recording.
     prior : array, shape (n_unknowns,)
-    least : float
-        Singular values below this part of the largest count as zero.
 
     Examples
     --------
     >>> blocks = Blocks(np.array([-1, 0, 1]), np.array([0, 2, 4]))
     >>> rows = [np.array([[1.0, 0.0], [1.0, 1.0]]), np.array([[1.0, 0.0], [1.0, 2.0]])]
     >>> J = np.array([[0, 1, 0], [1, 1, 0], [0, 0, 1], [2, 0, 1.0]])
-    >>> found = block_bread(blocks, rows, np.zeros(3), 1e-6)
+    >>> found = bread_of(blocks, rows, np.zeros(3))
     >>> bool(np.allclose(found.inverse, np.linalg.inv(J.T @ J))), found.unseen.shape
     (True, (0, 3))
     """
@@ -103,20 +120,16 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
         for k, r in enumerate(rows):
             known = np.diag(prior[blocks.columns(k)])
             known = known if k == 0 else known[: r.shape[1] - s]  # those of the shared ones once
-            part = np.concatenate([r, known[np.any(known, axis=1)]])
-            yield np.column_stack([part, np.zeros(len(part))])
+            yield np.pad(np.concatenate([r, known[np.any(known, axis=1)]]), ((0, 0), (0, 1)))
 
     R = Arrowhead.of(blocks, with_priors())
-    largest = math.sqrt(_greatest(R.normal, n))
+    factors = [np.linalg.svd(Y[:, : np.count_nonzero(own >= 0)], full_matrices=False)
+               for own, Y in zip(blocks.own, R.own, strict=True)]  # fmt: skip
+    largest = max(σ.max(initial=1e-300) for σ in (np.linalg.svd(R.rest[:, :-1])[1], *(σ for _, σ, _ in factors)))
     F, rest, unseen, alone = np.zeros((n, s)), [R.rest[:, :-1]], [], []
     F[blocks.shared] = np.eye(s)
-    for k in range(len(rows)):
-        own = blocks.columns(k)[: rows[k].shape[1] - s]
-        Y, Z = R.own[k][:, : len(own)], R.shared[k]
-        if not len(own):
-            continue
-        U, σ, V = np.linalg.svd(Y, full_matrices=False)
-        seen = σ > least * largest
+    for own, Z, (U, σ, V) in zip(blocks.own, R.shared, factors, strict=True):
+        own, seen = own[own >= 0], σ > UNSEEN * largest
         inverse = (V[seen].T / σ[seen]) @ U[:, seen].T
         alone.append((own, inverse @ inverse.T))
         F[own] = -inverse @ Z
@@ -124,28 +137,16 @@ def block_bread(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray, l
         blind = np.zeros((np.count_nonzero(~seen), n))
         blind[:, own] = V[~seen]
         unseen += list(blind)
-    _, σ, V = np.linalg.svd(np.concatenate(rest))
+    _, σ, V = np.linalg.svd(np.concatenate(rest), full_matrices=False)
     directions = (F @ V.T).T
     long = np.linalg.norm(directions, axis=1)
-    seen = σ > least * largest * long
+    seen = σ > UNSEEN * largest * long
     C = (V[seen].T / σ[seen] ** 2) @ V[seen]
     unseen += list(directions[~seen] / long[~seen, None])
     inverse = F @ C @ F.T
     for own, D in alone:
         inverse[np.ix_(own, own)] += D
-    smallest = 0.0 if unseen else 1 / math.sqrt(max(_greatest(lambda v: inverse @ v, n), 1e-300))
-    condition = largest / max(smallest, np.finfo(float).eps * largest, 1e-300)
-    return Bread(inverse, F, np.array(unseen).reshape(-1, n), condition)
-
-
-def _greatest(product: Callable[[FloatArray], FloatArray], n: int) -> float:
-    """The greatest eigenvalue of a symmetric matrix, not below 0."""
-    if n == 1:
-        return float(product(np.ones(1))[0])
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
-    operator = LinearOperator((n, n), matvec=product, dtype=np.float64)
-    return max(0.0, float(eigsh(operator, k=1, v0=np.ones(n), tol=1e-2, return_eigenvectors=False)[0]))
+    return Bread(inverse, F, np.array(unseen).reshape(-1, n))
 
 
 # --- the long-run covariance -----------------------------------------------------------------------------
@@ -171,16 +172,17 @@ def _bandwidth(blocks: Blocks, scores: Sequence[FloatArray]) -> float:
     return sokal_lag(covariance)
 
 
-def block_long_run(blocks: Blocks, scores: Sequence[FloatArray], limit: float) -> tuple[list[FloatArray], float]:
-    """S of each recording's columns, whitened before and coloured after by one correlation, and the bandwidth.
+def block_long_run(blocks: Blocks, scores: Sequence[FloatArray]) -> tuple[list[FloatArray], float]:
+    """S of each recording's columns, whitened before and coloured after [AM]_, and the bandwidth.
+
+    By one correlation for all columns: by one for each, what nearly parallel columns of J have in common would not
+    cancel, and in a valley that is all.
 
     Parameters
     ----------
     scores : sequence of array, shape (n_samples, n_columns)
-    limit : float
-        Of the correlation that is taken out.
     """
-    rho, bandwidth = neighbour_correlation(scores, limit), _bandwidth(blocks, scores)
+    rho, bandwidth = neighbour_correlation(scores, WHITENED), _bandwidth(blocks, scores)
     return [bartlett_long_run(whitened(part, rho), bandwidth) / (1 - rho) ** 2 for part in scores], bandwidth
 
 
@@ -213,6 +215,45 @@ def clustered(blocks: Blocks, inverse: FloatArray, sums: FloatArray) -> FloatArr
 # --- few samples -----------------------------------------------------------------------------------------
 
 
+def widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth: float) -> FloatArray:
+    """By what standard errors from few samples must be widened, t(ν)/1.96/√(1 − f), shape (n_unknowns,).
+
+    Parameters
+    ----------
+    rows : sequence of array, shape (n_samples, n_outputs, n_columns)
+        R of each recording, A = Σ R'R.
+    bandwidth : float
+        B [samples].
+
+    Examples
+    --------
+    A mean of 10 samples, of 1000, and of 1000 with a correlation time of 100:
+
+    >>> def of_mean(n, B):
+    ...     bread = Bread(np.array([[1 / n]]), np.eye(1), np.empty((0, 1)))
+    ...     return widening(Blocks(np.array([-1]), np.array([0, n])), [np.ones((n, 1, 1))], bread, B).round(3).item()
+    >>> of_mean(10, 0), of_mean(1000, 0), of_mean(1000, 99)
+    (1.198, 1.002, 1.142)
+    """
+    from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
+
+    total, K = np.zeros((3, len(blocks.recording))), 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)
+    along = []
+    for k, r in enumerate(rows):
+        at = blocks.columns(k)
+        G = bread.inverse[np.ix_(at, at)]
+        values, vectors = np.linalg.eigh(G)
+        along.append(r @ (vectors * np.sqrt(np.maximum(values, 0.0))))  # coordinates in which A⁻¹ is 1
+        for i, v in zip(at, G, strict=True):  # one after the other: each is as long as the recording
+            total[:, i] += told_by_one(r @ v, along[k], K)
+    if blocks.own.size:
+        total += _told_by_others(blocks, rows, along, bread, K)
+    whole, scatter, leverage = total
+    remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
+    degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
+    return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(remainder))
+
+
 def told_by_one(influence: FloatArray, along: FloatArray, share: FloatArray) -> FloatArray:
     """Σq, Σ K² q q and the leverage of one unknown in one recording, shape (3,).
 
@@ -232,52 +273,46 @@ def told_by_one(influence: FloatArray, along: FloatArray, share: FloatArray) -> 
     return np.array([q.sum(), scatter, np.sum(moved**2) / m])
 
 
-def block_widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth: float) -> FloatArray:
-    """Σq, Σ K² q q and the leverage of :func:`fracid.estimation.covariance.widening`, shape (3, n_unknowns).
+def _told_by_others(
+    blocks: Blocks, rows: Sequence[FloatArray], along: Sequence[FloatArray], bread: Bread, share: FloatArray
+) -> FloatArray:
+    """The same of each recording's own unknowns in all others, by way of the shared ones, shape (3, n_unknowns).
 
     Parameters
     ----------
-    rows : sequence of array, shape (n_samples, n_outputs, n_columns)
-        R of each recording, A = Σ R'R.
+    along : sequence of array
+        Of each recording, as in :func:`told_by_one`.
     """
     from scipy.fft import next_fast_len, rfft
 
-    s, m, shared = len(blocks.shared), int(bandwidth) + 1, blocks.shared
+    s, m, total = len(blocks.shared), len(share), np.zeros((3, len(blocks.recording)))
     first, second = np.triu_indices(s)
     twice = np.where(first == second, 1.0, 2.0)
-    V = bread.inverse[shared]  # v of each unknown, shape (n_shared, n_unknowns)
+    V = bread.inverse[blocks.shared]  # v of each unknown, shape (n_shared, n_unknowns)
     products = twice[:, None] * V[first] * V[second]  # so that q = Qz
-    total, K = np.zeros((3, len(blocks.recording))), 1 - np.arange(m) / m
-    whole, scatter, leverage = total
-    sums, fourth, window = np.zeros(len(first)), np.zeros((len(first), len(first))), np.zeros((s, s))
-    for k, r in enumerate(rows):
-        at = blocks.columns(k)
-        own, (n, outputs, w) = at[: len(at) - s], r.shape
-        G = bread.inverse[np.ix_(at, at)]
-        values, vectors = np.linalg.eigh(G)
-        flat = r.reshape(-1, w)
-        along = (flat @ (vectors * np.sqrt(np.maximum(values, 0.0)))).reshape(n, outputs, w)
-        P = (flat @ bread.follow[at]).reshape(n, outputs, s)
+
+    def forms(z: FloatArray, v: FloatArray, of: tuple[FloatArray, FloatArray, FloatArray]) -> list[FloatArray]:
+        sums, pairs, reach = of
+        return [sums @ z, *(np.einsum("ai,ab,bi->i", w, M, w, optimize=True) for w, M in ((z, pairs), (v, reach)))]
+
+    every = np.zeros(len(first)), np.zeros((len(first), len(first))), np.zeros((s, s))
+    for k, (r, coordinates) in enumerate(zip(rows, along, strict=True)):
+        at, (n, _, w) = blocks.columns(k), r.shape
+        P = r @ bread.follow[at]
         Q = np.einsum("toi,toi->ti", P[..., first], P[..., second])
         length = next_fast_len(n + min(m, n), real=True)
         lags = np.zeros(length)
-        share = K[:n] ** 2
-        lags[: len(share)] = share
-        lags[length - len(share) + 1 :] = share[:0:-1]
+        lags[: min(m, n)] = share[:n] ** 2
+        lags[length - min(m, n) + 1 :] = share[:n][:0:-1] ** 2
         spectrum = rfft(Q, length, axis=0)
         weight = rfft(lags).real * np.where((np.arange(len(spectrum)) % (length / 2)) == 0, 1.0, 2.0) / length
         pairs = ((spectrum.conj() * weight[:, None]).T @ spectrum).real
-        moved = neighbour_sums(np.einsum("toi,toj->tij", P, along).reshape(n, -1), m).reshape(-1, s, w)
-        reach = np.einsum("tij,tlj->il", moved, moved, optimize=True) / m
-        sums, fourth, window = sums + Q.sum(axis=0), fourth + pairs, window + reach
-        # a recording's own unknowns: in it as they are, in all others by way of the shared ones
-        z, v = products[:, own], V[:, own]
-        whole[own] -= Q.sum(axis=0) @ z
-        scatter[own] -= np.einsum("ai,ab,bi->i", z, pairs, z, optimize=True)
-        leverage[own] -= np.einsum("ai,ab,bi->i", v, reach, v, optimize=True)
-        for i, influence in zip(own, (flat @ G[:, : len(own)]).T, strict=True):
-            total[:, i] += told_by_one(influence.reshape(n, outputs), along, K)
-    whole += sums @ products
-    scatter += np.einsum("ai,ab,bi->i", products, fourth, products, optimize=True)
-    leverage += np.einsum("ai,ab,bi->i", V, window, V, optimize=True)
+        moved = neighbour_sums(np.einsum("toi,toj->tij", P, coordinates).reshape(n, -1), m).reshape(-1, s, w)
+        own = Q.sum(axis=0), pairs, np.einsum("tij,tlj->il", moved, moved, optimize=True) / m
+        for whole, part in zip(every, own, strict=True):
+            whole += part
+        mine = at[: len(at) - s]
+        total[:, mine] -= forms(products[:, mine], V[:, mine], own)
+    of_all = blocks.own[blocks.own >= 0]
+    total[:, of_all] += forms(products[:, of_all], V[:, of_all], every)
     return total

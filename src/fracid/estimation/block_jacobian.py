@@ -22,11 +22,13 @@ class BlockJacobian:
     """Of the unknowns by which it derives."""
     parts: list[FloatArray]
     """Of each recording by :meth:`Blocks.columns`, shape (n_samples, n_outputs, n_columns)."""
+    errors: list[FloatArray]
+    """e itself, of each recording, shape (n_samples, n_outputs)."""
 
     def of(self, which: NDArray[np.bool_]) -> BlockJacobian:
         """The columns of some of its unknowns."""
         kept = [part[..., which[self.blocks.columns(k)]] for k, part in enumerate(self.parts)]
-        return BlockJacobian(self.blocks.of(which), kept)
+        return BlockJacobian(self.blocks.of(which), kept, self.errors)
 
     @property
     def norms(self) -> FloatArray:

@@ -11,7 +11,7 @@ This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey an
 residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where
 :math:`\sigma^2 (J'J)^{-1}` would promise intervals many times too narrow.  The bandwidth B is five correlation
 times of the scores, found from them by Sokal's window [S]_; the scores are whitened by their lag-one correlation
-before, and S is coloured again after [AM]_.
+before, and S is coloured again after (:mod:`fracid.estimation.block_covariance`).
 
 **Few samples.**  Of some unknowns but a few samples tell: of an initial angle the first swing, of whatever is slow a
 handful of correlation times.  Their S is too small, since the fit has bent towards their errors, and it is itself
@@ -72,14 +72,12 @@ References
 .. [SL] S. Self, K.-Y. Liang, J. Amer. Statist. Assoc. 82 (1987) 605: likelihood ratios at a bound.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: the bandwidth.
 .. [Sa] F. Satterthwaite, Biometrics Bulletin 2 (1946) 110: degrees of freedom of a sum of squares.
-.. [AM] D. Andrews, J. Monahan, Econometrica 60 (1992) 953: whitening, and its limit of 0.97.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,33 +87,20 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import (
     block_long_run,
     block_sandwiched,
-    block_widening,
     clustered,
-    scaled_bread,
-    told_by_one,
+    normal_equations,
+    widening,
     window_sums,
 )
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.bounded import lowest, reach
-from fracid.estimation.derivatives import (
-    by_blocks,
-    loss_of,
-    prior_curvature,
-    rows_and_scores,
-    rows_and_scores_by_recording,
-)
+from fracid.estimation.derivatives import by_blocks, loss_of
 from fracid.estimation.rounding import edges, half_widths
-from fracid.estimation.tangent import UNSEEN, Tangent, tangent
+from fracid.estimation.tangent import Tangent, tangent
 from fracid.optimise import Space
 from fracid.problem import Problem
-from fracid.qr import triangle
 from fracid.quantiles import NORMAL_95
-from fracid.signals.correlation import (
-    bartlett_long_run,
-    neighbour_correlation,
-    sokal_bandwidth,
-    whitened,
-)
+from fracid.signals.correlation import sokal_bandwidth
 
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
@@ -132,17 +117,11 @@ METHODS = {
 OF_FITS = {name: METHODS[name] for name in ("sandwich", "white", "walk")}
 """Those of a fit's intervals."""
 
-TAKEN = 0.75
-"""More than this part of a variance the fit is never thought to have taken out of the residuals."""
-
 PART = 1e-2
 """Who has less than this of the largest share in an unseen direction takes no part in it."""
 
 BESIDE_A_BOUND = 5.14
 """In place of 1.96²: 95 % of an even mixture of χ² of one and of two degrees of freedom."""
-
-WHITENED = 0.97
-"""Limit of the correlation that is taken out before S is estimated [AM]_."""
 
 
 @dataclass(frozen=True)
@@ -157,8 +136,6 @@ class Uncertainty:
     """Names that can only be known together, one tuple for each direction that the data do not see."""
     bandwidth: float
     """B of the sandwich [samples]."""
-    condition: float
-    """Of the column-scaled Jacobian."""
     white: FloatArray = field(default_factory=lambda: np.empty(0))
     """Standard errors by σ²(J'J)⁻¹, as if the residuals were white, shape (n_unknowns,); NaN where the others are."""
     covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
@@ -235,8 +212,6 @@ class Sandwich:
     """Changes of the unknowns, in their own units, that J does not see, shape (n_unseen, n_free)."""
     bandwidth: float
     """B [samples]."""
-    condition: float
-    """Of the column-scaled Jacobian."""
     widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_free,)."""
 
@@ -293,7 +268,7 @@ def uncertainty(
     free = np.flatnonzero(~(problem.absent(x) & here.touching))  # an element that is not there has nothing to tell
     if not len(free):
         return Failure(FailureReason.AT_BOUND, "all free parameters are of elements that are not there")
-    estimator = _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
+    estimator = _sandwich(problem, here.by(free), free)
     ends, rise = _ends(here, estimator)
     whole = np.full((len(x), 2), np.nan)
     whole[free] = rise
@@ -318,8 +293,8 @@ def _spread_out(
     limits[seen] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None])
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples = sum(e.samples for e in problem.experiments)
-    return Uncertainty(error, touching, confounded, estimator.bandwidth, estimator.condition, white, covariance,
-                       null_space, samples, wider, limits)  # fmt: skip
+    return Uncertainty(error, touching, confounded, estimator.bandwidth, white, covariance, null_space,
+                       samples, wider, limits)  # fmt: skip
 
 
 def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
@@ -394,95 +369,56 @@ def sandwich(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     (1, 1)
     """
     if problem.blocks is not None:
-        errors, J = problem.errors(x), by_blocks(problem, x, free, jobs=jobs)
-        if isinstance(errors, Failure):
-            return errors
-        return J if isinstance(J, Failure) else _block_sandwich(problem, errors, J, free)
+        J = by_blocks(problem, x, free, jobs=jobs)
+        return J if isinstance(J, Failure) else _sandwich(problem, J, free)
     here = tangent(problem, x, jobs=jobs)
-    if isinstance(here, Failure):
-        return here
-    return _sandwich(problem, here.errors, [j[..., free] for j in here.derivatives], free)
+    return here if isinstance(here, Failure) else _sandwich(problem, here.by(free), free)
 
 
-def _block_sandwich(problem: Problem, errors: list[FloatArray], J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:
-    """The same, recording by recording."""
-    blocks = J.blocks
-    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    prior, level = prior_curvature(problem, errors, free)
-    bread, norm = scaled_bread(blocks, rows, prior, UNSEEN)
-    for k, s in enumerate(scores):
-        s /= norm[blocks.columns(k)]
-    S, bandwidth = block_long_run(blocks, scores, WHITENED)
-    power, squares = _white_squares(problem, errors, J.parts)
-    own = (norm[blocks.columns(k)] for k in range(len(squares)))
-    S0 = [power * np.sum(square, axis=0) / np.outer(n, n) for square, n in zip(squares, own, strict=True)]
-    samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(rows, errors, strict=True)]
-    wider = _widened(*block_widening(blocks, samples, bread, bandwidth))
-    sums = None if len(problem.recordings) == len(problem.experiments) else window_sums(blocks, scores, bread)
-    del rows, scores, samples  # as large as all recordings, and squares of all unknowns follow
-    known = 2 * level * prior / norm**2
-    covariance, white = (block_sandwiched(blocks, bread.inverse, parts, known) for parts in (S, S0))
+def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Sandwich:
+    blocks, near, psi = J.blocks, normal_equations(problem, J, free), loss_of(problem).psi
+    bread, norm, scores, scale = near.bread, near.norm, near.scores, np.outer(near.norm, near.norm)
+    rounding = edges(problem, J.errors, J.parts, psi) if problem.blocks is None else None
+    if rounding is not None:  # an output that noise and rounding explain is left out of the scores
+        weights = problem.criterion.sample_weights(J.errors)
+        for s, e, j, w, explained in zip(scores, J.errors, J.parts, weights, rounding.alone, strict=True):
+            if explained.any():
+                s -= np.einsum("to,toi->ti", explained * w * psi(e), j) / norm
+    S, bandwidth = block_long_run(blocks, scores)
+    samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(near.rows, J.errors, strict=True)]
+    wider = widening(blocks, samples, bread, bandwidth)
+    windows = problem.blocks is not None and len(problem.recordings) < len(problem.experiments)
+    sums = window_sums(blocks, scores, bread) if windows else None
+    known, inverse = 2 * near.level * near.prior, bread.inverse
+    del near, scores, samples  # as large as all recordings, and squares of all unknowns follow
+    covariance = block_sandwiched(blocks, inverse, S, known)
+    white = block_sandwiched(blocks, inverse, _white(problem, J, norm), known)
     if sums is not None:
-        from_window_to_window = clustered(blocks, bread.inverse, sums)
+        from_window_to_window = clustered(blocks, inverse, sums)
         here = np.diag(covariance)[blocks.shared] * wider[blocks.shared] ** 2
         ratio = np.divide(from_window_to_window, here, out=np.ones_like(here), where=here > 0)
         wider[blocks.shared] *= np.sqrt(np.maximum(1.0, ratio))
-    inverse, directions, condition = bread.inverse, bread.unseen / norm, bread.condition
-    for square, factor in ((inverse, 1 / norm), (covariance, wider / norm), (white, 1 / norm)):  # in place
-        square *= factor
-        square *= factor[:, None]
-    return Sandwich(free, inverse, covariance, white, directions, bandwidth, condition, wider)
-
-
-def _sandwich(problem: Problem, errors: list[FloatArray], J: list[FloatArray], free: NDArray[np.intp]) -> Sandwich:
-    rows, scores = rows_and_scores(problem, errors, J)
-    prior, level = prior_curvature(problem, errors, free)
-    norm = np.sqrt(np.einsum("ri,ri->i", rows, rows) + prior)
-    norm[norm == 0] = 1.0
-    for tall in (rows, *scores):  # in place: each is as long as the recordings
-        tall /= norm
-    _, singular, V = np.linalg.svd(triangle([rows, np.diag(np.sqrt(prior) / norm)]))
-    nonzero = singular > UNSEEN * max(singular[0], 1e-300)
-    rounding = edges(problem, errors, J, loss_of(problem).psi)
-    if rounding is not None:  # an output that noise and rounding explain is left out of the scores
-        loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-        for s, e, j, w, explained in zip(scores, errors, J, weights, rounding.alone, strict=True):
-            if explained.any():
-                s -= np.einsum("to,toi->ti", explained * w * loss.psi(e), j) / norm
-    S, bandwidth = _long_run(scores)
-    scale = np.outer(norm, norm)
-    inverse = (V[nonzero].T / singular[nonzero] ** 2) @ V[nonzero]  # pseudo-inverse of the scaled A
-    known = np.diag(2 * level * prior) / scale
-    power, squares = _white_squares(problem, errors, J)
-    S0 = power * np.sum([*chain.from_iterable(squares)], axis=0) / scale + known
-    samples = np.split(rows.reshape(-1, len(problem.outputs), len(free)), np.cumsum([len(s) for s in scores])[:-1])
-    wider = widening(samples, inverse, bandwidth)
-    covariance = np.outer(wider, wider) * (inverse @ (S + known) @ inverse)
+    covariance *= np.outer(wider, wider)
     if rounding is not None:  # of which the trajectory tells, not few samples
         covariance += inverse @ (rounding.white / scale) @ inverse
         narrower = half_widths(tuple(t / norm @ inverse for t in rounding.tables), np.diag(covariance)) / NORMAL_95
         covariance += inverse @ (rounding.covariance / scale) @ inverse
         covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
-    covariance /= scale
-    return Sandwich(
-        free, inverse / scale, covariance, inverse @ S0 @ inverse / scale, V[~nonzero] / norm,
-        bandwidth, float(singular[0] / max(singular[-1], 1e-300)), wider,
-    )  # fmt: skip
+    for square in (inverse, covariance, white):
+        square /= scale
+    return Sandwich(free, inverse, covariance, white, bread.unseen / norm, bandwidth, wider)
 
 
-def _white_squares(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
-) -> tuple[float, list[list[FloatArray]]]:
-    """What S₀ is of, the scores' covariance were the residuals white and, balanced, all of one variance.
-
-    That variance, and by what each output of each recording counts.
-    """
-    balance, weights = problem.criterion.balance(errors), problem.criterion.sample_weights(errors)
-    power = float(np.mean(balance * loss_of(problem).psi(np.concatenate(errors)) ** 2))
-    return power, [
-        [(j[:, o] * (w[:, o] ** 2 / balance[o])[:, None]).T @ j[:, o] for o in range(j.shape[1])]
-        for w, j in zip(weights, J, strict=True)
-    ]
+def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:
+    """S₀ of each recording's columns: were the residuals white and, balanced, all of one variance."""
+    balance, weights = problem.criterion.balance(J.errors), problem.criterion.sample_weights(J.errors)
+    power = float(np.mean(balance * loss_of(problem).psi(np.concatenate(J.errors)) ** 2))
+    found = []
+    for k, (w, j) in enumerate(zip(weights, J.parts, strict=True)):
+        j, own = np.moveaxis(j, 1, 0), norm[J.blocks.columns(k)]
+        squares = ((part * by[:, None]).T @ part for part, by in zip(j, (w**2 / balance).T, strict=True))
+        found.append(power * sum(squares) / np.outer(own, own))
+    return found
 
 
 def _sparse(directions: FloatArray) -> FloatArray:
@@ -504,59 +440,6 @@ def _sparse(directions: FloatArray) -> FloatArray:
         lead += 1
     rows = rows / np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
     return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
-
-
-def _long_run(scores: list[FloatArray]) -> tuple[FloatArray, float]:
-    """S over all recordings, whitened before and coloured after [AM]_, and the bandwidth.
-
-    By one correlation for all columns: by one for each, what nearly parallel columns of J have in common would not
-    cancel, and in a valley that is all.
-    """
-    rho = neighbour_correlation(scores, WHITENED)
-    bandwidth = sokal_bandwidth(scores[0] if len(scores) == 1 else np.concatenate(scores))
-    S = sum((bartlett_long_run(whitened(s, rho), bandwidth) for s in scores), np.zeros(2 * scores[0].shape[1:]))
-    return S / (1 - rho) ** 2, bandwidth
-
-
-def widening(rows: list[FloatArray], inverse: FloatArray, bandwidth: float) -> FloatArray:
-    """By what standard errors from few samples must be widened, t(ν)/1.96/√(1 − f), shape (n_free,).
-
-    Parameters
-    ----------
-    rows : list of array, shape (n_samples, n_outputs, n_free)
-        R of each recording, A = Σ R'R.
-    inverse : array, shape (n_free, n_free)
-        A⁻¹.
-    bandwidth : float
-        B [samples].
-
-    Examples
-    --------
-    A mean of 10 samples, of 1000, and of 1000 with a correlation time of 100:
-
-    >>> few, many = np.ones((10, 1, 1)), np.ones((1000, 1, 1))
-    >>> [widening([r], np.array([[1 / len(r)]]), B).round(3).item() for r, B in ((few, 0), (many, 0), (many, 99))]
-    [1.198, 1.002, 1.142]
-    """
-    share = 1 - np.arange(int(bandwidth) + 1) / (int(bandwidth) + 1)  # K at each lag
-    values, vectors = np.linalg.eigh(inverse)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))  # A⁻¹ is root root'
-    sums = np.zeros((3, len(inverse)))
-    for r in rows:
-        flat = r.reshape(-1, len(inverse))
-        projection = (flat @ root).reshape(r.shape)
-        for i, v in enumerate(inverse):  # one after the other: each is as long as the recording
-            sums[:, i] += told_by_one((flat @ v).reshape(len(r), -1), projection, share)
-    return _widened(*sums)
-
-
-def _widened(whole: FloatArray, scatter: FloatArray, leverage: FloatArray) -> FloatArray:
-    """t(ν)/1.96/√(1 − f) from Σq, Σ K² q q and what the fit has taken of Σq."""
-    from scipy.special import stdtrit  # Student's t; scipy.stats takes a second to import
-
-    remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
-    degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)
-    return np.asarray(stdtrit(degrees, 0.975) / NORMAL_95 / np.sqrt(remainder))
 
 
 def residual_bandwidth(errors: list[FloatArray]) -> float:

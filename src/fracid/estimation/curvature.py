@@ -39,15 +39,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import scaled_bread, summed
-from fracid.estimation.derivatives import (
-    by_blocks,
-    jacobian,
-    prior_curvature,
-    row_weights,
-    rows_and_scores_by_recording,
-)
-from fracid.estimation.tangent import UNSEEN
+from fracid.estimation.block_covariance import normal_equations, summed
+from fracid.estimation.derivatives import by_blocks, jacobian, row_weights
 from fracid.problem import Problem
 from fracid.problem.unknowns import InitialState
 
@@ -88,19 +81,14 @@ def curvature(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     >>> (0.951 - found.inverse @ found.gradient).round(4)               # back to 0.95
     array([0.95])
     """
-    errors = problem.errors(x)
-    if isinstance(errors, Failure):
-        return errors
     J = by_blocks(problem, x, free, jobs=jobs)
     if isinstance(J, Failure):
         return J
-    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    criterion, (prior, _) = problem.criterion, prior_curvature(problem, errors, free)
+    near, criterion = normal_equations(problem, J, free), problem.criterion
     off = np.array([x[i] - criterion.priors[i].mean if i in criterion.priors else 0.0 for i in free.tolist()])
-    pull = prior * off / (1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples)
-    gradient = summed(J.blocks, [s.sum(axis=0) for s in scores]) + pull
-    bread, norm = scaled_bread(J.blocks, rows, prior, UNSEEN)
-    return Curvature(free, bread.inverse / np.outer(norm, norm), gradient)
+    loosened = 1 + float(np.sum(criterion.prior_residuals(x) ** 2)) / criterion.prior_samples
+    pull = summed(J.blocks, [s.sum(axis=0) for s in near.scores]) + near.prior * near.norm * off / loosened
+    return Curvature(free, near.bread.inverse / np.outer(near.norm, near.norm), near.norm * pull)
 
 
 def newton_step(problem: Problem, x: FloatArray, parabola: Curvature) -> tuple[FloatArray, float]:

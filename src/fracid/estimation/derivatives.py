@@ -30,7 +30,7 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     Beside a bound, and beside runs that fail (a minimum next to det M = 0), the difference is one-sided.  Of what no
     small step brings in (:meth:`fracid.problem.Problem.absent`) it is 0.
     """
-    J = _differences(problem, x, free, _shared_by_all(problem, len(free)), jobs)
+    J = _differences(problem, x, free, shared_by_all(problem, len(free)), jobs)
     return J if isinstance(J, Failure) else J.parts
 
 
@@ -45,7 +45,7 @@ def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
     if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
         return last if len(free) == len(by) else last.of(np.isin(by, free))
-    blocks = _shared_by_all(problem, len(free)) if problem.blocks is None else problem.blocks.of(free)
+    blocks = shared_by_all(problem, len(free)) if problem.blocks is None else problem.blocks.of(free)
     J = _differences(problem, x, free, blocks, jobs)
     problem.last_derivatives.clear()
     if not isinstance(J, Failure):
@@ -53,7 +53,8 @@ def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     return J
 
 
-def _shared_by_all(problem: Problem, unknowns: int) -> Blocks:
+def shared_by_all(problem: Problem, unknowns: int) -> Blocks:
+    """One block: no unknown is a recording's own."""
     rows = np.cumsum([0, *(e.measured.size for e in problem.experiments)])
     return Blocks(np.full(unknowns, -1), rows)
 
@@ -96,7 +97,7 @@ def _differences(
     at_once = max(1, problem.simulator.abreast // 2)
     chunks = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
     reasons = [why for why in in_threads(jobs, differentiate, chunks) if why]
-    return reasons[0] if reasons else BlockJacobian(blocks, parts)
+    return reasons[0] if reasons else BlockJacobian(blocks, parts, here)
 
 
 def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
@@ -107,16 +108,8 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
 
 def rows_and_scores(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray]
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Rows R with A = R'R, shape (n_rows, n_free), and the scores of each recording, shape (n_samples, n_free)."""
-    rows, scores = rows_and_scores_by_recording(problem, errors, J)
-    return rows[0] if len(rows) == 1 else np.concatenate(rows), scores
-
-
-def rows_and_scores_by_recording(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """The same, the rows of each recording alone; its J may have columns of its own."""
+    """Of each recording rows R with A = ΣR'R, shape (n_rows, n_columns), and scores, shape (n_samples, n_columns)."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
     return [*_rows(problem, errors, J)], scores

@@ -14,9 +14,8 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
-from fracid.estimation.block_covariance import scaled_bread, window_sums
-from fracid.estimation.derivatives import by_blocks, rows_and_scores_by_recording
-from fracid.estimation.tangent import UNSEEN
+from fracid.estimation.block_covariance import normal_equations, window_sums
+from fracid.estimation.derivatives import by_blocks
 from fracid.problem import Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run
@@ -41,16 +40,12 @@ def drift_of(problem: Problem, x: FloatArray, jobs: int = 1) -> Drift | None:
     free = np.flatnonzero(inside)
     if problem.blocks is None or not problem.in_windows:
         return None
-    errors, J = problem.errors(x), by_blocks(problem, x, free, jobs=jobs)
-    if isinstance(errors, Failure) or isinstance(J, Failure):
+    J = by_blocks(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure):
         return None
-    blocks = J.blocks
-    rows, scores = rows_and_scores_by_recording(problem, errors, J.parts)
-    bread, norm = scaled_bread(blocks, rows, np.zeros(len(free)), UNSEEN)
-    for k, s in enumerate(scores):
-        s /= norm[blocks.columns(k)]
-    seen = [r @ bread.follow[blocks.columns(k)] for k, r in enumerate(rows)]
-    sums = window_sums(blocks, scores, bread)
+    blocks, near = J.blocks, normal_equations(problem, J, free)
+    seen = [r @ near.bread.follow[blocks.columns(k)] for k, r in enumerate(near.rows)]
+    sums = window_sums(blocks, near.scores, near.bread)
     minutes = np.array([e.start + e.time[-1] / 2 for e in problem.experiments]) / 60
     for _, part in problem.recordings.values():
         minutes[part] -= np.mean(minutes[part])
@@ -66,7 +61,7 @@ def drift_of(problem: Problem, x: FloatArray, jobs: int = 1) -> Drift | None:
             left = sums + rate * (minutes[:, None] * H[:, :, i] - H @ along[:, i])  # without the drift
             scatter = (minutes * left[:, i] - left @ along[:, i])[:, None]
             spread = math.sqrt(bartlett_long_run(scatter, len(scatter) ** (1 / 3))[0, 0]) / curvature[i]
-            scale = float(norm[blocks.shared[i]] * x[at])
+            scale = float(near.norm[blocks.shared[i]] * x[at])
             found.append(Drift(problem.names[at], float(rate) / scale, NORMAL_95 * float(spread) / scale))
     surest = max(found, key=lambda d: abs(d.rate) / d.half, default=None)
     return surest if surest is not None and abs(surest.rate) > SURE * surest.half else None

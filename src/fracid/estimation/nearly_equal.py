@@ -71,7 +71,7 @@ def derivatives_of_each(problem: Problem, x: FloatArray, jobs: int) -> dict[str,
 def chord_of_one(problem: Problem, x: FloatArray, J: FloatArray) -> FloatArray | None:
     """The minimum of one recording, with its derivatives near there; None where those do not lead to it."""
     blocks = Blocks(np.zeros(len(x), dtype=np.int64), np.array([0, J.shape[0] * J.shape[1]]))
-    return _chord(problem, x, np.arange(len(x)), BlockJacobian(blocks, [J]))
+    return _chord(problem, x, np.arange(len(x)), BlockJacobian(blocks, [J], []))
 
 
 def _smooth(problem: Problem) -> bool:

@@ -28,7 +28,15 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, Failure
-from fracid.estimation.derivatives import DIFFERENCE, difference_steps, jacobian, pulls, rows_and_pulls
+from fracid.estimation.block_jacobian import BlockJacobian
+from fracid.estimation.derivatives import (
+    DIFFERENCE,
+    difference_steps,
+    jacobian,
+    pulls,
+    rows_and_pulls,
+    shared_by_all,
+)
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.qr import triangle
@@ -155,6 +163,11 @@ class Tangent:
         away, width = np.minimum(self.x - space.lower, space.upper - self.x), space.upper - space.lower
         of_range = np.where(np.isfinite(width), BOUND * width, 0.0)
         return np.asarray(away <= np.minimum(TOUCHING * math.sqrt(2 * self.unit) / self.norms, of_range))
+
+    def by(self, free: NDArray[np.intp]) -> BlockJacobian:
+        """Its errors and their derivatives by some of the unknowns."""
+        blocks = shared_by_all(self.problem, len(free))
+        return BlockJacobian(blocks, [j[..., free] for j in self.derivatives], self.errors)
 
     def there(self, x: FloatArray) -> Tangent | None:
         """The same derivatives at another point within the bounds; None where its run fails."""
