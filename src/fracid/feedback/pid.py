@@ -17,12 +17,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.optimize import differential_evolution, minimize
 
 from fracid.arrays import FloatArray
 from fracid.export.state_space import positive_sum
-from fracid.feedback.regulators import REDUCED, SLOWEST
+from fracid.feedback.regulators import REDUCED, SLOWEST, held
 from fracid.schemas.feedback import Controller
 
 FILTER = 2.0
@@ -66,11 +65,9 @@ def pid(
     else:
         F[1 + n :, 0], G[1 + n :] = -1 / T, 1 / T
         F[1 + n :, 1 + n :], H[1 + n :] = np.diag(-part.poles), derivative * part.residues
-    block = np.zeros((len(F) + 1, len(F) + 1))
-    block[:-1, :-1], block[:-1, -1:] = F, G
-    held = expm(period * block)
-    B, C, D, E = np.zeros((len(F), outputs)), -H[None], np.zeros((1, outputs)), -held[:-1, -1:] / straight
-    A, D[0, place] = held[:-1, :-1] - E @ C, -straight
+    kept, added = held(F, G, period)
+    B, C, D, E = np.zeros((len(F), outputs)), -H[None], np.zeros((1, outputs)), -added / straight
+    A, D[0, place] = kept - E @ C, -straight
     weights = {"Kp": proportional, "Ki": integral, "Kd": derivative}
     weights |= {"lambda": orders[0], "mu": orders[1]} if kind == "FOPID" else {}
     return Controller(kind, weights, period, A.tolist(), B.tolist(), C.tolist(), D.tolist(), E.tolist())

@@ -168,6 +168,15 @@ class Plant:
         return exact.reshape(len(omega), len(IMAGES), -1).sum(axis=1)
 
 
+def held(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+    """What is left of the states after a time, and what an input adds to them that is held so long."""
+    n = len(A)
+    block = np.zeros((n + B.shape[1], n + B.shape[1]))
+    block[:n, :n], block[:n, n:] = A, B
+    whole = expm(time * block)
+    return whole[:n, :n], whole[:n, n:]
+
+
 def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A, B and C of the realisation with its input held and late: the inputs under way are its last states.
 
@@ -182,13 +191,11 @@ def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatA
     A, B = plant.linear.A, plant.linear.B[:, [plant.channel]]
     whole, n = math.floor(plant.delay / period + 1e-9), len(A)
     late = max(0.0, plant.delay - whole * period)
-    block = np.zeros((n + 1, n + 1))
-    block[:n, :n], block[:n, n:] = A, B
-    all_of_it, first, rest = (expm(t * block) for t in (period, late, period - late))
-    older, newer = rest[:n, :n] @ first[:n, n:], rest[:n, n:]  # of the input before, and of that now
+    rest, newer = held(A, B, period - late)  # of the input now
+    older = rest @ held(A, B, late)[1]  # of that before
     more = whole + (late > 1e-9 * period)
     F, G, C = np.zeros((n + more, n + more)), np.zeros((n + more, 1)), np.zeros((len(plant.linear.C), n + more))
-    F[:n, :n], C[:, :n] = all_of_it[:n, :n], plant.linear.C
+    F[:n, :n], C[:, :n] = held(A, B, period)[0], plant.linear.C
     F[n : n + more - 1, n + 1 :] = np.eye(max(0, more - 1))
     if more:
         G[-1] = 1.0

@@ -301,28 +301,31 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
 def control(
     fit: Fit,
     *,
-    kind: str = "lqr",
-    posture: str = "",
-    at: Mapping[str, float] | None = None,
-    input_: str | None = None,
-    limit: float | None = None,
-    rate: float | None = None,
-    delay: float | None = None,
-    off: Mapping[str, float] | None = None,
-    within: Mapping[str, float] | None = None,
-    seconds: float = SECONDS,
     draws: int = DRAWS,
     points: FloatArray | None = None,
     seed: int = 1,
     jobs: int = 1,
     journal: Journal | None = None,
     progress: Callable[[Progress], None] | None = None,
+    **loop: Any,
 ) -> Control:
     """Design a controller of a fit, and simulate it over what is known of the model.
 
     Parameters
     ----------
     fit : Fit or SavedRun
+    draws : int
+        Of the unknowns.
+    points : ndarray, shape (draws, n_unknowns), optional
+        The draws, such as those of a posterior, in place of the covariance's.
+    seed : int
+        Random seed.
+    jobs : int
+        Threads; the result is the same for any number.
+    journal, progress
+        As for :func:`fracid.run_tasks`.
+    **loop
+        What follows here.
     kind : str
         ``lqr``, regulators of several weights; ``pid``, a PID of the output that begins off, beside a fractional one
         of the same effort; or ``swing``, several pumps that swing a pendulum up from hanging before a regulator.
@@ -340,16 +343,6 @@ def control(
         Output → how far from the posture it begins, and may go.
     seconds : float
         Of a simulation.
-    draws : int
-        Of the unknowns.
-    points : ndarray, shape (draws, n_unknowns), optional
-        The draws, such as those of a posterior, in place of the covariance's.
-    seed : int
-        Random seed.
-    jobs : int
-        Threads; the result is the same for any number.
-    journal, progress
-        As for :func:`fracid.run_tasks`.
 
     Returns
     -------
@@ -371,10 +364,7 @@ def control(
     >>> found.share, found.design.phase_margin > 30
     (1.0, True)
     """
-    plan = planned(
-        fit, kind=kind, posture=posture, at=at, input_=input_, limit=limit, rate=rate, delay=delay, off=off,
-        within=within, seconds=seconds, draws=draws, points=points, seed=seed, jobs=jobs,
-    )  # fmt: skip
+    plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
     return plan.run(jobs=jobs, journal=journal, progress=progress)
 
 
