@@ -144,9 +144,8 @@ class StateObserver:
             if self.held:
                 u = np.vstack([np.repeat(u[:1], between, axis=0), np.repeat(u[1:], every, axis=0)])
             else:
-                before = self.now.u[None] if self.steps else u[:1]
-                at = np.arange(1, len(rows) + 1) / every if self.steps else np.arange(len(rows)) / every
-                known = np.vstack([before, u]) if self.steps else u
+                known = np.vstack([self.now.u, u])
+                at = 1 + (np.arange(len(rows)) - between + 1) / every
                 u = np.column_stack([np.interp(at, np.arange(len(known)), column) for column in known.T])
         width = 2 * (states + k)
         out = np.zeros((len(rows), width + len(self.sensors) + 3))

@@ -134,19 +134,12 @@ def _linearised(
         halves = []
         for group, e in zip(groups, (yield points), strict=True):
             if e.residuals is not None:
-                _fill(parts, blocks, group, blocks.level(e.residuals, r) - r, e.point - x)
+                change, h_taken = blocks.level(e.residuals, r) - r, e.point - x
+                for i in group:
+                    for k, column in blocks.cells(i):
+                        a, b = blocks.rows[k : k + 2]
+                        parts[k][:, column] = change[a:b] / h_taken[i]
             elif len(group) > 1:
                 halves += np.array_split(group, 2)
         groups = halves
     return Arrowhead.of(blocks, parts)
-
-
-def _fill(parts: list[FloatArray], blocks: Blocks, group: NDArray[np.int64], change: FloatArray, h: FloatArray) -> None:
-    """The columns of a group: that of a shared unknown has rows of every recording, those of own ones of theirs."""
-    s = len(blocks.shared)
-    for i in group:
-        own = int(blocks.recording[i])
-        for k in range(len(parts)) if own < 0 else (own,):
-            a, b = blocks.rows[k : k + 2]
-            column = parts[k].shape[1] - 1 - s + blocks.place[i] if own < 0 else blocks.place[i]
-            parts[k][:, column] = change[a:b] / h[i]

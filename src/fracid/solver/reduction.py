@@ -52,13 +52,12 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
@@ -171,7 +170,7 @@ def multi_term(
     a = _increasing(orders)
     nodes, drivers = _drivers(a, form)
     columns = tuple(nodes.index(order) for order in a[:-1])
-    rhs = _driven(_jitable(g, "g", "(t, d, u, p)", 4), columns, drivers)
+    rhs = _driven(_taking(g, "g", "(t, d, u, p)", 4), columns, drivers)
     return _system(rhs, a, nodes, drivers, initial, vector("parameters", parameters))
 
 
@@ -386,11 +385,11 @@ def _forcing(forcing: Any) -> tuple[RightHandSide, bool]:
         return _linear, True
     if not callable(forcing):
         raise InputError(SAYS("forcing", forcing=forcing))
-    return _forced(_jitable(forcing, "forcing", "(t, u, p)", 3)), True
+    return _forced(_taking(forcing, "forcing", "(t, u, p)", 3)), True
 
 
-def _jitable(function: Any, what: str, takes: str, count: int) -> Any:
-    """A caller's function that compiled code may call, and Python too."""
+def _taking(function: Any, what: str, takes: str, count: int) -> Any:
+    """A caller's function, if it takes what it is given."""
     function = getattr(function, "py_func", function)
     if not callable(function):
         raise InputError(f"{what} = {function!r}; expected a function {takes} that returns a number.")
@@ -400,10 +399,7 @@ def _jitable(function: Any, what: str, takes: str, count: int) -> Any:
     except (TypeError, ValueError):
         name = getattr(function, "__name__", repr(function))
         raise InputError(f"{what}, the function {name}, takes {signature}; it must take {takes}.") from None
-    return _registered(function)
-
-
-_registered = cache(register_jitable)  # Numba keeps what is registered for good, and twice would be ambiguous
+    return function
 
 
 # --- arguments ---------------------------------------------------------------------------------------------

@@ -261,6 +261,7 @@ def grows_by_itself(run: Trajectory) -> bool:
     return spoilt and len(run.time) > 2 and bool(_sizes(run)[-1] > OUT_OF_ALL_BOUNDS)
 
 
+@np.errstate(all="ignore")
 def fault_of(
     run: Trajectory, rhs: Callable[..., None], gain: FloatArray, inputs: FloatArray, parameters: FloatArray
 ) -> Finding | None:
@@ -291,19 +292,12 @@ def fault_of(
     >>> run.fault.code, round(run.fault.number)
     ('stiff', 158)
     """
-    with np.errstate(all="ignore"):
-        return None if run.outcome is Outcome.LEFT else _fault(run, rhs, gain, inputs, parameters)
-
-
-def _fault(
-    run: Trajectory, rhs: Callable[..., None], gain: FloatArray, inputs: FloatArray, parameters: FloatArray
-) -> Finding | None:
     end, several = float(run.time[-1]), len(run.time) > 1
     unsolved = run.outcome is Outcome.UNSETTLED
     away = several and not run.completed and _sizes(run)[-1] > 10 * USUAL
     if run.outcome is Outcome.NOT_FINITE and not away:
         return SAYS.finding("not-finite", "", end, math.inf)
-    if not several and run.completed:
+    if run.outcome is Outcome.LEFT or (not several and run.completed):
         return None
     last = len(run.time) - 1
     if not run.completed:
@@ -321,7 +315,10 @@ def _fault(
         if largest > method.sweeps:
             return _swept_away(run, largest)
         found = _runs_away(run, largest) if several and (away or not unsolved) else None
-        return _unsolved(run, end) if unsolved and (found is None or found.code == "blow-up") else found
+        if not unsolved or (found is not None and found.code != "blow-up"):
+            return found
+        stiff = "" if run.method == "bdf2" else 'method = "bdf2", or '  # a jump may have a solution that is not found
+        return SAYS.finding("unsettled", "", end, run.step, stiff=stiff, shorter=run.step / 10)
     if method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
     if method.family == "pi" and (ringing := _rings(run, spectra)):
@@ -371,12 +368,6 @@ def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
         other = "bdf2" if np.max(run.orders) > 1 else "pi2"
     return SAYS.finding("stiff", "", beyond.size, beyond.limit, run=run, why=why, other=other,
                         shorter=run.step / beyond.parts)  # fmt: skip
-
-
-def _unsolved(run: Trajectory, end: float) -> Finding:
-    """A step over a pole has no solution, and one over a jump may have one that is not found."""
-    stiff = "" if run.method == "bdf2" else 'method = "bdf2", or '
-    return SAYS.finding("unsettled", "", end, run.step, stiff=stiff, shorter=run.step / 10)
 
 
 def _rings(run: Trajectory, spectra: list[NDArray[np.complex128]]) -> Finding | None:
