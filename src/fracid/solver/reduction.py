@@ -168,10 +168,10 @@ def multi_term(
     array([3., 0.])
     """
     a = _increasing(orders)
-    nodes, drivers = _drivers(a, form)
-    columns = tuple(nodes.index(order) for order in a[:-1])
-    rhs = _driven(_taking(g, "g", "(t, d, u, p)", 4), columns, drivers)
-    return _system(rhs, a, nodes, drivers, initial, vector("parameters", parameters))
+    drivers, place = _drivers(a, form)
+    rhs = _driven(_taking(g, "g", "(t, d, u, p)", 4), tuple(place[order] for order in a[:-1]),
+                  tuple(place.get(driver, HIGHEST) for driver in drivers.values()))  # fmt: skip
+    return _system(rhs, drivers, initial, vector("parameters", parameters))
 
 
 def linear_multi_term(
@@ -224,17 +224,17 @@ def linear_multi_term(
     3.000000000
     """
     a, c = _terms(coefficients)
-    nodes, drivers = _drivers(a, form)
-    highest = np.zeros(len(nodes) + 1)  # D^{a_m} y = highest · (x, f)
+    drivers, place = _drivers(a, form)
+    highest = np.zeros(len(drivers) + 1)  # D^{a_m} y = highest · (x, f)
     for order, coefficient in zip(a[:-1], c[:-1], strict=True):
-        highest[nodes.index(order)] = -coefficient / c[-1]
+        highest[place[order]] = -coefficient / c[-1]
     highest[-1] = 1 / c[-1]
-    one = np.eye(len(nodes) + 1)
-    rows = np.array([highest if driver == HIGHEST else one[driver] for driver in drivers])
+    one = np.eye(len(drivers) + 1)
+    rows = np.array([one[place[driver]] if driver in place else highest for driver in drivers.values()])
     A, b = rows[:, :-1], rows[:, -1]
     rhs, load = _forcing(forcing)
     values = vector("parameters", parameters)
-    return _system(rhs, a, nodes, drivers, initial, np.concatenate([A.ravel(), *([b, values] if load else [])]))
+    return _system(rhs, drivers, initial, np.concatenate([A.ravel(), *([b, values] if load else [])]))
 
 
 def linear_system(A: ArrayLike, B: ArrayLike | None = None, *, orders: ArrayLike, initial: ArrayLike) -> System:
@@ -287,8 +287,8 @@ def _driver(form: str, a: float, a_m: float, orders: set[float]) -> float:
     return min(above, float(math.ceil(a)))
 
 
-def _drivers(a: tuple[float, ...], form: str) -> tuple[list[float], tuple[int, ...]]:
-    """The derivatives that are states, increasing, and which of them, or :data:`HIGHEST`, each is integrated from."""
+def _drivers(a: tuple[float, ...], form: str) -> tuple[dict[float, float], dict[float, int]]:
+    """The derivatives that are states, increasing, each with the one it is integrated from, and where it stands."""
     if form not in ("chain", "star"):
         raise InputError(f"There is no form {form!r}; type 'chain' or 'star'.")
     a_m, orders = a[-1], {0.0, *a[:-1]}
@@ -298,27 +298,19 @@ def _drivers(a: tuple[float, ...], form: str) -> tuple[list[float], tuple[int, .
         order = worklist.pop()
         driver[order] = _driver(form, order, a_m, orders)
         worklist |= {driver[order]} - {*driver, a_m}
-    nodes = sorted(driver)
-    return nodes, tuple(HIGHEST if driver[n] == a_m else nodes.index(driver[n]) for n in nodes)
+    return dict(sorted(driver.items())), {node: i for i, node in enumerate(sorted(driver))}
 
 
-def _system(
-    rhs: RightHandSide,
-    a: tuple[float, ...],
-    nodes: list[float],
-    drivers: tuple[int, ...],
-    initial: ArrayLike,
-    parameters: FloatArray,
-) -> System:
+def _system(rhs: RightHandSide, drivers: dict[float, float], initial: ArrayLike, parameters: FloatArray) -> System:
     """Orders are the gaps from each state to its driver; whole derivatives start at their given values."""
-    y0 = _initial(initial, a[-1])
-    orders = np.array([(a[-1] if k == HIGHEST else nodes[k]) - node for node, k in zip(nodes, drivers, strict=True)])
-    start = np.zeros((len(nodes), 2))
-    for i, node in enumerate(nodes):
+    y0 = _initial(initial, max(drivers.values()))
+    orders = np.array([driver - node for node, driver in drivers.items()])
+    start = np.zeros((len(drivers), 2))
+    for i, node in enumerate(drivers):
         if node.is_integer():
             start[i, 0] = y0[int(node)]
             start[i, 1] = y0[int(node) + 1] if orders[i] > 1 else 0.0
-    return System(rhs, orders, start, parameters, MappingProxyType({node: i for i, node in enumerate(nodes)}))
+    return System(rhs, orders, start, parameters, MappingProxyType({node: i for i, node in enumerate(drivers)}))
 
 
 # --- right-hand sides --------------------------------------------------------------------------------------
