@@ -123,6 +123,23 @@ def unknown_name(what: str, name: object, names: Collection[str]) -> InputError:
     return InputError(f"unknown {what} {name!r}: did you mean {' or '.join(close)}?  The known ones are {everything}")
 
 
+def refuse_unknown(what: str, names: Collection[str], *given: object) -> None:
+    """Refuse what is not one of the known names.
+
+    Raises
+    ------
+    InputError
+        As :func:`unknown_name` says.
+
+    Examples
+    --------
+    >>> refuse_unknown("rig", ("qube-servo2", "srv02-rotpen"), "qube-servo2")
+    """
+    for name in given:
+        if name not in names:
+            raise unknown_name(what, name, names)
+
+
 def brief(value: object) -> str:
     """How a message quotes what a caller gave: in one line, and not a whole table.
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.models import Model
@@ -219,12 +219,8 @@ def observer(
     problem, x = fit.problem, fit.x
     model, e = problem.model, problem.experiments[0]
     names, slow = tuple(sensors) or problem.outputs, dict(slow or {})
-    for n in names:
-        if n not in model.outputs:
-            raise unknown_name("sensor", n, tuple(model.outputs))
-    for n in slow:
-        if n not in (*model.parameter_names, *model.order_names):
-            raise unknown_name("slow constant or order", n, (*model.parameter_names, *model.order_names))
+    refuse_unknown("sensor", model.outputs, *names)
+    refuse_unknown("slow constant or order", (*model.parameter_names, *model.order_names), *slow)
     if derived := [n for n in names if n in model.derived]:
         raise InputError(SAYS("derivative", name=derived[0]))
     if time_scale(model, problem.unpack(x, e)[1]) != 1.0:

@@ -13,7 +13,7 @@ from fracid.bayes.laplace import importance_sample
 from fracid.bayes.nested import nested_sample
 from fracid.bayes.result import METHODS, Posterior
 from fracid.bayes.target import RecordedLikelihood, approximation, calibrated, joint_prior
-from fracid.errors import InputError, at_least, unknown_name
+from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.estimation.covariance import at_bound
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.long_records import as_fitted
@@ -106,8 +106,7 @@ def posterior(
     if not isinstance(problem, Problem):
         x = getattr(problem, "x", None) if x is None else x
         problem = problem.problem
-    if method not in METHODS:
-        raise unknown_name("method", method, METHODS)
+    refuse_unknown("method", METHODS, method)
     at_least("jobs", jobs, 1)
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
     if x is not None and not problem.parametrisation.priors:  # with priors its point is not the data's minimum

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError, unknown_name
+from fracid.errors import Failure, InputError, refuse_unknown, unknown_name
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.rounding import encoder_noise
@@ -203,9 +203,7 @@ class Subject:
         InputError
         """
         model, space = self.problem.model, self.space
-        for name in space.sensors:
-            if name not in model.outputs:
-                raise unknown_name("sensor", name, tuple(model.outputs))
+        refuse_unknown("sensor", model.outputs, *space.sensors)
         for name in space.limits:
             if name.removesuffix("_speed") not in (tuple(space.sensors) or self.problem.outputs):
                 raise unknown_name("output in limits", name, tuple(space.sensors) or self.problem.outputs)

@@ -24,13 +24,13 @@ Nothing is written outside of the folder that is given.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from fracid.errors import InputError, at_least, unknown_name, writing
+from fracid.errors import InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
 from fracid.safety.door import write_text, write_whole
 
@@ -75,11 +75,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse what means nothing."""
-        known: list[tuple[str, str, Collection[str]]]
-        known = [("precision", self.precision, ("double", "single")), ("version of FMI", self.fmi, ("2", "3"))]
-        for what, value, values in [*known, *(("platform", n, PLATFORMS) for n in self.platforms)]:
-            if value not in values:
-                raise unknown_name(what, value, values)
+        refuse_unknown("precision", ("double", "single"), self.precision)
+        refuse_unknown("version of FMI", ("2", "3"), self.fmi)
+        refuse_unknown("platform", PLATFORMS, *self.platforms)
         if self.steps is not None:
             at_least("steps", self.steps, 1)
 
@@ -123,9 +121,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     ['matlab', 'c', 'fmu', 'mjcf', 'urdf', 'bam', 'observer', 'javascript', 'toml', 'csv', 'json', 'state-space']
     """
     how, folder = Options(**options), Path(folder)
-    for name in formats:
-        if name not in FORMATS:
-            raise unknown_name("format", name, FORMATS)
+    refuse_unknown("format", FORMATS, *formats)
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     notes = [*run.notes, *_left_out(run, wanted)]

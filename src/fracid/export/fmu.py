@@ -16,7 +16,7 @@ from typing import Literal
 from uuid import UUID
 
 from fracid._version import __version__
-from fracid.errors import unknown_name
+from fracid.errors import refuse_unknown
 from fracid.export.c import c_model
 from fracid.export.compilers import PLATFORMS, here, library_of
 from fracid.export.identified import Identified, Quantity
@@ -156,9 +156,8 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     if version == "3":
         files["sources/buildDescription.xml"] = (DECLARATION + xml("build.xml.in", model=model)).encode()
     notes = []
+    refuse_unknown("platform", PLATFORMS, *platforms)
     for name in platforms or [here()]:
-        if name not in PLATFORMS and platforms:
-            raise unknown_name("platform", name, PLATFORMS)
         if isinstance(library := library_of(texts, "fmu.c", name), str):
             notes.append(library)
         else:

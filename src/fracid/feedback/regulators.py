@@ -25,7 +25,7 @@ from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, _smooth, positive_sum
 from fracid.findings import Words
 from fracid.models import Model
@@ -99,11 +99,8 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     """
     p, names = frictionless(model, parameters), (UPRIGHT, HANGING) if model.pendulum else ("rest",)
     name = name or names[0]
-    if name not in names:
-        raise unknown_name("posture", name, names)
-    for n in at:
-        if n not in model.output_states:
-            raise unknown_name("output at a posture", n, tuple(model.output_states))
+    refuse_unknown("posture", names, name)
+    refuse_unknown("output at a posture", model.output_states, *at)
     values, x = _by_name(model, parameters), np.zeros(len(model.states))
     if model.postures is not None:
         x = model.postures(model, values)[name].copy()

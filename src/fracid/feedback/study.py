@@ -20,7 +20,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
-from fracid.errors import Failure, InputError, unknown_name
+from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import uncertainty
 from fracid.feedback.pid import both
 from fracid.feedback.regulators import UPRIGHT, Plant, Posture, frictionless, margins, posture_of, regulator
@@ -222,8 +222,7 @@ def conditions_of(
             raise InputError(SAYS("sensor", channel=channel))
     moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
     name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])
-    if name not in moved:
-        raise unknown_name("input", name, model.inputs)
+    refuse_unknown("input", model.inputs, name)
     parameters = problem.unpack(x, e)[1]
     if model.drive and parameters[model.parameter_names.index(model.drive)] == 0.0:
         raise InputError(SAYS("no-drive", model=model, name=name))
@@ -238,9 +237,7 @@ def conditions_of(
     units = {n: e.units.get(n, model.output_unit(n)) for n in outputs}
     first = model.pendulum if model.pendulum in outputs else outputs[-1]
     away = dict(off or {}) or {first: begins * (1.0 if units[first] == "rad" else float(np.ptp(y[first])) or 1.0)}
-    for n in (*away, *within):
-        if n not in outputs:
-            raise unknown_name("output", n, outputs)
+    refuse_unknown("output", outputs, *away, *within)
     far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
     if not 0 < period < math.inf:
@@ -372,8 +369,7 @@ def planned(
     fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
 ) -> Plan:
     """What is to be tried; refuses what cannot be controlled."""
-    if kind not in KINDS:
-        raise unknown_name("kind of controller", kind, tuple(KINDS))
+    refuse_unknown("kind of controller", KINDS, kind)
     designs, begins = KINDS[kind]
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
     if points is None:

@@ -58,7 +58,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
-from fracid.errors import InputError, is_number, unknown_name
+from fracid.errors import InputError, is_number, refuse_unknown, unknown_name
 from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.models.friction import BY_NAME, Friction
@@ -455,8 +455,7 @@ class Model(CardDisplay):
         InputError
             If the model has no such parameter.
         """
-        if name not in self.parameter_names:
-            raise unknown_name(f"{self.name} parameter", name, self.parameter_names)
+        refuse_unknown(f"{self.name} parameter", self.parameter_names, name)
         return self.parameters[self.parameter_names.index(name)]
 
     def parameter_vector(self, overrides: Mapping[str, float] | None = None) -> FloatArray:
@@ -687,8 +686,7 @@ class Model(CardDisplay):
 
 
 def _check_order(model: Model, name: str, order: float) -> None:
-    if name not in model.order_names:
-        raise unknown_name(f"{model.name} order", name, model.order_names)
+    refuse_unknown(f"{model.name} order", model.order_names, name)
     if not is_number(order) or not 0.0 < order < 2.0:
         raise InputError(f"order {name} = {order!r}: expected a number between 0 and 2, both excluded")
     if name in model.springpot_orders.values() and order > 1.0:
@@ -741,12 +739,9 @@ def _check_shapes(model: Model) -> None:
         elif not isinstance(index, int) or not 0 <= index < len(model.states):
             raise InputError(SAYS("output-index", model=model, output=output, index=index, last=len(model.states) - 1))
     for name, of in model.input_rates.items():
-        for n in (name, of):
-            if n not in model.inputs:
-                raise unknown_name(f"input in input_rates of {model.name}", n, model.inputs)
+        refuse_unknown(f"input in input_rates of {model.name}", model.inputs, name, of)
     for name, value in model.integer_orders.items():
-        if name not in model.order_names:
-            raise unknown_name(f"order in integer_orders of {model.name}", name, model.order_names)
+        refuse_unknown(f"order in integer_orders of {model.name}", model.order_names, name)
         if value is not None and (not is_number(value) or value not in (0, 1)):
             raise InputError(SAYS("integer-order", model=model, name=name, value=value))
     if not callable(model.rhs):

@@ -78,7 +78,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models.base import LinearTerms, Model, Parameter, RightHandSide, symbol_of
 from fracid.models.joints import CONTACT, gap, presliding, saturated, sliding, springpot
@@ -145,8 +145,7 @@ def rotary_pendulum(
     >>> from fracid.models import RIGS
     >>> real = rotary_pendulum("srv02-rotpen", **RIGS["srv02-rotpen"].fitted_friction)
     """
-    if rig not in RIGS:
-        raise unknown_name("rig", rig, tuple(RIGS))
+    refuse_unknown("rig", RIGS, rig)
     if zero not in GRAVITY:
         raise InputError(f"zero = {zero!r}: expected 'hanging' or 'upright', the posture where alpha = 0")
     if actuation not in ("voltage", "torque"):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import pkgutil
 from importlib import import_module
 
-from fracid.errors import unknown_name
+from fracid.errors import refuse_unknown
 from fracid.optimise.base import Ask as Ask
 from fracid.optimise.base import Entry as Entry
 from fracid.optimise.base import Evaluation as Evaluation
@@ -55,6 +55,5 @@ def optimiser_from_name(name: str) -> Entry:
     >>> optimiser_from_name("genetic").evaluations
     520
     """
-    if name not in OPTIMISERS:
-        raise unknown_name("optimiser", name, OPTIMISERS)
+    refuse_unknown("optimiser", OPTIMISERS, name)
     return OPTIMISERS[name]

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from fracid.errors import SMALLEST, InputError, refuse_beyond, unknown_name
+from fracid.errors import SMALLEST, InputError, refuse_beyond, refuse_unknown, unknown_name
 from fracid.findings import Words
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
@@ -38,12 +38,12 @@ def check_parametrisation(p: Parametrisation) -> None:
     _check_bounds(p)
     _check_outputs(p)
     _check_experiments(p)
-    check_choice("initial_state", p.initial_state, get_args(InitialState))
+    refuse_unknown("initial_state", get_args(InitialState), p.initial_state)
 
 
 def check_simulator(simulator: Simulator) -> None:
     """A method that there is, and a whole number of substeps."""
-    check_choice("method", simulator.method, METHODS)
+    refuse_unknown("method", METHODS, simulator.method)
     if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
         raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
     for e in simulator.parametrisation.experiments:
@@ -54,7 +54,7 @@ def check_simulator(simulator: Simulator) -> None:
 
 def check_criterion(criterion: Criterion) -> None:
     """Weights that there are; levels and priors need the errors' likelihood, which a user's own cost does not tell."""
-    check_choice("weights", criterion.weights, get_args(Weights))
+    refuse_unknown("weights", get_args(Weights), criterion.weights)
     p = criterion.parametrisation
     ranges = [*p.orders.values(), *p.parameters.values(), *(e.release_time for e in p.experiments)]
     ranges += [v for e in p.experiments for v in e.initial.values()]
@@ -94,12 +94,6 @@ def require_free(names: Collection[str]) -> None:
 def _twice(names: Iterable[str]) -> str:
     """The first name that comes twice; "" for none."""
     return next((name for name, count in Counter(names).items() if count > 1), "")
-
-
-def check_choice(what: str, name: str, choices: Collection[str]) -> None:
-    """Refuse a name that is none of the known ones."""
-    if name not in choices:
-        raise unknown_name(what, name, choices)
 
 
 def _check_ties(p: Parametrisation) -> None:
@@ -144,8 +138,7 @@ def _check_bounds(p: Parametrisation) -> None:
 def _check_outputs(p: Parametrisation) -> None:
     if not p.outputs:
         raise InputError(f"outputs is empty: score at least one of {', '.join(p.model.outputs)}.")
-    for name in p.outputs:
-        check_choice("output", name, p.model.outputs)
+    refuse_unknown("output", p.model.outputs, *p.outputs)
     if name := _twice(p.outputs):
         raise InputError(f'outputs names {name!r} twice; to weigh outputs by their noise type weights = "noise".')
 
@@ -177,13 +170,13 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
     """Sensors of outputs that are scored, no delay beyond the record, samples that count."""
     for what, sensors, channels in (("output", e.sensors, p.outputs), ("input", e.actuators, p.model.inputs)):
         for name, sensor in sensors.items():
-            check_choice(f"{what} of {e.name} with a delay, gain, bias or lowpass", name, channels)
+            refuse_unknown(f"{what} of {e.name} with a delay, gain, bias or lowpass", channels, name)
             for delay in sensor.range("delay"):
                 if abs(delay) >= e.time[-1]:
                     raise InputError(SAYS("late-delay", e=e, name=name, delay=delay, end=e.time[-1]))
     for name, between in e.between.items():
-        check_choice(f"input of {e.name} with between", name, p.model.inputs)
-        check_choice(f"between of {name}", between, BETWEEN)
+        refuse_unknown(f"input of {e.name} with between", p.model.inputs, name)
+        refuse_unknown(f"between of {name}", BETWEEN, between)
     if e.samples < 3:
         raise InputError(SAYS("few-scored", e=e, samples=len(e.measured)))
     free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}

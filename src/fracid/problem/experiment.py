@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, real_array
 from fracid.cards import CardDisplay
-from fracid.errors import InputError, brief, unknown_name
+from fracid.errors import InputError, brief, refuse_unknown
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem.sensors import Sensor
@@ -145,9 +145,7 @@ class Experiment(CardDisplay):
         _refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
         if recording.step is None and not recording.uneven:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
-        for name in initial or {}:
-            if name not in model.states:
-                raise unknown_name(f"state in initial of {recording.name}", name, model.states)
+        refuse_unknown(f"state in initial of {recording.name}", model.states, *(initial or {}))
         past: dict[str, Any] = {}
         if before is not None:
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models import Model, Parameter, model
 from fracid.models.base import ZEROS
@@ -176,9 +176,7 @@ class _Page:
         """What each column is, with its unit; those that are named are believed."""
         raw = self.source.read()
         signals = (*self.model.outputs, *self.model.inputs)
-        for name in given or ():
-            if name not in signals:
-                raise unknown_name(f"signal of {self.name} in --column", name, signals)
+        refuse_unknown(f"signal of {self.name} in --column", signals, *(given or ()))
         roles = roles_of(self.name, list(raw.signals)) if given is None else {}
         for signal, row in self.table.get("with", {}).items():
             if signal in roles:

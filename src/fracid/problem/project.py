@@ -54,7 +54,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError
 
 from fracid.cards import Card, CardDisplay, brief, listed
-from fracid.errors import InputError, NotTrusted, unknown_name
+from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
 from fracid.findings import Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, model_of
@@ -571,8 +571,7 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
                 channels.constants[name] = _constant(name, channels.columns.pop(name))
                 continue
             known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
-            for key in (key for key in table if key not in known):
-                raise unknown_name(f"field of {name}", key, known)
+            refuse_unknown(f"field of {name}", known, *table)
             channels.columns[name] = {key: value for key, value in table.items() if key in CHANNEL}
             if "sd" in table:
                 channels.columns[f"{name}{DEVIATION}"] = _deviation(channels.columns[name], name, table["sd"])
@@ -582,8 +581,7 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
             except InputError as error:
                 raise InputError(f"[[recording]] {spec.name or spec.file}: {name}: {error}") from None
             if "between" in table:
-                if table["between"] not in BETWEEN:
-                    raise unknown_name(f"between of {name}", table["between"], BETWEEN)
+                refuse_unknown(f"between of {name}", BETWEEN, table["between"])
                 channels.between[name] = table["between"]
     return channels
 
@@ -591,8 +589,7 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
 def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
     """An input that does not change: its value in SI, and its unit there."""
     value, unit = table["constant"], table.get("unit", "1")
-    for key in (key for key in table if key not in ("constant", "unit")):
-        raise unknown_name(f"field of {name}, which is constant", key, ("constant", "unit"))
+    refuse_unknown(f"field of {name}, which is constant", ("constant", "unit"), *table)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
     if unit not in UNITS:
@@ -673,9 +670,7 @@ def _constants(recording: str, spec: _Recording, model: Model) -> dict[str, floa
     switches = {p.name: p.switch for p in model.parameters if p.switch}
     if spec.amplifier is not None and "amplifier" not in switches.values():
         raise InputError(SAYS("amplifier", recording=recording, spec=spec, model=model))
-    for name in spec.parameters:
-        if name not in model.parameter_names:
-            raise unknown_name(f"parameter of {recording}", name, model.parameter_names)
+    refuse_unknown(f"parameter of {recording}", model.parameter_names, *spec.parameters)
     off = {n: 0.0 for n, switch in switches.items() if switch != "amplifier" or spec.amplifier != "on"}
     return off | spec.parameters
 
@@ -704,9 +699,7 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
 
 def _orders(specs: Mapping[str, float | _Range | _Constant | str], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
-    for name in specs:
-        if name not in model.order_names:
-            raise unknown_name("order in [model.orders]", name, model.order_names)
+    refuse_unknown("order in [model.orders]", model.order_names, *specs)
     springpots = dict.fromkeys(model.springpot_orders.values(), SPRINGPOT_RANGE)
     return {n: _value(n, specs.get(n, springpots.get(n, ORDER_RANGE))) for n in model.order_names}
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
@@ -258,8 +258,7 @@ def regress(
     records = [recordings] if isinstance(recordings, Recording) else [*recordings] if several else []
     if not records or not all(isinstance(r, Recording) for r in records):
         raise InputError(SAYS("no-recordings", recordings=recordings))
-    if estimator not in get_args(Estimator):
-        raise unknown_name("estimator", estimator, get_args(Estimator))
+    refuse_unknown("estimator", get_args(Estimator), estimator)
     swings = [swing_of(r, model) for r in records]
     order_range = Free(1.0, 0.5, 1.2)
     order_specs = {"lambda": order_range, "mu": order_range} if isinstance(orders, str) else dict(orders)
@@ -347,9 +346,7 @@ def _terms(
     """Names of the columns, and those that are known: what is not looked for is as the model has it."""
     linear = terms_of(model)
     every = linear.names
-    for name in (*fixed_values, *(terms or ())):
-        if name not in every:
-            raise unknown_name("constant", name, every)
+    refuse_unknown("constant", every, *fixed_values, *(terms or ()))
     for name, value in fixed_values.items():
         if not math.isfinite(value):
             raise InputError(f"known[{name!r}] = {value!r}: expected a finite number.")

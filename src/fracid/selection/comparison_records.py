@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, computed_field
 
 from fracid.cards import Card, CardDisplay, listed, tabulated
-from fracid.errors import unknown_name
+from fracid.errors import refuse_unknown
 from fracid.figures import Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
 from fracid.safety.schema import (
@@ -171,8 +171,7 @@ class Comparison(CardDisplay, Record):
     def __getitem__(self, name: str) -> Row:
         """The row of that structure; an InputError names those that there are."""
         rows = {row.name: row for row in self.rows}
-        if name not in rows:
-            raise unknown_name("structure", name, tuple(rows))
+        refuse_unknown("structure", rows, name)
         return rows[name]
 
     @computed

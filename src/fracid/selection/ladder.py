@@ -53,7 +53,7 @@ from itertools import islice
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError, unknown_name
+from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.climbing import embedded
 from fracid.findings import Words
 from fracid.models import Model
@@ -162,8 +162,7 @@ class Ladder:
     def __getitem__(self, name: str) -> Structure:
         """The structure of that name; an InputError names those that there are."""
         structures = {s.name: s for s in self.structures}
-        if name not in structures:
-            raise unknown_name("structure", name, tuple(structures))
+        refuse_unknown("structure", structures, name)
         return structures[name]
 
     @property
@@ -223,12 +222,8 @@ def ladder(
     >>> found["viscous + Coulomb, orders free"].problem.names
     ('mu', 'b_theta', 'b_alpha', 'coulomb_theta', 'coulomb_alpha')
     """
-    for name in keep:
-        if name not in problem.model.parameter_names:
-            raise unknown_name("parameter to keep", name, problem.model.parameter_names)
-    for name in rungs or ():
-        if name not in RUNGS:
-            raise unknown_name("rung", name, RUNGS)
+    refuse_unknown("parameter to keep", problem.model.parameter_names, *keep)
+    refuse_unknown("rung", RUNGS, *(rungs or ()))
     problem, notes = _solved_well(problem)
     given = held(problem, unseen(problem, 0.0))
     beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, ()) for n, p in (alternatives or {}).items())

@@ -15,7 +15,7 @@ import numpy as np
 
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.optimise.base import Outcome
 from fracid.runs.environment import versions
@@ -95,8 +95,7 @@ def run_posterior(
     fracid.errors.InputError: There is no nowhere/rig. ...
     """
     run, watching = Path(run), unless_given(observer)
-    if method not in METHODS:
-        raise unknown_name("method", method, METHODS)
+    refuse_unknown("method", METHODS, method)
     with one_blas_thread():
         saved = load_run(run, trust=trust)
         if saved.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.cards import Card, CardDisplay, brief
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models import Model, rotary_pendulum
 from fracid.problem import Free, Problem
@@ -207,9 +207,7 @@ def _as_said(request: _Asked, known: Mapping[str, float], orders: Mapping[str, f
 
     Where all is looked for, one is taken as it is: a common factor of all constants changes no motion.
     """
-    for name in orders:
-        if name not in request.orders:
-            raise unknown_name("order", name, request.orders)
+    refuse_unknown("order", request.orders, *orders)
     terms = tuple(terms) or request.terms or LUMPED
     request = replace(request, orders={**request.orders, **orders}, terms=terms, known=known)
     volts = any("voltage" in r.signals for r in request.recordings) and request.model.drive not in terms

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fracid.cards import Card
-from fracid.errors import unknown_name
+from fracid.errors import refuse_unknown
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import as_json
 from fracid.tasks.display import unless_given
@@ -81,13 +81,8 @@ def run_residuals(
     watching.stage("run")
     with one_blas_thread():
         loaded_run = load_run(source, trust=trust)
-        for what, names, there in (
-            ("recording", recordings, loaded_run.recordings),
-            ("output", outputs, loaded_run.problem.outputs),
-        ):
-            for name in names or ():
-                if name not in there:
-                    raise unknown_name(f"{what} of {source}", name, there)
+        refuse_unknown(f"recording of {source}", loaded_run.recordings, *(recordings or ()))
+        refuse_unknown(f"output of {source}", loaded_run.problem.outputs, *(outputs or ()))
         watching.stage("tests of the residuals")
         tested = {n: first_part(r) for n, r in loaded_run.recordings.items() if not recordings or n in recordings}
         for name, r in tested.items():
