@@ -1,8 +1,8 @@
 """The program: its options that all commands share, and how it ends.
 
 A command is one short file beside this one: parse, one call of the library, text for people or JSON
-for programs.  To add one, write ``cli/NAME.py`` with a function under ``@command``, its options' words and its
-examples in ``cli/commands.toml``, and import it in ``cli/__init__.py``.
+for programs.  To add one, write its options and its examples in ``cli/commands.toml`` and a function of its arguments
+and of :class:`How` under ``@command`` in ``cli/NAME.py``, and import that in ``cli/__init__.py``.
 
 Exit codes: 0 it did what was asked; 1 long work was interrupted, there is no memory or disk for it, or the reader of
 the output closed the pipe; 2 the caller's mistake; 3 a recording that fails its checks; 4 a fault of fracid itself,
@@ -26,12 +26,12 @@ import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import chdir, contextmanager
-from dataclasses import dataclass
 from functools import wraps
-from inspect import Signature, signature
+from inspect import Parameter, Signature, signature
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -75,32 +75,29 @@ Found = TypeVar("Found")
 WORDS: dict[str, Any] = tomllib.loads(own_text("cli/commands.toml"))
 """What the commands take, in the order and with the panels and examples of the help."""
 
+WORDS["every"]["jobs"]["default"] = CORES
 
-LONG = ("trust", "out", "seed", "jobs", "json_")
-"""What all take that work long."""
+TYPES: dict[str, Any] = {
+    "flag": bool, "yes-no": bool | None, "int": int | None, "float": float | None, "text": str | None,
+    "path": Path | None, "list": list[str] | None,
+}  # fmt: skip
+"""Of options, as ``commands.toml`` calls them; a choice is among its words."""
 
 
-@dataclass(frozen=True)
-class How:
-    """The options that several commands take, with their defaults; a command has those that its ``@command`` names."""
+class How(SimpleNamespace):
+    """The options of a command, by the names that they have in ``commands.toml``."""
 
-    executor: str | None = None
-    scheduler: str | None = None
-    trust: bool = False
-    out: Path | None = None
-    seed: int | None = 1
-    jobs: int = CORES
-    json_: bool = False
-
-    def of(self, work: Callable[..., Any], **more: Any) -> dict[str, Any]:
-        """Those that a function of the library takes."""
-        every = vars(self) | {"executor": one_place(self.executor, self.scheduler), "command": sys.argv[1:]} | more
+    def taken(self, work: Callable[..., Any], **more: Any) -> dict[str, Any]:
+        """Those that a function of the library takes, `more` in the place of what was typed."""
+        options = vars(self)
+        place = one_place(options.get("executor"), options.get("scheduler"))
+        every = options | {"executor": place, "command": sys.argv[1:]} | more
         return {name: every[name] for name in signature(work).parameters if name in every}
 
     def done(self, work: Callable[..., Found], *what: Any, **options: Any) -> Found:
         """Call it with them and with `options`, and show its stages."""
         with shown(events=self.json_) as observer:
-            return work(*what, **self.of(work, observer=observer) | options)
+            return work(*what, **self.taken(work, observer=observer) | options)
 
     def answer(self, result: Any, show: Callable[[Any], None]) -> None:
         """Print what a command found: a record for programs, or what `show` prints on a console."""
@@ -110,46 +107,46 @@ class How:
             show(new_console())
 
 
-def command(*shared: str, **defaults: Any) -> Callable[[Command], Command]:
-    """Make a function a command of the program; the words of its options are in ``commands.toml``.
+def command(function: Command) -> Command:
+    """Make a function a command of the program; its options, and the words of its arguments, are in ``commands.toml``.
 
     Parameters
     ----------
-    *shared : str
-        The options of :class:`How` that it takes, in place of its parameter ``how``.
-    **defaults
-        Theirs, where they are others.
+    function : callable
+        Of the arguments that are typed without a name, and of ``how``, the options.
 
     Raises
     ------
     KeyError
-        If the file has no words for it, or for one of its options.
+        If the file has no words for it, or for one of its arguments and options.
     """
+    own = WORDS[function.__name__]
+    arguments = [p for n, p in signature(function, eval_str=True).parameters.items() if n != "how"]
+    words = {n: WORDS["every"].get(n, {}) | own.get(n, {}) for n in (*(p.name for p in arguments), *own["options"])}
+    taken = [p.replace(annotation=Annotated[p.annotation, _typed(p.name, **words[p.name])]) for p in arguments]
+    taken += [_option(n, **words[n]) for n in own["options"]]
 
-    def made(function: Command) -> Command:
-        own, parameters = WORDS[function.__name__], dict(signature(function, eval_str=True).parameters)
-        if parameters.pop("how", None):
-            every = signature(How, eval_str=True).parameters
-            parameters |= {n: every[n].replace(default=defaults.get(n, every[n].default)) for n in shared}
-        kinds: dict[str, Any] = {
-            n: Annotated[p.annotation, _taken(n, **(own.get(n) or WORDS["every"][n]))] for n, p in parameters.items()
-        }
+    @wraps(function)
+    def called(**given: Any) -> Any:
+        positional = {p.name: given.pop(p.name) for p in arguments}
+        return function(**positional, how=How(**given))
 
-        @wraps(function)
-        def typed(**options: Any) -> Any:
-            how = {"how": How(**{n: options.pop(n) for n in shared})} if shared else {}
-            return function(**options, **how)
-
-        vars(typed)["__signature__"] = Signature([p.replace(annotation=kinds[n]) for n, p in parameters.items()])
-        typed.__annotations__ = kinds
-        heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
-        epilog = "\n\n".join((heading, *own["examples"]))
-        return app.command(cls=WithTables, epilog=epilog, rich_help_panel=own["panel"])(typed)  # type: ignore[return-value]
-
-    return made
+    vars(called)["__signature__"] = Signature([p.replace(kind=Parameter.KEYWORD_ONLY) for p in taken])
+    called.__annotations__ = {p.name: p.annotation for p in taken}
+    heading = f"[bold]Example{'s' * (len(own['examples']) > 1)}[/bold]"
+    epilog = "\n\n".join((heading, *own["examples"]))
+    return app.command(cls=WithTables, epilog=epilog, rich_help_panel=own["panel"])(called)  # type: ignore[return-value]
 
 
-def _taken(
+def _option(name: str, *, type: str = "text", default: Any = None, **words: Any) -> Parameter:
+    """An option, as a parameter that typer reads."""
+    kind: Any = Literal[tuple(words["words"])] if type == "choice" else TYPES[type]
+    default = False if type == "flag" else default
+    annotation: Any = Annotated[kind, _typed(name, **words)]
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def _typed(
     name: str, *, argument: bool = False, spelled: Sequence[str] = (), table: str = "", words: Sequence[str] = (),
     of_run: Sequence[str] = (), **words_of_typer: Any,
 ) -> Any:  # fmt: skip
@@ -157,8 +154,8 @@ def _taken(
     complete = key_of(table) if table else one_of(*words) if words else from_run(*of_run) if of_run else None
     if argument:
         return typer.Argument(autocompletion=complete, **words_of_typer)
-    typed = spelled or [f"--{name.rstrip('_').replace('_', '-')}"]
-    return typer.Option(*typed, autocompletion=complete, **words_of_typer)
+    names = spelled or [f"--{name.rstrip('_').replace('_', '-')}"]
+    return typer.Option(*names, autocompletion=complete, **words_of_typer)
 
 
 @quiet_when_closed()

@@ -25,18 +25,8 @@ if TYPE_CHECKING:
     from fracid.tasks.progress import Observer
 
 
-@command("out", "seed", "jobs", "json_", seed=0, jobs=1)
-def check(
-    file: Path,
-    column: list[str] | None = None,
-    time: str | None = None,
-    rate: float | None = None,
-    start: str | None = None,
-    stop: float | None = None,
-    variable: str | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def check(file: Path, how: How) -> None:
     """Check a recording: clock, signals, release, fitness for use.
 
     Exit code 0 if it is good or usable, 3 if it is unfit.
@@ -44,16 +34,17 @@ def check(
     with shown("recording") as observer:
         from fracid.recording import inspect_recording
 
-        clock = time_from_text(time, rate)
-        own, notes = ({}, []) if column else _columns_of_model(file, clock, variable)
-        recording = inspect_recording(file, own or columns_from_texts(column), time=clock, stop=stop,
-                                      start=start_from_text(start), variable=variable, guess_units=True)  # fmt: skip
+        clock = time_from_text(how.time, how.rate)
+        own, notes = ({}, []) if how.column else _columns_of_model(file, clock, how.variable)
+        recording = inspect_recording(file, own or columns_from_texts(how.column), time=clock, stop=how.stop,
+                                      start=start_from_text(how.start), variable=how.variable,
+                                      guess_units=True)  # fmt: skip
         figure = None if how.out is None else _figure(recording, how.out, observer)
     head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
     how.answer(record, lambda _: print_check(recording, figure, notes))
     if not recording.report.faults and not how.json_:
-        _say_next(recording, {"column": column, "time": time, "rate": rate, "variable": variable}, own)
+        _say_next(recording, {name: vars(how)[name] for name in ("column", "time", "rate", "variable")}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import typer
 
 from fracid.cli.app import (
-    LONG,
     How,
     command,
     print_claim,
@@ -37,19 +36,8 @@ MOST = 3
 """Held-out recordings with a table each; of more the mean is shown."""
 
 
-@command("executor", "scheduler", *LONG, seed=None)
-def compare(
-    project: Path,
-    leave_one_out: bool = False,
-    amplitude: bool = False,
-    evidence: bool = False,
-    multi_start: int | None = None,
-    keep: list[str] | None = None,
-    rungs: list[str] | None = None,
-    preset: str | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def compare(project: Path, how: How) -> None:
     """Compare friction structures, with orders 1 and with orders free.
 
     Fits friction models of growing complexity, from viscous to drag, cable and presliding, and the project's own
@@ -61,10 +49,7 @@ def compare(
     """
     from fracid.workflows.comparison import run_comparison
 
-    finished = how.done(
-        run_comparison, project, leave_one_out=leave_one_out, amplitude=amplitude, evidence=evidence,
-        starts=multi_start, keep=keep or (), rungs=rungs or (), preset=preset,
-    )  # fmt: skip
+    finished = how.done(run_comparison, project, keep=how.keep or (), rungs=how.rungs or ())
     after = typed("fit", finished.best, trust=how.trust), "the best structure: residuals, intervals, report"
     how.answer(finished.result, partial(_show, finished, [after] * (finished.best is not None)))
     if not any(isfinite(row.cost) for row in finished.comparison.rows):

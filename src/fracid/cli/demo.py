@@ -29,8 +29,8 @@ TRUE_ORDERS = {"lambda": 0.8623, "mu": 0.9146}
 STORY = tomllib.loads(own_text("cli/demo.toml"))["fit"]
 
 
-@command("out", "seed", "jobs", "json_", seed=None)
-def demo(open_: bool | None = None, *, how: How) -> None:
+@command
+def demo(how: How) -> None:
     """Run the paper's experiment on two SIMULATED recordings.
 
     λ = 0.8623, μ = 0.9146, and how well a fit recovers them.  Release from 10°, hanging, 20 s at 1000 Hz, 4096
@@ -66,7 +66,7 @@ def demo(open_: bool | None = None, *, how: How) -> None:
     if how.json_:
         echo_json(results)
     else:
-        open_page(page, open_)
+        open_page(page, how.open_)
         say_next(console, (typed("check", "FILE"), "a recording of your own"))
 
 

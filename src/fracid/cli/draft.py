@@ -8,48 +8,35 @@ from typing import Any
 
 import typer
 
-from fracid.cli.app import command, new_console, say_next, typed
+from fracid.cli.app import How, command, new_console, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, text_of_column, time_from_text
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command()
-def init(
-    files: list[Path],
-    column: list[str] | None = None,
-    time: str | None = None,
-    rate: float | None = None,
-    variable: str | None = None,
-    model: str | None = None,
-    zero: str | None = None,
-    rig: str | None = None,
-    out: Path | None = None,
-    yes: bool = False,
-    force: bool = False,
-) -> None:
+@command
+def init(files: list[Path], how: How) -> None:
     """Write a commented project file for a recording, ready to run.
 
     The names of the columns decide the model; --model chooses another.  Several recordings have the same columns.  For
     a rotary pendulum, fracid asks what each column is and proposes an answer; with --column, --yes or without a
     terminal it takes its proposal.
     """
-    target = out or Path(f"{files[0].stem}.toml")
-    if target.exists() and not force:
+    target = how.out or Path(f"{files[0].stem}.toml")
+    if target.exists() and not how.force:
         raise InputError(f"{target} is there already; give another name, --out FILE, or write over it: --force.")
-    clock = time_from_text(time, rate)
-    columns: dict[str, dict[str, Any]] | None = columns_from_texts(column)
+    clock, rig = time_from_text(how.time, how.rate), how.rig
+    columns: dict[str, dict[str, Any]] | None = columns_from_texts(how.column)
     with shown("project"):
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
-        model = model or chosen_model(files[0], columns, time=clock, variable=variable, rig=rig)
-    if model == "rotary-pendulum" and columns is None and not yes and sys.stdin.isatty():
-        columns, rig = _asked(files[0], clock, variable, rig)
+        model = how.model or chosen_model(files[0], columns, time=clock, variable=how.variable, rig=rig)
+    if model == "rotary-pendulum" and columns is None and not how.yes and sys.stdin.isatty():
+        columns, rig = _asked(files[0], clock, how.variable, rig)
     with shown("project"):
-        draft = write_draft(
-            files[0], target, columns, model=model, zero=zero, more=files[1:], time=clock, variable=variable, rig=rig
-        )
+        draft = write_draft(files[0], target, columns, model=model, zero=how.zero, more=files[1:], time=clock,
+                            variable=how.variable, rig=rig)  # fmt: skip
     for note in draft.notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))

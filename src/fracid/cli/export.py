@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from fracid.cli.app import How, assigned, command, say_next, warn
 from fracid.tasks.display import shown
@@ -16,19 +16,8 @@ if TYPE_CHECKING:
     from fracid.export import Export
 
 
-@command("trust", "out", "json_")
-def export(
-    run: Path,
-    to: list[str] | None = None,
-    steps: int | None = None,
-    precision: Literal["double", "single"] = "double",
-    fmi: Literal["2", "3"] = "2",
-    platforms: list[str] | None = None,
-    actuator: str = "",
-    slow: list[str] | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def export(run: Path, how: How) -> None:
     """Write the identified model and its curves for other programs.
 
     matlab: results.mat, and model.m, which simulates the model in MATLAB and Octave without a toolbox.
@@ -61,9 +50,9 @@ def export(
 
     with shown("files"):
         bundle = export_run(
-            load_run(run, trust=how.trust), how.out or run / "export", to or (), steps=steps, precision=precision,
-            fmi=fmi, platforms=platforms or (), actuator=actuator,
-            slow=assigned("--slow", slow, "b_alpha=1e-6"),
+            load_run(run, trust=how.trust), how.out or run / "export", how.to or (), steps=how.steps,
+            precision=how.precision, fmi=how.fmi, platforms=how.platforms or (), actuator=how.actuator,
+            slow=assigned("--slow", how.slow, "b_alpha=1e-6"),
         )  # fmt: skip
     record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
     how.answer(record, partial(_show, bundle))

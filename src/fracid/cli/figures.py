@@ -9,15 +9,8 @@ from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command("trust", "out", "jobs")
-def draw(
-    source: str,
-    style: str = "journal",
-    formats: list[str] | None = None,
-    zero: str | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def draw(source: str, how: How) -> None:
     """Draw the figures again, sized for journal columns, as PDF.
 
     Fonts are embedded.  A run: the rig, measured and fitted outputs, the residuals and their tests, the cost over the
@@ -28,6 +21,6 @@ def draw(
     with shown("figures"):
         from fracid.workflows.redrawing import redraw  # here: it takes a second to import
 
-        paths = redraw(source, style=style, formats=formats or ("pdf",), zero=zero, **how.of(redraw))
+        paths = redraw(source, **how.taken(redraw, formats=how.formats or ("pdf",)))
     for path in paths:
         typer.echo(printable(f"figure   {path}"))

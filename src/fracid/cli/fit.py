@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import typer
 
 from fracid.cli.app import (
-    LONG,
     How,
     command,
     echo_json,
@@ -49,16 +48,8 @@ SHOWN = 3
 """So many notes are printed, what costs most first."""
 
 
-@command("executor", "scheduler", *LONG, seed=None)
-def fit(
-    project: Path,
-    preset: str | None = None,
-    optimiser: str | None = None,
-    multi_start: int | None = None,
-    cut: bool = False,
-    *,
-    how: How,
-) -> None:
+@command
+def fit(project: Path, how: How) -> None:
     """Estimate the free values of a project; write the run folder.
 
     The folder holds result, log, figures and page.  Ctrl-C keeps the best so far; the same command, or fracid resume,
@@ -69,8 +60,7 @@ def fit(
         with importing():
             from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
-        finished = run(project, **how.of(run, preset=preset, optimiser=optimiser, starts=multi_start, cut=cut,
-                                         observer=observer, draws=draws))  # fmt: skip
+        finished = run(project, **how.taken(run, observer=observer, draws=draws))
     tell_fit(finished, json_=how.json_)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import command, echo_json, new_console, print_table, say_next, typed
+from fracid.cli.app import How, command, echo_json, new_console, print_table, say_next, typed
 from fracid.units import GREEK
 
 if TYPE_CHECKING:
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from fracid.models import Model
 
 
-@command()
-def models(name: str | None = None, json_: bool = False) -> None:
+@command
+def models(name: str | None = None, *, how: How) -> None:
     """List the models of the library, with their inputs and outputs.
 
     Each stands by its name in a project file, fracid init, fracid simulate and fracid.model.
@@ -23,7 +23,7 @@ def models(name: str | None = None, json_: bool = False) -> None:
     from fracid.models import MODELS, model
 
     found = {n: model(n) for n in (MODELS if name is None else [name])}
-    if json_:
+    if how.json_:
         echo_json({n: _record(m) for n, m in found.items()})
         return
     _show(new_console(), found, name)

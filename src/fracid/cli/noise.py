@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import LONG, How, command, numbers, print_found, typed
+from fracid.cli.app import How, command, numbers, print_found, typed
 from fracid.errors import InputError
 from fracid.words import Sentences
 
 SAYS = Sentences("cli/says.toml")
 
 
-@command("executor", "scheduler", *LONG)
-def noise(
-    source: Path,
-    levels: str | None = None,
-    counts: str | None = None,
-    seeds: int = 50,
-    cost: str | None = None,
-    optimiser: str | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def noise(source: Path, how: How) -> None:
     """Refit simulated noisy data many times: bias, spread, coverage.
 
     Takes the fitted values as the true ones.  Each repetition simulates every recording with them (with a quarter of
@@ -30,14 +21,13 @@ def noise(
     figure.  After an interruption the same command resumes.  Exit code 0 when done, 3 if no run of the model reaches
     the end of the recording.
     """
-    sizes = None if levels is None else numbers("--levels", levels, "0.05,0.1,0.2", least=0.0)
-    turns = None if counts is None else numbers("--counts", counts, "4096,20000", least=0.0)
+    sizes = None if how.levels is None else numbers("--levels", how.levels, "0.05,0.1,0.2", least=0.0)
+    turns = None if how.counts is None else numbers("--counts", how.counts, "4096,20000", least=0.0)
     if few := [c for c in turns or () if 0 < c < 3]:
         raise InputError(SAYS("few-counts", counts=few[0]))
     from fracid.workflows.monte_carlo import run_noise_study
 
-    finished = how.done(run_noise_study, source, levels=sizes, resolutions=turns, angles=True, seeds=seeds, cost=cost,
-                        optimiser=optimiser)  # fmt: skip
+    finished = how.done(run_noise_study, source, levels=sizes, resolutions=turns, angles=True)
     verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
     after = typed(verb, source, trust=how.trust), f"{what} of the measured data"
     how.answer(finished.result, lambda at: print_found(at, finished, after, table=finished.table))

@@ -6,18 +6,13 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import command, new_console, open_page, say_next, typed
+from fracid.cli.app import How, command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command()
-def open(
-    file: Path | None = None,
-    variable: str | None = None,
-    open_: bool | None = None,
-    out: Path | None = None,
-) -> None:
+@command
+def open(file: Path | None = None, *, how: How) -> None:
     """Open a recording in one page that previews a fit in the browser.
 
     Columns, units, release and model are guessed and can be corrected; least squares take seconds, the rig moves, and
@@ -27,9 +22,9 @@ def open(
     with shown("page"):
         from fracid.report.open import write_open_page
 
-        path = write_open_page(file, out, variable)
+        path = write_open_page(file, how.out, how.variable)
     typer.echo(printable(f"page     {path}"))
-    if not open_page(path, open_):
+    if not open_page(path, how.open_):
         typer.echo(f"Open {path.resolve().as_uri()} in a browser.")
     if file is not None:
         say_next(new_console(), (typed("init", file), "the project, with what the file itself says"))

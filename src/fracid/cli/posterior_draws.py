@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import LONG, How, command, print_found, typed
+from fracid.cli.app import How, command, print_found, typed
 
 
-@command("executor", "scheduler", *LONG)
-def posterior(run: Path, method: str = "laplace", draws: int = 2000, *, how: How) -> None:
+@command
+def posterior(run: Path, how: How) -> None:
     """Draw the free parameters from their posterior.
 
     Shows what intervals cannot: correlations, bounds, curved valleys, and the evidence of the model.
@@ -19,10 +19,10 @@ def posterior(run: Path, method: str = "laplace", draws: int = 2000, *, how: How
     """
     from fracid.workflows.posterior_draws import run_posterior
 
-    finished = how.done(run_posterior, run, method=method, draws=draws)
+    finished = how.done(run_posterior, run)
     if finished.posterior.trusted:
         after = [(typed("profile", run, trust=how.trust), "check by profile likelihood (no prior)")]
     else:
         again = typed("posterior", run, "--method", "nested", trust=how.trust)
-        after = [(again, "draws from the whole prior; minutes")] * (method == "laplace")
+        after = [(again, "draws from the whole prior; minutes")] * (how.method == "laplace")
     how.answer(finished.result, lambda at: print_found(at, finished, *after, draws=finished.draws))

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import LONG, How, command, print_found, typed
+from fracid.cli.app import How, command, print_found, typed
 from fracid.errors import InputError
 
 
-@command(*LONG)
-def profile(
-    source: Path,
-    parameter: list[str] | None = None,
-    joint: str | None = None,
-    points: int = 12,
-    *,
-    how: How,
-) -> None:
+@command
+def profile(source: Path, how: How) -> None:
     """Profile likelihood: intervals from refits along each parameter.
 
     Fixes one parameter on a grid and refits the others.  Shows the 95 % interval of the profile beside those of the
@@ -25,7 +18,7 @@ def profile(
     """
     from fracid.workflows.profiles import run_profiles
 
-    finished = how.done(run_profiles, source, parameters=parameter, joint=_pair(joint), points=points)
+    finished = how.done(run_profiles, source, joint=_pair(how.joint))
     if source.is_dir():
         what = "the page, with the profiles" if finished.folder == source else "the page of the run"
         after = typed("report", source, "--open", trust=how.trust), what

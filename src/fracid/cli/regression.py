@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import LONG, How, assigned, command, print_table, say_next, typed, warn
+from fracid.cli.app import How, assigned, command, print_table, say_next, typed, warn
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
@@ -22,26 +22,8 @@ if TYPE_CHECKING:
     from fracid.workflows.regression import FinishedRegression
 
 
-@command(*LONG, seed=0, jobs=1)
-def regress(
-    source: Path,
-    known: list[str] | None = None,
-    order: list[str] | None = None,
-    term: list[str] | None = None,
-    estimator: Literal["iv", "tls", "huber", "tukey", "ols"] = "iv",
-    cutoff: float | None = None,
-    each: bool = False,
-    start: str | None = None,
-    stop: float | None = None,
-    column: list[str] | None = None,
-    time: str | None = None,
-    rate: float | None = None,
-    variable: str | None = None,
-    rig: str | None = None,
-    zero: str | None = None,
-    *,
-    how: How,
-) -> None:
+@command
+def regress(source: Path, how: How) -> None:
     """Estimate a model's constants by robust linear regression.
 
     The equations are linear in most constants for given orders; the rotary pendulum's orders are searched.  What is
@@ -49,17 +31,17 @@ def regress(
     have use = "fit" together.  Writes regression.json if --out is given.  Exit code 0 if a constant is identified, 3
     if none is.
     """
-    options = {"column": column, "time": time, "rate": rate, "variable": variable, "rig": rig, "zero": zero}
-    if source.suffix == ".toml" and (options_used := [n for n, v in options.items() if v is not None]):
+    of_recording = ("column", "time", "rate", "variable", "rig", "zero")
+    if source.suffix == ".toml" and (options_used := [n for n in of_recording if vars(how)[n] is not None]):
         raise InputError(f"--{options_used[0]} is for a recording; the project file says it of each of its own.")
     with shown("regression"):
         from fracid.workflows.regression import run_regression  # here: it takes a second to import
 
         finished = run_regression(
-            source, known=assigned("--known", known, "C4=0.1944"), orders=assigned("--order", order, "mu=1.0"),
-            terms=term or (), estimator=estimator, cutoff=cutoff, each=each, start=start_from_text(start),
-            stop=stop, columns=columns_from_texts(column), time=time_from_text(time, rate), variable=variable,
-            rig=rig, zero=zero, **how.of(run_regression),
+            source, columns=columns_from_texts(how.column), time=time_from_text(how.time, how.rate),
+            variable=how.variable, rig=how.rig, zero=how.zero,
+            **how.taken(run_regression, known=assigned("--known", how.known, "C4=0.1944"), terms=how.terms or (),
+                        orders=assigned("--order", how.order, "mu=1.0"), start=start_from_text(how.start)),
         )  # fmt: skip
     if source.suffix == ".toml":
         after = typed("fit", source, trust=how.trust), "by simulation, from this start"

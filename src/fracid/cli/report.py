@@ -6,13 +6,13 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import CORES, command, new_console, open_page, say_next, typed
+from fracid.cli.app import How, command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
 
-@command()
-def report(run: Path, out: Path | None = None, open_: bool = False, trust: bool = False, jobs: int = CORES) -> None:
+@command
+def report(run: Path, how: How) -> None:
     """Write a fit, or a study, as one HTML page that opens offline.
 
     Verdict, data, equations, values, curves, residuals, and the rig in motion.  The page is one file and loads nothing
@@ -22,10 +22,10 @@ def report(run: Path, out: Path | None = None, open_: bool = False, trust: bool 
     with shown("page"):
         from fracid.report import INDEX, write_report  # here: it takes a second to import
 
-        path = write_report(run, jobs=jobs, out=out, trust=trust)
+        path = write_report(run, **how.taken(write_report))
     typer.echo(printable(f"report   {path}"))
-    if open_ and not open_page(path, True):
+    if how.open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
-    elif not open_:
+    elif not how.open_:
         export = () if path.name == INDEX else ((typed("export", run), "for MATLAB, C and control design"),)
         say_next(new_console(), (typed("report", run, "--open"), "in the browser"), *export)

@@ -23,8 +23,8 @@ SHOWN = 12
 """Differences in the table."""
 
 
-@command("trust", "out", "jobs", "json_")
-def reproduce(run: Path, *, how: How) -> None:
+@command
+def reproduce(run: Path, how: How) -> None:
     """Do a run again, and compare the results value by value.
 
     Repeats it with its own project, recordings, seed and options.  The same versions on the same machine give the same

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from fracid.workflows.residuals import FinishedResiduals
 
 
-@command("trust", "out", "json_")
-def resid(run: Path, recording: list[str] | None = None, output: list[str] | None = None, *, how: How) -> None:
+@command
+def resid(run: Path, how: How) -> None:
     """Test the residuals of a fit: white noise, or structure missing?
 
     Simulates each recording with the fitted values, validation recordings too.  Tests whether the residual is white
@@ -29,7 +29,7 @@ def resid(run: Path, recording: list[str] | None = None, output: list[str] | Non
     """
     from fracid.workflows.residuals import run_residuals
 
-    finished = how.done(run_residuals, run, recordings=recording, outputs=output)
+    finished = how.done(run_residuals, run)
     how.answer(finished.result, partial(_show, finished))
     if not any(isfinite(a.level.rms) for a in finished.all):
         names = " or ".join(finished.analyses)

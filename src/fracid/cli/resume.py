@@ -16,8 +16,8 @@ from fracid.cli.fit import tell_fit, watched
 from fracid.safety.text import printable
 
 
-@command("executor", "scheduler", "trust", "jobs", "json_")
-def resume(run: Path, *, how: How) -> None:
+@command
+def resume(run: Path, how: How) -> None:
     """Resume an interrupted run, without repeating finished work.
 
     The result is the same as that of an uninterrupted run.  Resumes fit, noise and compare after Ctrl-C, a kill, a
@@ -31,7 +31,7 @@ def resume(run: Path, *, how: How) -> None:
         return
     if not state.finished:
         with watched("", how.json_) as observer:
-            finished = resume_run(run, **how.of(resume_run, observer=observer))
+            finished = resume_run(run, **how.taken(resume_run, observer=observer))
         tell_fit(finished, json_=how.json_)
         return
     said = printable(f"{run} is finished; its result is {run / 'result.json'}.")

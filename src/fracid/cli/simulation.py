@@ -8,7 +8,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import LONG, How, assigned, command, each_once, print_table, say_next, typed
+from fracid.cli.app import How, assigned, command, each_once, print_table, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
 
@@ -19,48 +19,22 @@ if TYPE_CHECKING:
     from fracid.workflows.simulation import SimulatedRecording
 
 
-@command(*LONG, jobs=1)
-def simulate(
-    source: str | None = None,
-    model: str | None = None,
-    order: list[str] | None = None,
-    set_: list[str] | None = None,
-    initial: list[str] | None = None,
-    end: str | None = None,
-    step: str | None = None,
-    substeps: int | None = None,
-    hold: str | None = None,
-    method: str | None = None,
-    input_: str | None = None,
-    noise: list[str] | None = None,
-    counts: int = 0,
-    friction: bool = False,
-    zero: str | None = None,
-    recording: str | None = None,
-    states: bool = False,
-    to: Path | None = None,
-    truth: Path | None = None,
-    force: bool = False,
-    *,
-    how: How,
-) -> None:
+@command
+def simulate(source: str | None = None, *, how: How) -> None:
     """Simulate a rig, a project or a run as its encoders record it.
 
     A run is simulated with its fitted values, a project with its starting values; the options change single values.
     Writes the recording, a figure, and a JSON file with the true values; fracid check, init and fit read the
     recording.  Exit code 0 if the simulation reaches its end, 3 if not.
     """
-    source = source or model
-    if source is None or (model is not None and source != model):
+    source = source or how.model
+    if source is None or how.model not in (None, source):
         raise InputError("Name what to simulate, a rig, project, run or model: fracid simulate --model cart-pole.")
     from fracid.workflows.simulation import simulate_twin, twin_of
 
-    twin = twin_of(source, recording=recording, zero=zero, friction=friction, trust=how.trust,
-                   released=input_ is None and not initial)  # fmt: skip
-    twin = _changed(twin, order, set_, initial, end=end, step=step, hold=hold, method=method, substeps=substeps)
-    twin = twin if input_ is None else _driven(twin, input_, end)
-    simulated = how.done(simulate_twin, twin, source, noise=_noise(noise, twin), counts=counts, states=states, to=to,
-                         force=force, truth=truth)  # fmt: skip
+    twin = _changed(twin_of(source, **how.taken(twin_of, released=how.input_ is None and not how.initial)), how)
+    twin = twin if how.input_ is None else _driven(twin, how.input_, how.end)
+    simulated = how.done(simulate_twin, twin, source, noise=_noise(how.noise, twin))
     record = {**simulated.result, "files": [str(path) for path in simulated.files]}
     how.answer(record, partial(_show, source, simulated))
 
@@ -105,16 +79,14 @@ def quantity(text: str, option: str, *, of: str = "", bare: bool = True) -> floa
     return float(match[1]) * sizes.get(match[2], 1.0)
 
 
-def _changed(
-    twin: Twin, order: list[str] | None, parameter: list[str] | None, initial: list[str] | None, **more: Any
-) -> Twin:
+def _changed(twin: Twin, how: How) -> Twin:
     """With what the options name."""
 
     def state(text: str, option: str) -> float:
         angle = option.split()[1].partition("=")[0] in _angles(twin)
         return quantity(text, option, of="rad" * angle, bare=not angle)
 
-    fields: dict[str, Any] = {}
+    fields, more = dict[str, Any](), vars(how)
     for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
         if more[name] is not None:
             fields[name] = quantity(more[name], example, of="s")
@@ -124,9 +96,9 @@ def _changed(
         fields["end"] = twin.end + fields["hold"] - twin.hold
     fields |= {name: more[name] for name in ("method", "substeps") if more[name] is not None}
     return twin.changed(
-        orders=assigned("--order", order, "mu=0.91", quantity),
-        parameters=assigned("--set", parameter, "b_alpha=2e-4", quantity),
-        initial=assigned("--initial", initial, "alpha=10deg", state), **fields,
+        orders=assigned("--order", how.order, "mu=0.91", quantity),
+        parameters=assigned("--set", how.set_, "b_alpha=2e-4", quantity),
+        initial=assigned("--initial", how.initial, "alpha=10deg", state), **fields,
     )  # fmt: skip
 
 
