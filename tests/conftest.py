@@ -4,6 +4,7 @@ Property tests repeat themselves, unless asked to explore (make fuzz).
 """
 
 import ctypes
+import gc
 import os
 import shutil
 import signal
@@ -23,6 +24,8 @@ settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # Constants of what has been imported by then would not be the same from session to session, and take seconds to read.
 providers._get_local_constants = lambda: providers._local_constants
+# By default the collector looks through a million objects that stay, again and again: 9 s of the suite.
+gc.set_threshold(200_000, 10, 100)
 
 UNHURRIED = ("broad", "slow")
 """Markers of what `make test` leaves out."""
@@ -33,7 +36,7 @@ LONG_DOCTESTS = (
     "monte_carlo.noise_study", "estimation.fit_figures", "amplitude.amplitude_test", "reduction.multi_term",
     "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states", "c.c_model", "Twin.of_library",
     "inference.posterior", "long_records.coarse_problem", "long_records.thinned", "feedback.study.control",
-    "finite_memory.finite_memories", "long_records.to_compare", "outputs.output_along",
+    "finite_memory.finite_memories", "long_records.to_compare", "outputs.output_along", "block_bootstrap.bootstrap",
 )  # fmt: skip
 """Those above 0.4 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0
@@ -45,6 +48,11 @@ def pytest_configure():
     """Ctrl-C means what it means, here and in each process that is started, also if the shell had it ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish():
+    """What is there before the first test stays: the collector need not look at it any more."""
+    gc.freeze()
 
 
 def _minutes(item):

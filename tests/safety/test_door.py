@@ -28,6 +28,9 @@ OPENING = {
 BUILTIN = {"open", "exec", "eval", "compile", "__import__", "__builtins__"}
 """The same of what is there without an import; any other name has an import, which is looked at."""
 
+LASTS = {name.split(".")[-1] for name in OPENING} | BUILTIN
+"""Looked at first: to write every attribute out takes seconds."""
+
 ALLOWED = {
     "cli/app.py": {"webbrowser.open": "an address, for the browser"},
     "export/fmu.py": {"zipfile.ZipFile": "into memory"},
@@ -61,7 +64,7 @@ def opens(node):
     match node:
         case ast.Name(id=name) if name in BUILTIN:
             return {name}
-        case ast.Attribute(attr=last) if {last, ast.unparse(node)} & OPENING or last in BUILTIN:
+        case ast.Attribute(attr=last) if last in LASTS and ({last, ast.unparse(node)} & OPENING or last in BUILTIN):
             return {ast.unparse(node)} - {"re.compile", "dispatcher.compile"}  # of a pattern; Numba's, of a function
         case ast.Import(names=names) | ast.ImportFrom(names=names) if "fracid" not in ast.unparse(node):
             whole = {f"{getattr(node, 'module', '')}.{alias.name}".lstrip(".") for alias in names}
