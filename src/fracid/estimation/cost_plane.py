@@ -248,7 +248,8 @@ def cost_plane(
         raise InputError("The plane of the orders needs two free orders.")
     far = tuple(np.broadcast_to(reach, 2).tolist())
     ranges = [problem.unknowns[i].range for i in at]
-    axes = [_axis(r.lower, r.upper, x[i], d, points) for r, i, d in zip(ranges, at, far, strict=True)]
+    axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, GATHERED)
+            for r, i, d in zip(ranges, at, far, strict=True)]  # fmt: skip
     grid = [(a, b) for a in axes[0] for b in axes[1]]
     near = nearby(problem, x)
 
@@ -264,9 +265,14 @@ def cost_plane(
     return CostPlane((first, second), axes[0], axes[1], costs)
 
 
-def _axis(lower: float, upper: float, centre: float, reach: float, points: int) -> FloatArray:
-    """Points that hold the centre itself, closer together near it, within the bounds."""
-    low, high = max(lower, centre - reach), min(upper, centre + reach)
+def axis_about(centre: float, low: float, high: float, points: int, gathered: float = 1.0) -> FloatArray:
+    """Values from low to high, one of them the centre; even on each side of it, or gathered towards it by a power.
+
+    Examples
+    --------
+    >>> axis_about(1.0, 0.0, 3.0, 4), axis_about(1.0, 1.0, 3.0, 3, gathered=2.0)
+    (array([0., 1., 2., 3.]), array([1. , 1.5, 3. ]))
+    """
     below = round((points - 1) * (centre - low) / (high - low))
     left, right = np.linspace(1, 0, below + 1)[:-1], np.linspace(0, 1, points - below)
-    return np.concatenate([centre + (low - centre) * left**GATHERED, centre + (high - centre) * right**GATHERED])
+    return np.concatenate([centre + (low - centre) * left**gathered, centre + (high - centre) * right**gathered])

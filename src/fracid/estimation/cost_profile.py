@@ -44,8 +44,6 @@ References
 from __future__ import annotations
 
 import math
-import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
@@ -56,6 +54,7 @@ from pydantic import AfterValidator, Field
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, at_least, brief, unknown_name
+from fracid.estimation.cost_plane import axis_about
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Style, draw
@@ -80,7 +79,7 @@ from fracid.safety.schema import (
 )
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
-from fracid.tasks.job import Progress, in_threads
+from fracid.tasks.job import Counter, Progress, in_threads
 from fracid.units import GREEK, with_unit
 
 if TYPE_CHECKING:
@@ -293,7 +292,7 @@ def profile(
     at_least("points", points, 4)
     at_least("jobs", jobs, 1)
     x, notes = problem.start if x is None else vector("x", x), list[str]()
-    count = _Count(progress, 0 if joint is None else min(points, GRID) ** 2)
+    count = Counter(progress, 0 if joint is None else min(points, GRID) ** 2, about=True)
     for _ in range(3):
         surface = _minimum(problem, x, at, jobs)
         walks, (x, lower) = _walks(surface, at, points, jobs, count)
@@ -322,27 +321,8 @@ def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> S
     return Surface(problem, there, jobs) if good else surface
 
 
-class _Count:
-    """The points that are done, of about how many: how far a walk goes shows on the way."""
-
-    def __init__(self, progress: Callable[[Progress], None] | None, grid: int) -> None:
-        self._progress, self._done, self._total = progress, 0, grid
-        self._began, self._lock = time.perf_counter(), threading.Lock()
-
-    def expect(self, more: int) -> None:
-        with self._lock:
-            self._total += more
-
-    def __call__(self) -> None:
-        with self._lock:
-            self._done += 1
-            total = max(self._total, self._done)
-            if self._progress is not None:
-                self._progress(Progress(self._done, total, 0, time.perf_counter() - self._began, about=True))
-
-
 def _walks(
-    surface: Surface, at: Sequence[int], points: int, jobs: int, count: _Count
+    surface: Surface, at: Sequence[int], points: int, jobs: int, count: Counter
 ) -> tuple[list[Branch], tuple[FloatArray, float]]:
     """Both sides of each unknown, and of all their points the lowest, with its rise."""
     tasks = [(i, side) for i in at for side in (-1, 1)]
@@ -426,7 +406,7 @@ REACH = 3.2
 
 
 def _joint(
-    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int, count: _Count
+    surface: Surface, pair: tuple[int, int], profiles: dict[str, Profile], points: int, jobs: int, count: Counter
 ) -> JointProfile:
     """W over a grid; each point starts from where the parabola would have it."""
     if not surface.calibrated:
@@ -464,9 +444,4 @@ def _axis(surface: Surface, i: int, curve: Profile | None, points: int) -> Float
     reach = REACH * se if math.isfinite(se) else 0.25 * (high - low if math.isfinite(high - low) else abs(best) + 1)
     ends = (None, None) if curve is None else curve.interval95
     below, above = (reach if end is None else max(0.3 * reach, REACH / NORMAL_95 * abs(end - best)) for end in ends)
-    low, high = max(low, best - below), min(high, best + above)
-    count = min(points - 1, max(0, round((points - 1) * (best - low) / (high - low))))
-    lower_values = np.linspace(low, best, count + 1)[:-1] if best > low else np.empty(0)
-    if not high > best:
-        return np.append(lower_values, best)
-    return np.concatenate([lower_values, np.linspace(best, high, points - len(lower_values))])
+    return axis_about(best, max(low, best - below), min(high, best + above), points)

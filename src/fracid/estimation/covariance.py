@@ -280,8 +280,7 @@ def _spread_out(
 ) -> Uncertainty:
     """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
     free, space = estimator.free, problem.space
-    size = np.maximum(np.abs(x), 1e-2 * np.minimum(space.upper - space.lower, 1.0))
-    directions = _sparse(estimator.directions / size[free])
+    directions = _sparse(estimator.directions / space.sizes(x)[free])
     at = np.flatnonzero(~np.any(directions != 0, axis=0))
     seen, n = free[at], len(x)
     error, white, wider, limits = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.full((n, 2), np.nan)

@@ -102,8 +102,7 @@ def _differences(
 
 def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
     """Of the differences, shape (n_unknowns,)."""
-    width = problem.space.upper - problem.space.lower
-    return np.asarray(DIFFERENCE * np.maximum(np.abs(x), 1e-2 * np.minimum(width, 1.0)))
+    return DIFFERENCE * problem.space.sizes(x)
 
 
 def rows_and_scores(

@@ -145,18 +145,10 @@ def _climbing(
         ends = climbed(problem, watch)
     except KeyboardInterrupt:
         return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
+    begun = problem.named(problem.start)
     starts = [
-        Start(
-            origin,
-            problem.named(problem.start),
-            np.inf,
-            problem.named(end.best.point),
-            end.best.cost,
-            end.outcome.value,
-            None,
-            end.evaluations,
-        )
-        for origin, end in ends
+        Start(origin, begun, np.inf, problem.named(r.best.point), r.best.cost, r.outcome.value, None, r.evaluations)
+        for origin, r in ends
     ]
     lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)
     return replace(lowest, evaluations=result.evaluations + watch.count - before), (*made, *starts)

@@ -191,7 +191,7 @@ def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
                          "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
     integer = {n: float(v) for n, v in integers.items() if n in off and isinstance(v, float | int)}
     told = [n for n in off if n in of] or off
-    return {n: subject.with_orders({m: v for m, v in integer.items() if m != n}) for n in told}
+    return {n: subject.at({m: v for m, v in integer.items() if m != n}) for n in told}
 
 
 def rivals_of(subject: Subject, experiments: Sequence[Candidate]) -> dict[str, _Rival]:
@@ -233,9 +233,7 @@ def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapp
         counts = [times[c] for c in times][: len(rival.problem.experiments)]
         own = Rival(rival.problem, rival.best, "every order 1", {})
         without = _square(subject, own, counts)
-        elements = [e for change in ELEMENTS for e in change(rival.problem)
-                    if e.slow and e.possible and e.whole is None]  # fmt: skip
-        for element in elements:
+        for element in _elements(rival.problem, slow=True):
             there = fitted_with(element, own, 0.0, watch=Watch(subject.jobs))
             left = without if there is None else min(without, _square(subject, there, counts))
             squares[element.name] = squares.get(element.name, 0.0) + left - without
@@ -372,20 +370,19 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     joint = starting_at(joint, joint.named(best.point))
     elements = {e.name: e.problem for e in _elements(joint)}
     extra = {name: tuple(n for n in p.names if n not in joint.names) for name, p in elements.items()}
-    unknowns = {u.name: u.range for p in (joint, *elements.values()) for u in p.unknowns}
     width = joint.space.upper - joint.space.lower
     inside = np.minimum(best.point - joint.space.lower, joint.space.upper - best.point) > AT_BOUND * width
     values = {u.name: float(v) for u, v, free in zip(joint.unknowns, best.point, inside, strict=True)
               if u.experiment is None and free}  # fmt: skip
-    sizes = {n: max(abs(of.start), 1e-2 * min(of.upper - of.lower, 1.0)) for n, of in unknowns.items()}
+    sizes = {n: size for p in (joint, *elements.values()) for n, size in p.named(p.space.sizes(p.start)).items()}
     return _Rival(joint, best, values, sizes, extra)
 
 
-def _elements(problem: Problem) -> Iterator[Element]:
-    """What costs no further state, one at a time."""
+def _elements(problem: Problem, *, slow: bool = False) -> Iterator[Element]:
+    """What costs no further state, one at a time; or what does."""
     for change in ELEMENTS:
         for element in change(problem):
-            if element.possible and not element.slow and element.whole is None and element.names:
+            if element.possible and element.slow == slow and element.whole is None and (slow or element.names):
                 yield element
 
 

@@ -6,7 +6,6 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
 from fracid.safety.json_files import json_number
-from fracid.tasks.job import Progress, in_threads
+from fracid.tasks.job import Counter, Progress, in_threads
 from fracid.tasks.progress import Observer
 
 SAYS = Words("experiments/choice.toml")
@@ -225,15 +224,12 @@ def informations(
 
     groups = by_motion(candidates)
     tables: list[Information | str] = [""] * len(candidates)
-    begun, done = perf_counter(), 0
+    count = Counter(progress, len(candidates))
 
     def of_group(group: list[int]) -> None:
-        nonlocal done
         for i, table in zip(group, _of_motion(subject, [candidates[i] for i in group]), strict=True):
             tables[i] = table
-        done += len(group)
-        if progress is not None:
-            progress(Progress(done, len(candidates), 0, perf_counter() - begun))
+        count(len(group))
 
     in_threads(subject.jobs, of_group, groups)
     return tables
@@ -296,8 +292,8 @@ def _robust(
                                               for p, b in zip(parts, base, strict=True)))  # fmt: skip
     best = [*np.argsort(alone)[: SHORTLIST // 2], *np.argsort(beside)[: SHORTLIST // 2], *chosen]
     short = sorted({int(i) for i in best})
-    tables = [[*informations(subject.at(v), [candidates[i] for i in short])]
-              for v in _drawn(subject, draws, seed)]  # fmt: skip
+    drawn = (subject.at(dict(zip(subject.names, v.tolist(), strict=True))) for v in _drawn(subject, draws, seed))
+    tables = [informations(there, [candidates[i] for i in short]) for there in drawn]
     usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
     if not usable:
         return chosen

@@ -90,9 +90,8 @@ class Subject:
     @cached_property
     def scale(self) -> FloatArray:
         """Typical size of each value, shape (n_names,)."""
-        ranges = [u.range for u in self.problem.unknowns if u.experiment is None]
-        return np.array([max(abs(v), 1e-2 * min(r.upper - r.lower, 1.0))
-                         for v, r in zip(self.values.tolist(), ranges, strict=True)])  # fmt: skip
+        shared = np.array([u.experiment is None for u in self.problem.unknowns])
+        return np.asarray(self.problem.space.sizes(self.problem.start)[shared])
 
     @cached_property
     def worth(self) -> float:
@@ -120,19 +119,10 @@ class Subject:
                 raise InputError(f"{what}; the design can narrow {', '.join(self.names)}.")
         return tuple(self.names.index(n) for n in names)
 
-    def at(self, values: FloatArray) -> Subject:
-        """The same rig with other values of what is free."""
-        start = dict(zip(self.names, values.tolist(), strict=True))
-        return replace(self, problem=_starting_at(self.problem, start), values=values)
-
-    def with_orders(self, values: Mapping[str, float]) -> Subject:
-        """The same rig with other values of some orders, within bounds that hold them."""
-        p = self.problem
-        orders = {n: v if n not in values else values[n] if not isinstance(v, Free) else
-                  replace(v, start=values[n], lower=min(v.lower, values[n]), upper=max(v.upper, values[n]))
-                  for n, v in p.orders.items()}  # fmt: skip
+    def at(self, values: Mapping[str, float]) -> Subject:
+        """The same rig with other values of some of what is free and of orders, within bounds that hold them."""
         at = np.array([values.get(n, v) for n, v in zip(self.names, self.values.tolist(), strict=True)])
-        return replace(self, problem=replace(p, orders=orders), values=at)
+        return replace(self, problem=_starting_at(self.problem, values), values=at)
 
     def noise_of(self, output: str) -> Noise:
         """The noise of an output; that of a sensor that is added is the largest of the others."""
@@ -370,12 +360,12 @@ def _around(value: float, name: str, model: Model) -> Free:
 
 
 def _starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
-    """The same problem with its free values starting at others; bounds that exclude one are moved."""
+    """The same problem with other values, of free ones to start at; bounds that exclude one are moved."""
 
     def moved(name: str, value: Value) -> Value:
-        if not isinstance(value, Free) or name not in values:
-            return value
-        v = values[name]
+        v = values.get(name)
+        if v is None or not isinstance(value, Free):
+            return value if v is None else v
         return replace(value, start=v, lower=min(value.lower, v), upper=max(value.upper, v), prior=None)
 
     return replace(

@@ -101,6 +101,10 @@ class Space:
             if low == high:
                 raise InputError(f"{name}: both bounds are {low:g}; to fix it give the number alone, {name} = {low:g}.")
 
+    def sizes(self, x: FloatArray) -> FloatArray:
+        """How large each unknown typically is next to x: as its value, or a hundredth of its range, of 1 at most."""
+        return np.maximum(np.abs(x), 1e-2 * np.minimum(self.upper - self.lower, 1.0))
+
     def from_unit(self, points: FloatArray) -> FloatArray:
         """Map points of the unit cube, shape (…, n), onto the bounds.
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import threading
 import time
 import traceback
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -161,6 +162,35 @@ def perform_elsewhere(own: dict[int, Any], job: Job) -> Ended:
 
 unpacked: Callable[[bytes], Job] = pickle.loads
 """The job that was packed."""
+
+
+class Counter:
+    """Tells how many are done, as they end on any thread.
+
+    Examples
+    --------
+    >>> count = Counter(lambda p: print(p.done, "of", p.total), 2)
+    >>> count(2)
+    2 of 2
+    """
+
+    def __init__(self, progress: Callable[[Progress], None] | None, total: int, *, about: bool = False) -> None:
+        """Of about or exactly so many."""
+        self._progress, self._done, self._total, self._about = progress, 0, total, about
+        self._began, self._lock = time.perf_counter(), threading.Lock()
+
+    def expect(self, more: int) -> None:
+        """So many more than was thought, or fewer."""
+        with self._lock:
+            self._total += more
+
+    def __call__(self, more: int = 1) -> None:
+        """So many more are done."""
+        with self._lock:
+            self._done += more
+            if self._progress is not None:
+                total, seconds = max(self._total, self._done), time.perf_counter() - self._began
+                self._progress(Progress(self._done, total, 0, seconds, about=self._about))
 
 
 def in_threads(jobs: int, work: Callable[[_In], _Out], items: Iterable[_In]) -> list[_Out]:

@@ -284,9 +284,7 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
     if isinstance(parabola, Failure):
         return
     step, cost = newton_step(problem, x, parabola)
-    size = [max(abs(v), 1e-2 * min(u.range.upper - u.range.lower, 1.0))
-            for u, v in zip(problem.unknowns, x.tolist(), strict=True)]  # fmt: skip
-    least, half = NEXT_TO_NOTHING * np.array(size), NORMAL_95 * uncertainty.standard_error
+    least, half = NEXT_TO_NOTHING * problem.space.sizes(x), NORMAL_95 * uncertainty.standard_error
     intervals = np.abs(step) / np.where(np.isfinite(half), np.maximum(half, least), math.inf)
     here = problem.cost(x)
     lower, beyond = 100 * (1 - cost / here) if here > 0 else 0.0, bool(np.any(intervals > SHORT))
