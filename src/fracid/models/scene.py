@@ -33,7 +33,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.models.written.formulas import Formula, FormulaError, formula
+from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Assign, Entry, Expression, Number, Program, parts
 
 SHAPES = ("box", "rod", "disc", "spring", "vessel")
@@ -130,10 +130,7 @@ def scene_of(
         if row.get("shape") not in SHAPES:
             raise InputError(f"{where}: shape = {row.get('shape')!r}; expected one of {', '.join(SHAPES)}.")
         texts = [text for end in ("from", "to") for text in _point(where, end, row.get(end))]
-        try:
-            ends = [formula(text, names) for text in texts]
-        except FormulaError as error:
-            raise error.at(where) from None
+        ends = [formula(text, names, where) for text in texts]
         width = row.get("width", THIN)
         if isinstance(width, bool) or not isinstance(width, int | float) or not 0 < width < np.inf:
             raise InputError(f"{where}: width = {width!r}; expected a number above 0.")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from typing import Any
@@ -107,13 +107,13 @@ class _Written:
         targets: list[Name | Entry] = [*map(Name, self.definitions), *(Entry("out", Number(i)) for i in places)]
         body: list[Assign] = []
         for target, (where, text) in zip(targets, texts.items(), strict=True):
-            body.append(Assign(target, _placed(where, formula, text, names, units.columns)))
+            body.append(Assign(target, formula(text, names, where, units.columns)))
             if isinstance(target, Name):
                 names[target.name] = target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (where, text) in zip(body, texts.items(), strict=True):
-            _placed(where, units.check, s, text)
+            units.check(s, text, where)
         return Model(
             name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
             states=states, orders=tuple(order_of(n, e.order) for n, e in there.items()),
@@ -204,23 +204,16 @@ def order_of(name: str, order: float | str) -> float | str | Complement:
     return order
 
 
-def _placed(where: str, read: Callable[..., Any], *arguments: Any) -> Any:
-    """What is wrong with an equation is said with its place in the file."""
-    try:
-        return read(*arguments)
-    except FormulaError as error:
-        raise error.at(where) from None
-
-
 def _output(
     name: str, e: Equation, names: Mapping[str, Expression], units: _Units, body: Sequence[Assign]
 ) -> int | Formula:
     """A state's index, or a function."""
-    value = _placed(f"[model.outputs] {name}", formula, e.equals, names, units.columns)
+    where = f"[model.outputs] {name}"
+    value = formula(e.equals, names, where, units.columns)
     match value:
         case Entry("x", Number(i)):
             return int(i)
-    _placed(f"[model.outputs] {name}", units.check, Assign(Name(name), value), e.equals, dimension(e.unit))
+    units.check(Assign(Name(name), value), e.equals, where, dimension(e.unit))
     definitions = [s for s in body if isinstance(s.target, Name)]
     return Formula(Function(name, ("t", "x", "u", "p"), (*definitions, Return(value))))
 
@@ -268,7 +261,7 @@ class _Units:
     def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
         self.columns: dict[int, int] = {}
         self.known: dict[Expression, Dimension | None] = {names[n]: dimension(unit) for n, unit in units.items()}
-        self.names, self.text = names, ""
+        self.names, self.text, self.where = names, "", ""
 
     def given(self, name: str, unit: str) -> None:
         """Of a state, by its output."""
@@ -284,9 +277,9 @@ class _Units:
                 elif (unit := self.known.get(rate)) and not self.known.get(state):
                     self.known[state] = _times(unit, SECOND)
 
-    def check(self, s: Assign, text: str, expected: Dimension | None = None) -> None:
+    def check(self, s: Assign, text: str, where: str, expected: Dimension | None = None) -> None:
         """One equation: its parts among each other, and with what it is to be."""
-        self.text = text
+        self.text, self.where = text, where
         unit = self.of(s.value)
         if isinstance(s.target, Name):
             self.known[s.target] = unit
@@ -294,7 +287,7 @@ class _Units:
             state = self.known.get(Entry("x", s.target.index))
             expected = _times(state, SECOND, -1) if state else None
         if unit and expected and unit != expected:
-            raise FormulaError(text, 0, f"This is in {_shown(unit)}; expected {_shown(expected)}.")
+            raise FormulaError(text, 0, f"This is in {_shown(unit)}; expected {_shown(expected)}.", where)
 
     def of(self, e: Expression) -> Dimension | None:
         """Its unit; None where that is not known."""
@@ -338,7 +331,7 @@ class _Units:
         return units[0] if units else None
 
     def _wrong(self, e: Expression, why: str) -> None:
-        raise FormulaError(self.text, self.columns.get(id(e), 0), why)
+        raise FormulaError(self.text, self.columns.get(id(e), 0), why, self.where)
 
 
 # --- a model as equations ------------------------------------------------------------------------------

@@ -55,11 +55,6 @@ class FormulaError(InputError):
         start = max(0, min(column - SHOWN // 2, len(text) - SHOWN))
         piece = "".join(c if c.isprintable() else "?" for c in text[start : start + SHOWN])
         super().__init__(printable(f"{where}\n    {piece}\n    {' ' * (column - start)}^ {why}"))
-        self.parts = text, column, why
-
-    def at(self, where: str) -> FormulaError:
-        """The same with its place in a file."""
-        return FormulaError(*self.parts, where)
 
 
 @dataclass
@@ -69,7 +64,9 @@ class _Token:
     column: int
 
 
-def formula(text: str, names: Mapping[str, Expression], columns: dict[int, int] | None = None) -> Expression:
+def formula(
+    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None
+) -> Expression:
     """Read an expression.
 
     Parameters
@@ -77,6 +74,8 @@ def formula(text: str, names: Mapping[str, Expression], columns: dict[int, int] 
     text : str
     names : mapping
         What each name stands for.
+    where : str
+        Its place in a file, for messages.
     columns : dict, optional
         Takes id(operation) → the column of its sign, for messages.
 
@@ -93,20 +92,20 @@ def formula(text: str, names: Mapping[str, Expression], columns: dict[int, int] 
     Traceback (most recent call last):
     fracid.models.written.formulas.FormulaError: ...tahn(v)... ^ `tahn` is no function; did you mean `tanh`?
     """
-    return _Parser(text, names, {} if columns is None else columns).whole()
+    return _Parser(text, names, where, {} if columns is None else columns).whole()
 
 
 class _Parser:
     """Precedence climbing over the tokens."""
 
-    def __init__(self, text: str, names: Mapping[str, Expression], columns: dict[int, int]) -> None:
-        self.text, self.names, self.columns, self.depth, self.at = text, names, columns, 0, 0
+    def __init__(self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int]) -> None:
+        self.text, self.names, self.where, self.columns, self.depth, self.at = text, names, where, columns, 0, 0
         if len(text) > LONGEST:
             raise self.wrong(0, SAYS("too-long", count=len(text), most=LONGEST))
         self.tokens = self._tokens()
 
     def wrong(self, column: int, why: str) -> FormulaError:
-        return FormulaError(self.text, column, why)
+        return FormulaError(self.text, column, why, self.where)
 
     def _tokens(self) -> list[_Token]:
         found, place, end = [], 0, len(self.text.rstrip())
