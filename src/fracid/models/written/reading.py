@@ -127,23 +127,13 @@ def read(
     Traceback (most recent call last):
     fracid.models.written.reading.Untranslatable: ... is no function with a name; write it with def.
     """
-    rhs, n = function_of(rhs), len(states)
-    unit = _Unit(parameters)
-    scope = _Scope(unit, rhs, {"x", "u", "p", "f", "t", "out"}, [], (rhs,))
-    arrays = (
-        View("x", 0, n),
-        View("u", 0, inputs),
-        View("p", 0, len(parameters)),
-        View("out", 0, n + n * bool(relaxing)),
-    )
-    names = [a.arg for a in scope.node.args.args]
-    scope.here = dict(zip(names, (_Time(), *arrays), strict=True))
-    scope.finish(scope.node.body)
-    body = _without_unused(tuple(scope.statements))
+    n, unit = len(states), _Unit(parameters)
+    statements, _ = unit.body(rhs, n, inputs, View("out", 0, n + n * bool(relaxing)))
+    body = _without_unused(tuple(statements))
     off = tuple(Assign(Entry("out", Number(n + i)), Number(0.0)) for i in relaxing if not _always(body, n + i))
     kept = {n + i for i in relaxing} | {*range(n)}
     asked = _without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value not in kept)  # type: ignore[union-attr]
-    return Program(states, relaxing, tuple(f for f in unit.functions.values() if f is not None), off + asked)
+    return Program(states, relaxing, unit.read, off + asked)
 
 
 def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -> tuple[tuple[Function, ...], Function]:
@@ -158,15 +148,9 @@ def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -
     """
     if isinstance(tree := getattr(h, "tree", None), Function):
         return (), tree
-    unit, h = _Unit(parameters), function_of(h)
-    scope = _Scope(unit, h, {"x", "u", "p", "t"}, [], (h,))
-    arrays = (_Time(), View("x", 0, states), View("u", 0, inputs), View("p", 0, len(parameters)))
-    scope.here = dict(zip([a.arg for a in scope.node.args.args], arrays, strict=True))
-    value = scope.finish(scope.node.body)
-    if not isinstance(value, Expression):
-        raise scope.wrong(scope.node, "An output is a number.")
-    return tuple(f for f in unit.functions.values() if f is not None), Function(
-        h.__name__, ("t", "x", "u", "p"), (*scope.statements, Return(value)))  # fmt: skip
+    unit = _Unit(parameters)
+    statements, value = unit.body(h, states, inputs)
+    return unit.read, Function(function_of(h).__name__, ("t", "x", "u", "p"), (*statements, Return(value)))
 
 
 def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: int, inputs: int) -> Program:
@@ -209,7 +193,7 @@ def read_functions(*functions: Any) -> tuple[Function, ...]:
     unit = _Unit(())
     for f in functions:
         unit.function(f)
-    return tuple(f for f in unit.functions.values() if f is not None)
+    return unit.read
 
 
 def _always(body: Sequence[Statement], index: int) -> bool:
@@ -325,6 +309,22 @@ class _Unit:
     functions: dict[Any, Function | None] = field(default_factory=dict)
     passing: set[str] = field(default_factory=set)
     """Variables that hold what a call gave, the last statement before it is used."""
+
+    @property
+    def read(self) -> tuple[Function, ...]:
+        """The functions that are called, each after those that it calls."""
+        return tuple(f for f in self.functions.values() if f is not None)
+
+    def body(self, f: Any, states: int, inputs: int, *out: View) -> tuple[list[Statement], Any]:
+        """The statements of a right-hand side, or of an output where there is no `out`, and what that returns."""
+        f = function_of(f)
+        scope = _Scope(self, f, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], (f,))
+        arrays = View("x", 0, states), View("u", 0, inputs), View("p", 0, len(self.parameters)), *out
+        scope.here = dict(zip([a.arg for a in scope.node.args.args], (_Time(), *arrays), strict=True))
+        value = scope.finish(scope.node.body)
+        if not out and not isinstance(value, Expression):
+            raise scope.wrong(scope.node, "An output is a number.")
+        return scope.statements, value
 
     def function(self, f: Any, stack: tuple[Any, ...] = ()) -> str:
         """The name of a function of numbers, which is read where it is new; none where it calls itself."""
