@@ -176,12 +176,13 @@ def signal_faults(
         if mask.sum() < 10 or not s.range > 0:
             continue
         x, t = (x, time) if mask.all() else (x[mask], time[mask])
-        findings += _unit(s, x, pendulum)
-        findings += _jumps(s, t, x)
-        findings += _repeated(s, t, x)
-        findings += _saturated(s, x)
+        if s.unit != "rad":  # a command is held on purpose, and a voltage may jump
+            findings += _saturated(s, x)
+            continue
+        findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, x))
         findings += _set_clock(s, t, x) if pendulum else ()
-        findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
+        if not s.resolution or s.range >= FEW_COUNTS * s.resolution:
+            findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
     if len(pair) == 2 and len(time) > 1 and np.isfinite(signals["alpha"]).all():
         rest = pair["alpha"].rest if pair["alpha"].at_rest else final_value(signals["alpha"]) or 0.0
@@ -204,13 +205,11 @@ def still(name: str, value: float, unit: str) -> Finding:
 
 
 def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
-    if s.unit != "rad":
-        return
     if s.resolution is not None and abs(s.resolution - 1) < EXACT and s.range > FEW_COUNTS:
         yield SAYS.finding("counts-as-radians", s.name, s.range, float(FEW_COUNTS), turns=s.range / (2 * math.pi))
         return
-    lattice = [] if s.resolution is None or s.range < FEW_COUNTS * s.resolution else [2 * math.pi / s.resolution]
-    for counts in lattice:
+    if s.resolution is not None and s.range >= FEW_COUNTS * s.resolution:
+        counts = 2 * math.pi / s.resolution
         if familiar_counts(counts):
             return
         for code, factor, other in (("degrees-as-radians", 180 / math.pi, "degrees"),
@@ -279,8 +278,6 @@ def familiar_counts(counts: float) -> bool:
 
 def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """How long would a pendulum be that swings so?"""
-    if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution):
-        return
     period = swing_period(x) * float(np.median(np.diff(t))) if swing_count(x) > 2 else math.inf
     length = GRAVITY * (period / (2 * math.pi)) ** 2
     if math.isfinite(length) and length > SLOW:
@@ -343,7 +340,7 @@ def _long(length: float) -> str:
 
 def _set_clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     """A clock that was set while the rig went on."""
-    for at, length in clock_jumps(t, x)[:1] if s.unit == "rad" else ():
+    for at, length in clock_jumps(t, x)[:1]:
         yield SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at)
 
 
@@ -351,7 +348,7 @@ def _set_clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Findin
 
 
 def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
-    if s.unit != "rad" or x.size < 16:
+    if x.size < 16:
         return
     far = np.diff(x)
     turn = wraps(x)
@@ -395,8 +392,7 @@ def _degrees(angle: float) -> str:
 
 
 def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
-    """Of angles alone: a command is held on purpose."""
-    if s.unit != "rad" or x.size < 100:
+    if x.size < 100:
         return
     share, each = _repeats(t, x, s.resolution or 0.0)
     if share > REPEATED:
@@ -456,8 +452,7 @@ def _flat_tops(x: FloatArray, limit: float, q: float, gradual: float | None) -> 
 
 
 def _sampling(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
-    """Of angles alone: a voltage may jump."""
-    if s.unit != "rad" or (s.resolution and s.range < FEW_COUNTS * s.resolution) or x.size < 16:
+    if x.size < 16:
         return
     if x.size > LONGEST:
         middle = int(np.argmax(np.abs(x - s.rest)))
