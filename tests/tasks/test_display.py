@@ -130,7 +130,7 @@ def test_a_stage_that_compiles_first_says_so(clock, monkeypatch):
         observer.stage("search")
         logging.getLogger("fracid.compilation").warning("compiling")
     assert notes == ["search · compiling, once on this machine · 0 s"]
-    assert logging.getLogger("fracid.compilation").handlers == []
+    assert logging.getLogger("fracid.compilation").filters == []
 
 
 def test_a_notebook_shows_the_stages_below_the_cell_and_a_script_nothing(clock, monkeypatch):

@@ -122,7 +122,6 @@ class _Display:
     def __init__(self, surface: _Terminal | _Notebook | _Events, result: Callable[[Any], None] | None = None) -> None:
         self._surface, self._stage, self._result = surface, _Stage("", 0.0), result
         self._mark = "✓"
-        self._compilation = _Compiling(self)
         self.observer = Observer(surface.notice, self.progress, self.stage, self.interrupted, result=self.result)
         """What a workflow speaks to."""
 
@@ -134,13 +133,13 @@ class _Display:
         if name:
             self._stage = _Stage(name, time.monotonic())
             self._surface.begin(self._stage)
-            COMPILATION.addHandler(self._compilation)
+            COMPILATION.addFilter(self.compiling)
 
     def close(self, mark: str) -> None:
         """The stage has ended."""
         stage, self._stage, self._mark = self._stage, _Stage("", 0.0), "✓"
         if stage.name:
-            COMPILATION.removeHandler(self._compilation)
+            COMPILATION.removeFilter(self.compiling)
             self._surface.end(stage, mark)
 
     @contextmanager
@@ -170,19 +169,11 @@ class _Display:
         if self._result is not None:
             self._result(run)
 
-    def compiling(self) -> None:
-        """What runs is compiled first."""
+    def compiling(self, record: logging.LogRecord) -> bool:  # noqa: ARG002
+        """What runs is compiled first; whoever else listens hears of it too."""
         self._stage.note = COMPILING
         self._surface.update(self._stage)
-
-
-class _Compiling(logging.Handler):
-    def __init__(self, display: _Display) -> None:
-        super().__init__(logging.INFO)
-        self._display = display
-
-    def emit(self, record: logging.LogRecord) -> None:  # noqa: ARG002
-        self._display.compiling()
+        return True
 
 
 # ------------------------------------------------------------------ surfaces
