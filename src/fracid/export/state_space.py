@@ -45,7 +45,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.export.matlab import of_recording
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
 from fracid.findings import Words
@@ -436,20 +435,17 @@ class IntegerModel:
 
         time = np.linspace(0.0, end, points + 1)
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
-        return time, integer.reshape(len(time), -1), self._exact_step(linear, end / points, points)
-
-    def _exact_step(self, linear: LinearModel, h: float, points: int) -> FloatArray:
-        """By the solver, from an input too small for anything but the linear part."""
-        small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))
+        small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
         p = _moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
         equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p),
                             self.model.relaxing_states)  # fmt: skip
-        run = integrate(equation, InitialCondition(linear.about), h, points, Options("pi2", compressed(), limit=LIMIT))
-        response = np.full((points + 1, len(linear.rows)), np.nan)
-        response[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
-        return response
+        run = integrate(equation, InitialCondition(linear.about), end / points, points,
+                        Options("pi2", compressed(), limit=LIMIT))  # fmt: skip
+        exact = np.full((points + 1, len(linear.rows)), np.nan)
+        exact[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
+        return time, integer.reshape(len(time), -1), exact
 
     def control(self, x0: FloatArray | None = None) -> Any:
         """As a python-control NonlinearIOSystem, whose outputs are the measured states.
@@ -567,7 +563,7 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     p, e = run.problem, run.problem.experiments[0]
     if e.past is not None:
         return
-    case = of_recording(run, e.name)
+    case = Case.of(p, run.x, e)
     exact = (replace(p, method="pi2") if METHODS[p.method].convergence_order < 2 else p).simulate(run.x, e).states
     errors = follows(system, case, exact)
     if not errors:  # its outputs are functions of the states

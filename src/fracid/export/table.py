@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from fracid.estimation.records import RecordingFit
+from fracid.models import Model
+from fracid.problem import Experiment
 from fracid.runs.saved import SavedRun
 from fracid.safety.json_files import json_number
 from fracid.safety.text import csv_cell, file_stems
@@ -39,23 +41,19 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
     """
     fitted = {name: e for name, (e, _) in run.problem.recordings.items()}
     experiments = fitted | {e.name: e for e in run.project.validation}
-    names = {name: f"{stem}.csv" for name, stem in file_stems(run.recordings).items()}
-    tables = {}
-    for name, recording in run.recordings.items():
-        e = experiments[name]
-        driven = len(e.inputs) > 1
-        tables[names[name]] = _csv(recording, dict(zip(run.problem.model.inputs, e.inputs.T, strict=True))
-                                   if driven else {}, run.problem.model.input_units)  # fmt: skip
-    return tables
+    return {f"{stem}.csv": _csv(run.recordings[name], experiments[name], run.problem.model)
+            for name, stem in file_stems(run.recordings).items()}  # fmt: skip
 
 
-def _csv(recording: RecordingFit, inputs: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _csv(recording: RecordingFit, e: Experiment, model: Model) -> str:
     columns = {"time [s]": recording.time}
     for output in recording.measured:
         columns[f"{output} measured [{recording.unit(output)}]"] = recording.measured[output]
         columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
         columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
-    columns |= {f"{name} [{units.get(name, 'SI')}]": u for name, u in inputs.items()}
+    if len(e.inputs) > 1:
+        names = [f"{n} [{model.input_units.get(n, 'SI')}]" for n in model.inputs]
+        columns |= zip(names, e.inputs.T, strict=True)
     text = StringIO()
     writer = csv.writer(text)
     writer.writerow(map(csv_cell, columns))  # of a model of one's own a name may be anything
