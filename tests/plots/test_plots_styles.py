@@ -21,6 +21,7 @@ from matplotlib.text import Text
 import fracid
 from fracid import plots
 from fracid.errors import InputError
+from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.starts import Start
 from fracid.experiments.plan import expected_curves
 from fracid.export.state_space import integer_model
@@ -109,7 +110,7 @@ DRIFTS = tuple(Drift(order, "release 92°", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-
 STARTS = [Start("given", {}, 1.0, {}, 0.1, "converged", None, 9),
           Start("Sobol 1", {}, 2.0, {}, 0.7, "converged", None, 5)]  # fmt: skip
 
-TENTH = np.linspace(0, 1, len(VALLEY))
+TENTH, PLANE = np.linspace(0, 1, len(VALLEY)), CostPlane(("lambda", "mu"), ORDERS, ORDERS, VALLEY)
 
 FIGURES = {
     "rig_drawing": lambda **o: rig().plot(**o),
@@ -117,9 +118,9 @@ FIGURES = {
     "fitted_over_time": lambda **o: twin().plot(**o),
     "residual_plots": lambda **o: twin().plot_residuals("alpha", **o),
     "residual_diagnostics": lambda **o: twin().plot_residuals("alpha", tests=True, **o),
-    "cost_plane": lambda **o: plots.cost_plane(ORDERS, ORDERS, VALLEY, best=(0.86, 0.91), cost_name="itae", **o),
+    "cost_plane": lambda **o: plots.cost_plane(PLANE, best=(0.86, 0.91), cost_name="itae", **o),
     "cost_plane_near_1": lambda **o: plots.cost_plane(
-        0.996 + 0.01 * TENTH, 0.9993 + 0.0018 * TENTH, VALLEY, best=(1.0006, 1.0001), **o
+        replace(PLANE, first=0.996 + 0.01 * TENTH, second=0.9993 + 0.0018 * TENTH), best=(1.0006, 1.0001), **o
     ),
     "profiles": lambda **o: profiles().plot(**o),
     "cut_shifts": lambda **o: CUT.plot(**o),
@@ -330,10 +331,13 @@ def test_every_axis_has_its_unit(name):
 
 WRITE = """
 import sys
+import numpy as np
 import fracid
-from fracid.plots import cost_plane, save
-rig = fracid.rotary_pendulum("srv02-rotpen")
-plane = cost_plane([0.8, 1.0], [0.8, 1.0], [[1.0, 2.0], [3.0, 4.0]], best=(0.8, 0.8), style="journal")
+from fracid.estimation.cost_plane import CostPlane
+from fracid.plots import save
+orders, rig = np.array([0.8, 1.0]), fracid.rotary_pendulum("srv02-rotpen")
+valley = CostPlane(("lambda", "mu"), orders, orders, np.array([[1.0, 2.0], [3.0, 4.0]]))
+plane = valley.plot(best=(0.8, 0.8), style="journal")
 for name, figure in (("rig", rig.plot(style="journal")), ("plane", plane)):
     save(figure, sys.argv[1], name, ("pdf", "svg"))
 """

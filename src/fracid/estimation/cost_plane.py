@@ -160,11 +160,8 @@ class CostPlane:
         >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
         'RMSE relative to its least [–]'
         """
-        fine = self.refined()
-        return draw(
-            "cost_plane", fine.first, fine.second, fine.cost, best=best, evaluations=evaluations, cost_name=cost_name,
-            names=self.names, style=style,
-        )  # fmt: skip
+        how = {"best": best, "evaluations": evaluations, "cost_name": cost_name, "style": style}
+        return draw("cost_plane", self.refined(), **how)
 
 
 def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> tuple[float, ...]:

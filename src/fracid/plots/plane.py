@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
 from fracid.estimation.cost_plane import risen
 from fracid.plots.appearance import (
     CLOUD,
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from fracid.estimation.cost_plane import CostPlane
     from fracid.figures import Style
 
 ROOM = 0.06
@@ -46,14 +46,11 @@ INSET = 0.27
 
 
 def cost_plane(
-    lambda_values: ArrayLike,
-    mu_values: ArrayLike,
-    cost: ArrayLike,
+    plane: CostPlane,
     *,
     best: tuple[float, float] | None = None,
     evaluations: ArrayLike | None = None,
     cost_name: str = "cost",
-    names: tuple[str, str] = ("lambda", "mu"),
     style: str | Style = "screen",
 ) -> Figure:
     """Draw the cost over the plane of two orders: filled by the logarithm of its rise above the least, with lines.
@@ -62,18 +59,14 @@ def cost_plane(
 
     Parameters
     ----------
-    lambda_values, mu_values : array_like, shapes (n_lambda,), (n_mu,)
-        Increasing; at least two each.
-    cost : array_like, shape (n_lambda, n_mu)
-        Infinite or NaN where the simulation diverges: hatched, and said to be.
-    best, true : (lambda, mu), optional
-        What was found; and, for a twin, what it was made with.
+    plane : CostPlane
+        Its cost is infinite or NaN where the simulation diverges: hatched, and said to be.
+    best : (lambda, mu), optional
+        What was found.
     evaluations : array_like, shape (k, 2), optional
         Where the search has been.
     cost_name : str
         For the colour bar.
-    names : (str, str)
-        Of the two orders.
     style : str or Style
         ``screen``, ``journal`` or one's own; see :mod:`fracid.figures`.
 
@@ -81,30 +74,26 @@ def cost_plane(
     -------
     matplotlib.figure.Figure
 
-    Raises
-    ------
-    InputError
-        For shapes that do not fit together, or values that do not increase.
-
     Examples
     --------
+    >>> from fracid.estimation.cost_plane import CostPlane
     >>> orders = np.linspace(0.8, 1.0, 9)
     >>> valley = 1e-3 + (orders[:, None] - 0.86) ** 2 + 9 * (orders - 0.91) ** 2
-    >>> figure = cost_plane(orders, orders, valley, best=(0.86, 0.91), cost_name="itae")
+    >>> figure = cost_plane(CostPlane(("lambda", "mu"), orders, orders, valley), best=(0.86, 0.91), cost_name="itae")
     >>> [axes.get_ylabel() for axes in figure.axes]
     ['order $\\\\mu$ [–]', 'ITAE relative to its least [–]']
     """
-    first, second, values = _checked_plane(lambda_values, mu_values, cost)
+    first, second, names = plane.first, plane.second, plane.names
     figure = new(7, 5.8, style)
     axes = figure.subplots()
-    if not np.isfinite(values).all():
+    if not np.isfinite(plane.cost).all():
         grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}
         axes.fill(first[[0, -1, -1, 0]], second[[0, 0, -1, -1]], label="diverges", **grey)
-    if np.isfinite(values).any():
-        _filled(figure, axes, (first, second, values), cost_name)
+    if np.isfinite(plane.cost).any():
+        _filled(figure, axes, plane, cost_name)
     else:
         note(axes, "every simulation diverges", 0.93)
-    _search(figure, axes, evaluations, (first, second, values), names, best)
+    _search(figure, axes, evaluations, plane, best)
     _integers(axes, first, second)
     brief, place = style_of(figure).brief, ""
     if best is not None:
@@ -121,28 +110,15 @@ def cost_plane(
     return finish(figure, heading, grid=False, caption=place)
 
 
-def _checked_plane(
-    lambda_values: ArrayLike, mu_values: ArrayLike, cost: ArrayLike
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    first, second, values = (np.asarray(x, float) for x in (lambda_values, mu_values, cost))
-    for name, x in (("lambda_values", first), ("mu_values", second)):
-        if x.ndim != 1 or x.size < 2 or not np.all(np.diff(x) > 0):
-            raise InputError(f"{name} has shape {x.shape}; expected at least two values that increase, in one row.")
-    if values.shape != (first.size, second.size):
-        raise InputError(f"cost has shape {values.shape}; expected (n_lambda, n_mu) = {(first.size, second.size)}.")
-    return first, second, values
-
-
-def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, FloatArray], cost_name: str) -> None:
+def _filled(figure: Figure, axes: Axes, plane: CostPlane, cost_name: str) -> None:
     """Colours by log10 of the cost's rise above its least; of the cost itself where that has no meaning."""
     import matplotlib as mpl
 
-    first, second, values = plane
-    (height, scale, least), name = risen(values), cost_label(cost_name)
+    (height, scale, least), name = risen(plane.cost), cost_label(cost_name)
     shades = mpl.colormaps["Blues_r"](np.linspace(0.3, 1, 26))  # light under black lines
     depth = np.ma.log10(np.maximum(np.ma.masked_invalid(height).T, scale.low))
     levels, places = np.log10(np.geomspace(scale.low, scale.high, 25)), {np.log10(h): t for h, t in scale.levels}
-    colours = axes.contourf(first, second, depth, levels=levels, colors=shades, extend="both")
+    colours = axes.contourf(plane.first, plane.second, depth, levels=levels, colors=shades, extend="both")
     # Arrows, where the colours end before the costs.
     beyond = (0.03 * (levels[0] > depth.min()), 0.03 * (levels[-1] < depth.max()))
     bar = figure.colorbar(colours, ax=axes, pad=0.02, extendfrac=beyond)
@@ -150,7 +126,7 @@ def _filled(figure: Figure, axes: Axes, plane: tuple[FloatArray, FloatArray, Flo
     bar.ax.tick_params(labelsize=SMALL)
     plain = f"{name[0]}{scale.title.removeprefix('cost')} {name[1]}"  # above the lowest, of a cost that is negative
     bar.set_label(f"{name[0]} relative to its least [–]" if least else plain, fontsize=MEDIUM)
-    _lines(axes, (first, second, depth), places, "lines of equal rise" if least else "lines of equal cost")
+    _lines(axes, (plane.first, plane.second, depth), places, "lines of equal rise" if least else "lines of equal cost")
 
 
 def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
@@ -176,21 +152,20 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
 
 
 def _search(
-    figure: Figure, axes: Axes, evaluations: ArrayLike | None, plane: tuple[FloatArray, FloatArray, FloatArray],
-    names: tuple[str, str], best: tuple[float, float] | None,
-) -> None:  # fmt: skip
+    figure: Figure, axes: Axes, evaluations: ArrayLike | None, plane: CostPlane, best: tuple[float, float] | None
+) -> None:
     """Draw where the search has been: on the plane, and in a corner all of it where it went beyond."""
     points = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
-    corners = np.transpose([axis[[0, -1]] for axis in plane[:2]])
+    corners = np.transpose([axis[[0, -1]] for axis in (plane.first, plane.second)])
     inside = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
     if not points.size:
         return
     count = f" ({len(points)})"
     if not inside.all():
         low, high = points.min(axis=0), points.max(axis=0)
-        spans = (f"{symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(names, low, high, strict=True))
+        spans = (f"{symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(plane.names, low, high, strict=True))
         count = f" ({np.count_nonzero(inside)} of {len(points)} in this window; the corner: {', '.join(spans)})"
-        _whole_search(axes, points, corners, plane[2], best)
+        _whole_search(axes, points, corners, plane.cost, best)
     name = "evaluations" if style_of(figure).brief else f"evaluations{count}"
     axes.plot(*points[inside].T, ls="", rasterized=bool(len(points) > CLOUD), label=name, **MARKS["tried"])
 

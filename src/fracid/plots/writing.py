@@ -65,8 +65,10 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
     Examples
     --------
     >>> import tempfile
-    >>> from fracid.plots import cost_plane
-    >>> flat = cost_plane([0.8, 1.0], [0.8, 1.0], [[1.0, 2.0], [3.0, 4.0]])
+    >>> import numpy as np
+    >>> from fracid.estimation.cost_plane import CostPlane
+    >>> orders = np.linspace(0.8, 1.0, 2)
+    >>> flat = CostPlane(("lambda", "mu"), orders, orders, np.ones((2, 2))).plot()
     >>> [path.name for path in save(flat, tempfile.mkdtemp(), "plane")]
     ['plane.svg', 'plane.png']
     """
