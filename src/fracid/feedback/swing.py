@@ -46,26 +46,22 @@ SPREAD = 200
 """Points at which the right-hand side is asked what a pivot's acceleration takes."""
 
 
-ONLY_HOLDS = Pump(
-    place=0, arm=0, turn=0.0, omega=1.0, most=0.0, energy=0.0, sharp=0.0, lift=0.0, lift_cosine=0.0, stiffness=0.0,
-    damping=0.0, grows=1.0, catch=math.inf, reach=math.inf, release=math.inf, keep=0.0, period=1.0,
+ONLY_HOLDS = Swing(
+    output="", omega=1.0, grows=1.0, lift=(0.0, 0.0), pump=0.0, energy=0.0, sharp=0.0, catch=math.inf, reach=math.inf,
+    release=math.inf, keep=0.0, stiffness=0.0, damping=0.0, needs=(0.0,) * 8, begins=[],
 )  # fmt: skip
 """Of a controller whose catch is everywhere."""
 
 
 def law_of(controller: Controller, c: Conditions) -> Law:
     """A controller as the numbers that are compiled."""
-    s = controller.swing
+    s = controller.swing or ONLY_HOLDS
+    place, arm = (c.outputs.index(n) if n else 0 for n in (s.output, s.arm or s.output))
+    pump = Pump(place, arm, 2 * math.pi * bool(s.output), s.omega, s.pump, s.energy, s.sharp, s.lift[0], s.lift[1],
+                s.stiffness, s.damping, s.grows, s.catch, s.reach, s.release, s.keep, controller.period)  # fmt: skip
     A, B, C, D, E = (np.array(getattr(controller, name), dtype=np.float64) for name in "ABCDE")
-    pump = ONLY_HOLDS._replace(period=controller.period)
-    needs, begins = np.zeros(8), np.zeros((len(controller.A), 2 * len(c.outputs)))
-    if s is not None:
-        place, arm = c.outputs.index(s.output), c.outputs.index(s.arm or s.output)
-        level, cosine = s.lift
-        pump = Pump(place, arm, 2 * math.pi, s.omega, s.pump, s.energy, s.sharp, level, cosine, s.stiffness, s.damping,
-                    s.grows, s.catch, s.reach, s.release, s.keep, controller.period)  # fmt: skip
-        needs, begins = np.array(s.needs), np.array(s.begins)
-    return Law(A, B, C, D, E, np.array([c.at_rest, c.least, c.most]), pump, needs, begins)
+    begins = np.array(s.begins) if s.begins else np.zeros((len(A), 2 * len(c.outputs)))
+    return Law(A, B, C, D, E, np.array([c.at_rest, c.least, c.most]), pump, np.array(s.needs), begins)
 
 
 def swings(up: LinearModel, model: Model, parameters: FloatArray, c: Conditions) -> list[Swing]:
