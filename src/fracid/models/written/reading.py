@@ -146,11 +146,9 @@ def read_output(h: Any, parameters: tuple[str, ...], states: int, inputs: int) -
     >>> read_output(height, ("l",), 1, 0)[1].body[0].value.sign
     '*'
     """
-    if isinstance(tree := getattr(h, "tree", None), Function):
-        return (), tree
     unit = _Unit(parameters)
     statements, value = unit.body(h, states, inputs)
-    return unit.read, Function(function_of(h).__name__, ("t", "x", "u", "p"), (*statements, Return(value)))
+    return unit.read, Function(h.__name__, ("t", "x", "u", "p"), (*statements, Return(value)))
 
 
 def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: int, inputs: int) -> Program:
@@ -162,23 +160,12 @@ def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: in
     Traceback (most recent call last):
     fracid.models.written.reading.Untranslatable: ... is no function with a name; write it with def.
     """
-    functions: dict[str, Function] = {}
-    body: list[Statement] = []
+    unit, body = _Unit(parameters), list[Statement]()
     for i, h in enumerate(outputs):
-        if isinstance(h, int):
-            value: Expression = Entry("x", Number(h))
-        else:
-            own, tree = read_output(h, parameters, states, inputs)
-            if clash := [f.name for f in own if functions.setdefault(f.name, f) != f]:
-                raise Untranslatable(f"Two outputs call different functions by the name {clash[0]}; rename one.")
-            *statements, returned = tree.body
-            assert isinstance(returned, Return)
-            assert returned.value is not None
-            body += statements
-            value = returned.value
-        body.append(Assign(Entry("out", Number(i)), value))
+        statements, value = ([], Entry("x", Number(h))) if isinstance(h, int) else unit.body(h, states, inputs)
+        body += [*statements, Assign(Entry("out", Number(i)), value)]
     names = tuple(f"output {i}" for i in range(len(outputs)))
-    return Program(names, (), tuple(functions.values()), _without_unused(tuple(body)))
+    return Program(names, (), unit.read, _without_unused(tuple(body)))
 
 
 def read_functions(*functions: Any) -> tuple[Function, ...]:
@@ -317,6 +304,9 @@ class _Unit:
 
     def body(self, f: Any, states: int, inputs: int, *out: View) -> tuple[list[Statement], Any]:
         """The statements of a right-hand side, or of an output where there is no `out`, and what that returns."""
+        match getattr(f, "tree", None):
+            case Function(body=(*statements, Return(value))):
+                return statements, value
         f = function_of(f)
         scope = _Scope(self, f, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], (f,))
         arrays = View("x", 0, states), View("u", 0, inputs), View("p", 0, len(self.parameters)), *out
