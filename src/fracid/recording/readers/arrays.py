@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -129,23 +129,21 @@ def choose(content: Content, variable: str | None, path: Path) -> Table:
         beside = {n: a.ravel() for n, a in arrays.items() if n != name and a.size == max(matrix.shape)}
         others = [n for n in arrays if n not in (name, *beside)]
         left_out |= {n: f"has {arrays[n].size} numbers beside the matrix {name!r}" for n in others}
-        return _with_vectors(_matrix(matrix, source, left_out), beside)
+        return stack([*_columns(matrix), *beside.items()], source, left_out)
     if matrices:
         first = ascii_short(next(iter(matrices)))
         raise InputError(f"{path.name} holds several arrays: {_list(arrays)}. Choose one: variable = {first}.")
     longest = max(a.size for a in arrays.values())
     odd = {n: f"has {a.size} numbers where others have {longest}" for n, a in arrays.items() if a.size != longest}
-    return stack({n: a.ravel() for n, a in arrays.items() if n not in odd}, source, left_out | odd)
+    return stack([(n, a.ravel()) for n, a in arrays.items() if n not in odd], source, left_out | odd)
 
 
-def stack(columns: Mapping[str, Array], source: str, left_out: Mapping[str, str]) -> Table:
-    """Put vectors of one length beside each other."""
-    if not columns:
-        raise DataError(_nothing(Path(source), left_out))
-    names, units = zip(*(name_and_unit(name, "", j) for j, name in enumerate(columns)), strict=True)
-    values = np.empty((len(next(iter(columns.values()))), len(columns)))
+def stack(columns: Sequence[tuple[str, Array]], source: str, left_out: Mapping[str, str]) -> Table:
+    """Put vectors of one length, each with its name, beside each other."""
+    names, units = zip(*(name_and_unit(name, "", j) for j, (name, _) in enumerate(columns)), strict=True)
+    values = np.empty((len(columns[0][1]), len(columns)))
     with np.errstate(all="ignore"):  # numbers beyond float64 become infinite, signalling NaNs quiet
-        for j, column in enumerate(columns.values()):
+        for j, (_, column) in enumerate(columns):
             values[:, j] = column
         values += 0.0
     return Table(values, names, units, source, left_out=left_out)
@@ -194,18 +192,19 @@ def _shortened(entries: list[str]) -> str:
 
 def _flatten(content: Content) -> dict[str, Array | LeftOut]:
     """Turn structs, groups and named fields into dotted names: ``data.theta``."""
-    flat = dict(_walk(content, ""))
+    flat = dict(walk(content, ""))
     top = {k.split(".")[0] for k in flat}
     alone = len(top) == 1 and len(flat) > 1  # one struct holds all: its name adds nothing
     return {k.split(".", 1)[1]: a for k, a in flat.items()} if alone else flat
 
 
-def _walk(content: Content, prefix: str) -> Iterator[tuple[str, Array | LeftOut]]:
+def walk(content: Content, prefix: str) -> Iterator[tuple[str, Array | LeftOut]]:
+    """What lies in structs and groups, each under the names that lead to it."""
     for key, item in content.items():
         name = f"{prefix}{key}"
         inner = _fields(item)
         if inner is not None:
-            yield from _walk(inner, f"{name}.")
+            yield from walk(inner, f"{name}.")
         else:
             yield name, _numeric(item)
 
@@ -247,25 +246,14 @@ def _numeric(item: Any) -> Array | LeftOut:
 # --- a matrix -------------------------------------------------------------------------------------------
 
 
-def _matrix(array: Array, source: str, left_out: Mapping[str, str]) -> Table:
-    """Lay a matrix out with time downwards: its longer axis; of a square, the one that has a clock."""
-    with np.errstate(all="ignore"):
-        values = np.squeeze(np.asarray(array, dtype=float)) + 0.0
+def _columns(array: Array) -> list[tuple[str, Array]]:
+    """A matrix with time downwards: its longer axis; of a square, the one that has a clock."""
+    values = np.squeeze(array)
     rows, columns = values.shape
     sideways = rows < columns or (rows == columns and _increases(values.T) and not _increases(values))
-    values = values.T if sideways else values
-    names = tuple(f"column {j}" for j in range(values.shape[1]))
-    return Table(values, names, ("",) * len(names), source, left_out=left_out)
+    return [(f"column {j}", column) for j, column in enumerate(values if sideways else values.T)]
 
 
-def _with_vectors(matrix: Table, beside: Mapping[str, Array]) -> Table:
-    """Put vectors of the matrix's length behind its columns, whose positions stay: a clock, say."""
-    if not beside:
-        return matrix
-    more = stack(beside, matrix.source, {})
-    values = np.column_stack([matrix.values, more.values])
-    return replace(matrix, values=values, names=(*matrix.names, *more.names), units=(*matrix.units, *more.units))
-
-
-def _increases(values: NDArray[np.float64]) -> bool:
-    return bool(np.any(np.all(values[1:] > values[:-1], axis=0)))
+def _increases(values: Any) -> bool:
+    with np.errstate(invalid="ignore"):
+        return bool(np.any(np.all(values[1:] > values[:-1], axis=0)))

@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError, InputError
+from fracid.recording.readers.arrays import walk
 from fracid.recording.readers.content import LISTS, TEXT, Content, LeftOut, damaged, refuse_bomb
 from fracid.recording.readers.records import Columns
 from fracid.safety.apart import answer_apart
@@ -39,7 +40,7 @@ from fracid.safety.door import opened
 from fracid.safety.json_files import json_of
 from fracid.safety.text import ascii_short
 
-Column = NDArray[np.float64] | LeftOut
+Column = NDArray[np.generic] | LeftOut
 
 Found = dict[str, Column]
 
@@ -201,8 +202,9 @@ def _topics(path: Path, messages: Iterable[tuple[str, int, Any]]) -> Found:
     columns = Columns(path)
     groups = {}
     for topic, (stamps, samples) in logs.items():
-        named = dict(_flat(columns.of(samples), f"{topic}." if len(logs) > 1 else ""))
-        groups[topic] = np.array([1e-9 * (t - first) for t in stamps]), named
+        made = columns.of(samples)
+        content = made if isinstance(made, Mapping) and len(logs) == 1 else {topic if len(logs) > 1 else "data": made}
+        groups[topic] = np.array([1e-9 * (t - first) for t in stamps]), dict(walk(content, ""))
     return _on_one_clock(groups) | left
 
 
@@ -222,14 +224,6 @@ def _plain(value: Any) -> Any:
     if len(value) > MOST_ELEMENTS or isinstance(value, bytes):
         return None
     return [_plain(v) for v in (value.tolist() if hasattr(value, "tolist") else value)]
-
-
-def _flat(content: Any, prefix: str) -> Iterator[tuple[str, Column]]:
-    if not isinstance(content, Mapping):
-        yield prefix.rstrip(".") or "data", content
-        return
-    for name, inner in content.items():
-        yield from _flat(inner, f"{prefix}{name}.")
 
 
 def _on_one_clock(groups: Mapping[str, tuple[NDArray[np.float64], Found]]) -> Found:
