@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
-from fracid.errors import InputError, at_least, brief, unknown_name
+from fracid.errors import InputError, brief, unknown_name
 from fracid.findings import Words
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory
@@ -112,7 +112,7 @@ class Options:
     Raises
     ------
     InputError
-        For an unknown method, or a number that is none of its kind.
+        For an unknown method.
     """
 
     method: str
@@ -131,12 +131,9 @@ class Options:
     """Lowest and highest value of each state, shape (n_states, 2); the run ends with the first sample outside."""
 
     def __post_init__(self) -> None:
-        """Refuse a method that is none, and numbers that mean nothing."""
+        """Refuse a method that is none; numbers are checked by `solve_fde`, since a fit makes these at each run."""
         if self.method not in METHODS:
             raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
-        check_above_0("limit", self.limit)
-        for name in ("corrections", "every"):
-            at_least(name, getattr(self, name), 1)
 
 
 def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:

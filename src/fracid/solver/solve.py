@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, at_least
 from fracid.findings import Words
 from fracid.solver.arguments import (
     Equation,
@@ -181,8 +181,9 @@ def solve_fde(
     u, after = check_driven(inputs, between, len(past) + steps, n_inputs)
     p, instants = vector("parameters", parameters), check_times(times, start, end)
     check_above_0("tolerance", tolerance)
-    options = Options(method, memory_from_name(memory, tolerance), corrections, corrected, every, limit,
-                      check_bounds(bounds, x0))  # fmt: skip
+    check_above_0("limit", limit)
+    options = Options(method, memory_from_name(memory, tolerance), at_least("corrections", corrections, 1), corrected,
+                      at_least("every", every, 1), limit, check_bounds(bounds, x0))  # fmt: skip
     relaxing = check_relaxing(relaxing, q)
     probe(rhs, x0, u[0], p, bool(relaxing))
     if METHODS[method].raw and np.any(x0 != 0):
