@@ -57,7 +57,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import Sandwich, sandwich
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.derivatives import differences, loss_of, scores_of
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
@@ -274,22 +274,18 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
 
 def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int) -> RecordedLikelihood:
     """The likelihood with the sandwich's curvature about a minimum."""
-    x, loss = best.point, problem.cost_function.loss
-    errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
-    assert loss is not None
-    assert not isinstance(errors, Failure)
-    assert not isinstance(J, Failure)  # the sandwich has computed both
+    x = best.point
+    J = differences(problem, x, np.arange(len(x)), jobs=jobs)
+    assert not isinstance(J, Failure)  # the sandwich has computed it
     covariance = estimator.covariance / np.outer(estimator.widening, estimator.widening)
     curvature, precision = inverse(estimator.inverse), inverse(covariance)
     degrees = _degrees(float(np.exp(np.mean(np.log(estimator.widening)))))
-    second = loss.curvature(joined(errors))
-    weights = problem.criterion.sample_weights(errors)
-    projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J, strict=True))
+    second, weights = loss_of(problem).curvature(joined(J.errors)), problem.criterion.sample_weights(J.errors)
+    projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J.parts, strict=True))
     scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
-    gradient = sum((np.einsum("to,toi->i", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)),
-                   np.zeros(len(x)))  # fmt: skip
-    return RecordedLikelihood(problem, x, best.cost, scale, effective_samples(errors), curvature, precision,
-                              degrees, tuple(errors), projection, gradient)  # fmt: skip
+    gradient = np.sum([s.sum(axis=0) for s in scores_of(problem, J.errors, J.parts)], axis=0)
+    return RecordedLikelihood(problem, x, best.cost, scale, effective_samples(J.errors), curvature, precision,
+                              degrees, tuple(J.errors), projection, gradient)  # fmt: skip
 
 
 def _degrees(widening: float) -> float:

@@ -28,7 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, sandwich
-from fracid.estimation.derivatives import jacobian, loss_of, rows_and_scores
+from fracid.estimation.derivatives import jacobian, loss_of, scores_of
 from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
@@ -183,9 +183,8 @@ def _stepped(
 
     def step(rng: np.random.Generator) -> FloatArray:
         samples = [resampled(e, length, rng, median=median) for e in errors]
-        _, scores = rows_and_scores(problem, samples, J)
         point = x.copy()
-        point[free] -= shape.inverse @ sum((s.sum(axis=0) for s in scores), np.zeros(len(free)))
+        point[free] -= shape.inverse @ np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
         return point
 
     return [step(rng) for rng in streams]

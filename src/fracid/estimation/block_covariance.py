@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Arrowhead, Blocks
 from fracid.estimation.block_jacobian import BlockJacobian
-from fracid.estimation.derivatives import prior_curvature, rows_and_scores
+from fracid.estimation.derivatives import prior_curvature, rows_of, scores_of
 from fracid.estimation.tangent import UNSEEN
 from fracid.problem import Problem
 from fracid.quantiles import NORMAL_95
@@ -85,7 +85,7 @@ def summed(blocks: Blocks, parts: Sequence[FloatArray]) -> FloatArray:
 
 def normal_equations(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> Equations:
     """Those of the unknowns `free`, by which J derives."""
-    rows, scores = rows_and_scores(problem, J.errors, J.parts)
+    rows, scores = [*rows_of(problem, J.errors, J.parts)], scores_of(problem, J.errors, J.parts)
     prior, level = prior_curvature(problem, J.errors, free)
     norm = np.sqrt(summed(J.blocks, [np.einsum("ri,ri->i", r, r) for r in rows]) + prior)
     norm[norm == 0] = 1.0

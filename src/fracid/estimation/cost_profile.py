@@ -317,7 +317,7 @@ def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> S
     if not math.isfinite(top.cost):
         raise InputError(f"There is nothing to profile: no run from the start reached its end: {top.reason}.")
     surface = Surface(problem, top, jobs)
-    good = surface.value(there) <= surface.value(top) or max(surface.rise(there, i) for i in at) < LOWER
+    good = there.value <= top.value or max(surface.rise(there, i) for i in at) < LOWER
     return Surface(problem, there, jobs) if good else surface
 
 
@@ -423,7 +423,7 @@ def _joint(
             return 0.0
         ahead = top + slope @ delta
         ahead[list(pair)] = point
-        value = surface.value(refit(surface.problem, ahead, pair, tolerance=tolerance)) - surface.value(surface.top)
+        value = refit(surface.problem, ahead, pair, tolerance=tolerance).value - surface.top.value
         return 2 * value * float(delta @ filled @ delta) / max(float(delta @ bread @ delta), 1e-300)
 
     grid = [np.array([a, b]) for a in axes[0] for b in axes[1]]

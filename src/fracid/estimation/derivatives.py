@@ -30,7 +30,7 @@ def jacobian(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: i
     Beside a bound, and beside runs that fail (a minimum next to det M = 0), the difference is one-sided.  Of what no
     small step brings in (:meth:`fracid.problem.Problem.absent`) it is 0.
     """
-    J = _differences(problem, x, free, shared_by_all(problem, len(free)), jobs)
+    J = differences(problem, x, free, jobs=jobs)
     return J if isinstance(J, Failure) else J.parts
 
 
@@ -45,8 +45,8 @@ def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
     if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
         return last if len(free) == len(by) else last.of(np.isin(by, free))
-    blocks = shared_by_all(problem, len(free)) if problem.blocks is None else problem.blocks.of(free)
-    J = _differences(problem, x, free, blocks, jobs)
+    blocks = None if problem.blocks is None else problem.blocks.of(free)
+    J = differences(problem, x, free, blocks, jobs=jobs)
     problem.last_derivatives.clear()
     if not isinstance(J, Failure):
         problem.last_derivatives[x.tobytes()] = (free, J)
@@ -59,10 +59,11 @@ def shared_by_all(problem: Problem, unknowns: int) -> Blocks:
     return Blocks(np.full(unknowns, -1), rows)
 
 
-def _differences(
-    problem: Problem, x: FloatArray, free: NDArray[np.intp], blocks: Blocks, jobs: int
+def differences(
+    problem: Problem, x: FloatArray, free: NDArray[np.intp], blocks: Blocks | None = None, *, jobs: int = 1
 ) -> BlockJacobian | Failure:
-    """Both, by `blocks` of the unknowns `free`: one unknown of each recording is moved at once."""
+    """Both, with the errors at x, by `blocks` of the unknowns `free`: one of each recording is moved at once."""
+    blocks = shared_by_all(problem, len(free)) if blocks is None else blocks
     here, space, steps = problem.errors(x), problem.space, difference_steps(problem, x)
     if isinstance(here, Failure):
         return here
@@ -105,21 +106,19 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
     return DIFFERENCE * problem.space.sizes(x)
 
 
-def rows_and_scores(
-    problem: Problem, errors: list[FloatArray], J: list[FloatArray]
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Of each recording rows R with A = ΣR'R, shape (n_rows, n_columns), and scores, shape (n_samples, n_columns)."""
+def scores_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
+    """Of each recording, shape (n_samples, n_columns)."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    scores = [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
-    return [*_rows(problem, errors, J)], scores
+    return [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
 
 
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
     """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
-    return map(np.column_stack, zip(_rows(problem, errors, J), pulls(problem, errors), strict=True))
+    return map(np.column_stack, zip(rows_of(problem, errors, J), pulls(problem, errors), strict=True))
 
 
-def _rows(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
+def rows_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
+    """R of each recording, A = ΣR'R, shape (n_rows, n_columns)."""
     return ((root[..., None] * j).reshape(-1, j.shape[-1])
             for root, j in zip(row_weights(problem, errors), J, strict=True))  # fmt: skip
 

@@ -25,12 +25,12 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.bounded import lowest
-from fracid.estimation.tangent import Tangent
+from fracid.estimation.tangent import AtPoint, Tangent
 from fracid.optimise import Evaluation
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearised(AtPoint):
     """A point near a tangent, and what the runs on the way there add to its derivatives."""
 
     near: Tangent
@@ -45,20 +45,9 @@ class Linearised:
     """Shape (n_axes,)."""
 
     @property
-    def x(self) -> FloatArray:
-        """The point, shape (n_unknowns,)."""
-        return self.evaluation.point
-
-    @property
     def tangent(self) -> Tangent:
         """The point with the derivatives of the tangent near it."""
         return replace(self.near, evaluation=self.evaluation, errors=self.errors)
-
-    @property
-    def value(self) -> float:
-        """V, the sum that is minimised."""
-        rows = self.evaluation.residuals
-        return np.inf if rows is None else float(rows @ rows)
 
     def step(self, held: Sequence[int] = (), moved: FloatArray | float = 0.0) -> FloatArray:
         """To the least of the parabola within the bounds, with what is `held` moved so far, shape (n_unknowns,)."""

@@ -114,12 +114,6 @@ class Surface:
         self._jobs = jobs
         self._lock = threading.Lock()
 
-    def value(self, e: Evaluation) -> float:
-        """V of an evaluation: its cost, or the sum of its squared rows."""
-        if not math.isfinite(e.cost):
-            return math.inf
-        return e.cost if e.residuals is None else float(np.sum(e.residuals**2))
-
     def sandwich(self, *which: int) -> Sandwich:
         """Over all unknowns off their bounds, and `which`."""
         inside = np.setdiff1d(np.arange(len(self.top.point)), self.at_bound)
@@ -144,12 +138,12 @@ class Surface:
 
     def rise(self, e: Evaluation, i: int) -> float:
         """How far V has risen over its minimum, in units of the likelihood's."""
-        return 2 * (self.value(e) - self.value(self.top)) / self.kappa(i)
+        return 2 * (e.value - self.top.value) / self.kappa(i)
 
     def tolerance(self, *fixed: int) -> float:
         """Of a refit on the way, relative to V, so that it ends within FINE."""
         kappa = min(self.kappa(i) for i in fixed)
-        return float(np.clip(0.5 * FINE * kappa / max(self.value(self.top), 1e-300), 1e-9, 1e-3))
+        return float(np.clip(0.5 * FINE * kappa / max(self.top.value, 1e-300), 1e-9, 1e-3))
 
     def standard_error(self, i: int) -> float:
         """By the sandwich; NaN where the data do not see it, infinite precision and a user's own cost."""

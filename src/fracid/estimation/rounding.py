@@ -38,6 +38,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,52 +149,50 @@ def _channels(
 ) -> Iterator[_Channel]:
     """The outputs of a recording that an undithered encoder read."""
     scored = np.ones(len(errors), bool) if e.scored is None else e.scored
-    for o in range(errors.shape[1]):
-        measured = e.measured[:, o]
-        q = resolution(measured[scored])
-        if q is None:
-            continue
-        r, f = errors[:, o], measured - errors[:, o]
-        noise = noise_in_steps(r[scored], f[scored], q)
-        if not noise < DITHERED:
-            continue
-        moving = _moving(f, q, scored)
-        times = float(moving @ r**2) / (q**2 * (1 / 12 + noise**2))
-        if times > NEARLY:
-            continue
-        yield _Channel(o, q, noise, 2 * np.pi * (f - measured[0]) / q, weights[:, o, None] * J[:, o],
-                       float(moving @ psi(r) ** 2), times <= EXPLAINED)  # fmt: skip
+    for o, (y, r) in enumerate(zip(e.measured.T, errors.T, strict=True)):
+        found = encoder_noise(y, r, scored)
+        if found is not None and found.noise < DITHERED:
+            phase, variance = 2 * np.pi * (y - r - y[0]) / found.step, float(found.moving @ psi(r) ** 2)
+            yield _Channel(o, found.step, found.noise, phase, weights[:, o, None] * J[:, o], variance,
+                           found.times <= EXPLAINED)  # fmt: skip
 
 
-def _moving(fitted: FloatArray, step: float, scored: NDArray[np.bool_]) -> FloatArray:
+class EncoderNoise(NamedTuple):
+    """What a residual shows of its encoder."""
+
+    step: float
+    """q"""
+    noise: float
+    """σ beside its rounding [q]."""
+    moving: FloatArray
     """Weights of the samples that move by a part of a count, sum 1, shape (n_samples,)."""
-    moving = np.where(scored, np.minimum(np.abs(np.gradient(fitted)) / step, 1.0), 0.0)
-    moving /= moving.sum()
-    return moving
+    times: float
+    """The power of the residual over that of noise and rounding, where it moves."""
 
 
-def encoder_noise(residual: FloatArray, fitted: FloatArray, step: float) -> float | None:
-    """The noise σ beside an encoder's rounding, in its steps; None where the two are far from explaining the residual.
+def encoder_noise(measured: FloatArray, residual: FloatArray, scored: NDArray[np.bool_]) -> EncoderNoise | None:
+    """The noise beside an encoder's rounding; None where there is no encoder, or the two are far from explaining all.
 
     Parameters
     ----------
-    residual, fitted : array, shape (n_samples,)
-    step : float
-        q
+    measured, residual, scored : array, shape (n_samples,)
 
     Examples
     --------
     >>> t, rng = np.arange(0, 20, 0.004), np.random.default_rng(1)
-    >>> f = 30 * np.exp(-t / 4) * np.cos(6 * t)
+    >>> f, all_ = 30 * np.exp(-t / 4) * np.cos(6 * t), np.ones(t.size, bool)
     >>> y = np.round(f + 0.1 * rng.standard_normal(t.size))
-    >>> encoder_noise(y - f, f, 1.0) < 0.15, encoder_noise(y - f + 2 * np.sin(t), f, 1.0)
+    >>> encoder_noise(y, y - f, all_).noise < 0.15, encoder_noise(y, y - f + 2 * np.sin(t), all_)
     (True, None)
     """
-    noise = noise_in_steps(residual, fitted, step)
-    if not math.isfinite(noise):
+    step, fitted = resolution(measured[scored]), measured - residual
+    noise = math.inf if step is None else noise_in_steps(residual[scored], fitted[scored], step)
+    if step is None or not math.isfinite(noise):
         return None
-    moving = _moving(fitted, step, np.ones(len(fitted), bool))
-    return noise if float(moving @ residual**2) <= NEARLY * step**2 * (1 / 12 + noise**2) else None
+    moving = np.where(scored, np.minimum(np.abs(np.gradient(fitted)) / step, 1.0), 0.0)
+    moving /= moving.sum()
+    times = float(moving @ residual**2) / (step**2 * (1 / 12 + noise**2))
+    return EncoderNoise(step, noise, moving, times) if times <= NEARLY else None
 
 
 def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise: float) -> FloatArray:

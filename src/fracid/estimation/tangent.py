@@ -32,7 +32,7 @@ from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.derivatives import (
     DIFFERENCE,
     difference_steps,
-    jacobian,
+    differences,
     pulls,
     rows_and_pulls,
     shared_by_all,
@@ -79,8 +79,25 @@ SHORTEST = 0.2
 """Of that, what the bounds must leave."""
 
 
+class AtPoint:
+    """What is known at a point."""
+
+    evaluation: Evaluation
+    """The point, its cost and its rows."""
+
+    @property
+    def x(self) -> FloatArray:
+        """The point, shape (n_unknowns,)."""
+        return self.evaluation.point
+
+    @property
+    def value(self) -> float:
+        """V, the sum that is minimised."""
+        return self.evaluation.value
+
+
 @dataclass(frozen=True, eq=False)
-class Tangent:
+class Tangent(AtPoint):
     """A point with the errors of its recordings and their derivatives."""
 
     problem: Problem
@@ -90,17 +107,6 @@ class Tangent:
     """Of each recording, shape (n_samples, n_outputs)."""
     derivatives: list[FloatArray]
     """Of those by all unknowns, shape (n_samples, n_outputs, n_unknowns)."""
-
-    @property
-    def x(self) -> FloatArray:
-        """The point, shape (n_unknowns,)."""
-        return self.evaluation.point
-
-    @cached_property
-    def value(self) -> float:
-        """V, the sum that is minimised."""
-        rows = self.evaluation.residuals
-        return math.inf if rows is None else float(rows @ rows)
 
     @cached_property
     def unit(self) -> float:
@@ -262,9 +268,7 @@ def tangent(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Tangent | Fail
     jobs : int
         Threads.
     """
-    errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
-    if isinstance(errors, Failure):
-        return errors
+    J = differences(problem, x, np.arange(len(x)), jobs=jobs)
     if isinstance(J, Failure):
         return J
-    return Tangent(problem, problem.criterion(x, errors), errors, J).asked_again(jobs)
+    return Tangent(problem, problem.criterion(x, J.errors), J.errors, J.parts).asked_again(jobs)

@@ -36,7 +36,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, brief
 from fracid.problem import Experiment, Problem
-from fracid.problem.unknowns import Free
 from fracid.signals.resolution import noise_level, resolution
 from fracid.tasks.simulation_cache import Recent
 
@@ -96,6 +95,7 @@ def in_windows(problem: Problem) -> Problem:
     Examples
     --------
     >>> import fracid
+    >>> from fracid.problem import Free
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.3}, step=4e-3, end=20.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
@@ -105,8 +105,7 @@ def in_windows(problem: Problem) -> Problem:
     """
     count = max(1, WINDOWS // len(problem.experiments))
     windows = tuple(w for e in problem.experiments for w in _windows(e, count))
-    orders = {n: v.start if isinstance(v, Free) else v for n, v in problem.orders.items()}
-    return replace(problem, experiments=windows, orders=orders, initial_state="estimate", memo=Recent())
+    return replace(problem, experiments=windows, orders=problem.order_starts, initial_state="estimate", memo=Recent())
 
 
 @dataclass(frozen=True)
@@ -211,10 +210,9 @@ def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Pro
 
     Their orders stay as they begin, so that no part needs a past.  Their step is fine enough, unless it is fixed.
     """
-    orders = {n: v.start if isinstance(v, Free) else v for n, v in problem.orders.items()}
     steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
-    substeps = 1 if fixed_step else 2 ** max(0, math.ceil(math.log2(steps)))
-    return windowed(replace(problem, orders=orders, substeps=max(problem.substeps, substeps)), seconds, PARTS)
+    substeps = max(problem.substeps, 1 if fixed_step else 2 ** max(0, math.ceil(math.log2(steps))))
+    return windowed(replace(problem, orders=problem.order_starts, substeps=substeps), seconds, PARTS)
 
 
 def lengthened(parts: Problem, x: FloatArray, whole: Problem) -> FloatArray:
@@ -351,6 +349,7 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
     Examples
     --------
     >>> import fracid
+    >>> from fracid.problem import Free
     >>> swing = Experiment("twin", 4e-3, np.cos(np.arange(900) / 9)[:, None] * [1, 1], np.zeros((1, 1)))
     >>> orders = {"lambda": 1.0, "mu": 1.0}
     >>> problem = Problem(fracid.rotary_pendulum(), (swing,), orders, {"b_alpha": Free(1e-4, 0.0, 1.0)})
@@ -394,6 +393,7 @@ def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:
     Examples
     --------
     >>> import fracid
+    >>> from fracid.problem import Free
     >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), {"lambda": Free(0.9, 0.5, 1.2), "mu": 1.0})
     >>> shared_values(problem, problem.start)

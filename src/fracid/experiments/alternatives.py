@@ -39,7 +39,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import starting_at
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.derivatives import differences, jacobian
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import averaged, exchange
@@ -400,10 +400,10 @@ def _sums(
 ) -> list[tuple[FloatArray, ...]]:
     """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
     here = rival.of(problem)
-    errors, J = here.errors(here.start), jacobian(here, here.start, np.arange(len(here.names)))
-    if isinstance(errors, Failure) or isinstance(J, Failure):
+    J = differences(here, here.start, np.arange(len(here.names)))
+    if isinstance(J, Failure):
         return []
-    columns = {u.name: J[0][..., i] for i, u in enumerate(here.unknowns)}
+    columns = {u.name: J.parts[0][..., i] for i, u in enumerate(here.unknowns)}
     own = [n for n, u in zip(here.names, here.unknowns, strict=True) if u.experiment is not None]
     for element in _elements(here):
         names = [n for n in rival.extra.get(element.name, ()) if n in element.problem.names]
@@ -411,11 +411,11 @@ def _sums(
         more = jacobian(element.problem, element.problem.start, at)
         if not isinstance(more, Failure):
             columns |= {n: more[0][..., k] for k, n in enumerate(names)}
-    still = np.zeros(errors[0].shape)
+    still = np.zeros(J.errors[0].shape)
     root = np.array([1 / math.sqrt(subject.noise_of(n).variance) for n in problem.outputs])
     rows = np.stack([-columns.get(n, still) for n in (*common.names, *own)], axis=-1) * root[:, None]
     n, off = len(common.names), np.array([rival.values.get(n, v) - v for n, v in common.origin.items()])
-    missed = errors[0] * root + rows[..., : len(off)] @ off
+    missed = J.errors[0] * root + rows[..., : len(off)] @ off
     sums: list[tuple[FloatArray, ...]] = []
     for count in samples:
         flat, r = rows[:count].reshape(-1, rows.shape[-1]), missed[:count].ravel()

@@ -27,7 +27,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, refuse_unknown, unknown_name
 from fracid.estimation.covariance import Uncertainty, uncertainty
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.derivatives import differences
 from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, nothing, of_samples
 from fracid.experiments.space import Candidate, DesignSpace
@@ -35,7 +35,6 @@ from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.unknowns import Value
-from fracid.signals.resolution import resolution
 from fracid.solver.inputs import Between
 from fracid.units import GREEK
 
@@ -261,20 +260,19 @@ def subject_of_problem(
     if any(e.deviation is not None for e in problem.experiments):
         raise InputError(SAYS("deviations"))
     precision = uncertainty(problem, x, jobs=jobs) if precision is None else precision
-    errors, J = problem.errors(x), jacobian(problem, x, np.arange(len(x)), jobs=jobs)
-    if isinstance(precision, Failure) or isinstance(errors, Failure) or isinstance(J, Failure):
-        reason = next(r for r in (precision, errors, J) if isinstance(r, Failure))
-        raise InputError(f"There is nothing to design with: {reason}.")
+    J = differences(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(precision, Failure) or isinstance(J, Failure):
+        raise InputError(f"There is nothing to design with: {precision if isinstance(precision, Failure) else J}.")
     unknowns = problem.unknowns
     shared = np.array([u.experiment is None for u in unknowns]) & ~problem.absent(x)
     if not shared.any():
         raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
-    noise, encoder_alone = _noises(problem, errors, space)
+    noise, encoder_alone = _noises(problem, J.errors, space)
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
     values = dict(zip((u.target for u in unknowns), x.tolist(), strict=True))
     held = {u.target: values[u.target] for i, u in enumerate(unknowns) if u.experiment is None and not shared[i]}
     recorded = nothing(int(shared.sum()))
-    for e, error, j in zip(problem.experiments, errors, J, strict=True):
+    for e, error, j in zip(problem.experiments, J.errors, J.parts, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
         fitted = e.measured - error
         recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], problem.weights, excess)
@@ -393,12 +391,10 @@ def _noises(problem: Problem, errors: list[FloatArray], space: DesignSpace) -> t
 def _noise(e: Experiment, error: FloatArray, output: int) -> Noise:
     """The noise of one output of one recording; without a step where rounding and white noise do not explain it."""
     scored = np.ones(len(error), bool) if e.scored is None else e.scored
-    r, measured = error[scored], e.measured[scored, output]
-    step = resolution(measured)
-    noise = None if step is None else encoder_noise(r, measured - r, step)
-    if step is None or noise is None:
-        return Noise(math.sqrt(float(np.mean(r**2))), 0.0)
-    return Noise(noise * step, step)
+    found = encoder_noise(e.measured[:, output], error, scored)
+    if found is None:
+        return Noise(math.sqrt(float(np.mean(error[scored] ** 2))), 0.0)
+    return Noise(found.noise * found.step, found.step)
 
 
 def _excess(precision: Uncertainty) -> FloatArray:

@@ -27,6 +27,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,13 @@ class Evaluation:
     """Rows for least squares; None where the run failed or the cost has none."""
     reason: str = ""
     """Why the cost is infinite."""
+
+    @cached_property
+    def value(self) -> float:
+        """V, the sum of the squared rows, which least squares minimises; the cost where there are none."""
+        if self.residuals is None or not math.isfinite(self.cost):
+            return self.cost
+        return float(self.residuals @ self.residuals)
 
 
 Optimiser = Generator[FloatArray, list[Evaluation], Outcome]

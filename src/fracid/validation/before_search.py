@@ -66,6 +66,7 @@ from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period, too_long
+from fracid.validation.misfits import cost_of
 from fracid.validation.reversed_signs import reversals, wrong_sign
 
 SAYS = Words("validation/before_search.toml")
@@ -293,10 +294,5 @@ def _worst(findings: Iterable[Finding]) -> list[Finding]:
     """One of each code: the worst."""
     worst: dict[str, Finding] = {}
     for f in findings:
-        worst[f.code] = max(worst.get(f.code, f), f, key=_severity)
+        worst[f.code] = max(worst.get(f.code, f), f, key=cost_of)
     return [*worst.values()]
-
-
-def _severity(f: Finding) -> float:
-    """How far beyond its limit, which |J|h exceeds, and steps a period fall short of."""
-    return f.number / f.limit if f.code == "stiff" else f.limit / f.number

@@ -49,7 +49,7 @@ import numpy as np
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
-from fracid.estimation.derivatives import jacobian, row_weights
+from fracid.estimation.derivatives import differences, row_weights
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -174,14 +174,12 @@ def misreadings(
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
     if not len(free):
         return []
-    errors, forms, J = problem.errors(x), _forms(problem, x), jacobian(problem, x, free, jobs=jobs)
-    if isinstance(errors, Failure) or isinstance(J, Failure) or forms is None:
+    forms, J = _forms(problem, x), differences(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure) or forms is None or math.sqrt(np.mean(joined(J.errors) ** 2)) < NOTHING:
         return []
-    if math.sqrt(np.mean(joined(errors) ** 2)) < NOTHING:
-        return []
-    weight = np.concatenate([root.ravel() for root in row_weights(problem, errors)])
-    e = weight * joined(errors)
-    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j.reshape(-1, len(free)) for j in J]))
+    weight = np.concatenate([root.ravel() for root in row_weights(problem, J.errors)])
+    e = weight * joined(J.errors)
+    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j.reshape(-1, len(free)) for j in J.parts]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]
@@ -247,15 +245,12 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     if any(isinstance(y, Failure) for y in fitted):
         return None
-    forms = []
-    for k, output in enumerate(problem.outputs):
-        for code, form in FORMS.items():
-            columns = []
-            for e, y in zip(problem.experiments, fitted, strict=True):
-                z = np.zeros_like(e.measured)
-                z[:, k] = form(e, np.asarray(y)[:, k])
-                columns.append(z)
-            forms.append(((code, output), columns))
+    of_one = np.eye(len(problem.outputs))
+    forms = [
+        ((code, output), [np.outer(form(e, np.asarray(y)[:, k]), of_one[k])
+                          for e, y in zip(problem.experiments, fitted, strict=True)])
+        for k, output in enumerate(problem.outputs) for code, form in FORMS.items()
+    ]  # fmt: skip
     return forms + _late_inputs(problem, x, fitted)
 
 
