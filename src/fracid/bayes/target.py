@@ -220,16 +220,11 @@ def likelihood_problem(problem: Problem) -> Problem:
     if not problem.parametrisation.priors:
         return problem
 
-    def bare(value: Any) -> Any:
-        return replace(value, prior=None) if isinstance(value, Free) else value
+    def bare(values: Mapping[str, Any]) -> Any:
+        return {n: replace(v, prior=None) if isinstance(v, Free) else v for n, v in values.items()}
 
-    def each(values: Mapping[str, Any]) -> dict[str, Any]:
-        return {n: bare(v) for n, v in values.items()}
-
-    experiments = tuple(
-        replace(e, initial=each(e.initial), release_time=bare(e.release_time)) for e in problem.experiments
-    )
-    return replace(problem, orders=each(problem.orders), parameters=each(problem.parameters), experiments=experiments)
+    parts = (replace(e, initial=bare(e.initial), **bare({"release_time": e.release_time})) for e in problem.experiments)
+    return replace(problem, experiments=tuple(parts), orders=bare(problem.orders), parameters=bare(problem.parameters))
 
 
 def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[RecordedLikelihood, tuple[str, ...]]:

@@ -137,9 +137,8 @@ class FitPictures:
 
         reach = reaches(self.problem, self.x, self.orders)
         plane = cost_plane(self.problem, self.x, reach=reach, points=points, jobs=jobs)
-        orders = {u.target: float(x) for u, x in zip(self.problem.unknowns, self.x, strict=True) if u.kind == "order"}
-        best = (orders[plane.names[0]], orders[plane.names[1]])
-        return plane.plot(best=best, cost_name=self.problem.cost_function.name, style=style)
+        first, second = (float(self.x[self.problem.free_orders[n]]) for n in plane.names)
+        return plane.plot(best=(first, second), cost_name=self.problem.cost_function.name, style=style)
 
     def plot_rig(self, *, style: str | Style = "screen") -> Figure:
         """The model's scene with the constants as found; see :func:`fracid.plots.rig_drawing`.

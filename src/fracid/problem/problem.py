@@ -217,6 +217,11 @@ class Problem(CardDisplay):
         return self.parametrisation.order_indices
 
     @property
+    def free_orders(self) -> dict[str, int]:
+        """Each free order with which of the unknowns it is."""
+        return {self.unknowns[i].target: i for i in self.order_indices}
+
+    @property
     def start(self) -> FloatArray:
         """Where the search starts, shape (n_unknowns,)."""
         return self.parametrisation.start

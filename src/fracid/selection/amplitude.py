@@ -363,7 +363,7 @@ def _window(
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
     errors = _standard_errors(piece, best.point, jobs)
-    orders = {piece.unknowns[i].target: float(best.point[i]) for i in piece.order_indices}
+    orders = {n: float(best.point[i]) for n, i in piece.free_orders.items()}
     measured, told = piece.experiments[0].measured, {n: _told_by(piece, n) for n in orders}
     period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     swings = {o: float(np.mean(envelope(y, period))) for o, y in zip(piece.outputs, measured.T, strict=True)}

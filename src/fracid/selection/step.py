@@ -62,7 +62,7 @@ def quiet_substeps(problem: Problem, x: FloatArray, half_widths: Mapping[str, fl
     (1, True)
     """
     steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
-    width = {i: max(LEAST_SHIFT, half_widths.get(problem.unknowns[i].target, np.inf)) for i in problem.order_indices}
+    width = {i: max(LEAST_SHIFT, half_widths.get(n, np.inf)) for n, i in problem.free_orders.items()}
     here, before = problem.evaluate(x), (np.inf, np.inf)
     while 2 * problem.substeps <= FINEST and 2 * problem.substeps * steps <= MOST_STEPS:
         half = replace(problem, substeps=2 * problem.substeps)

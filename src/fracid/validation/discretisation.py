@@ -159,7 +159,7 @@ def _judged(
     problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float], finer: FloatArray
 ) -> Discretisation:
     """How far the orders move from x to the minimum at half the step, and what that means."""
-    at = {problem.unknowns[i].target: i for i in problem.order_indices}
+    at = problem.free_orders
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts

@@ -500,13 +500,11 @@ def _called_fractional(problem: Problem, best: Evaluation, precision: Uncertaint
 
     None where no free order has an integer value.
     """
-    free = [problem.unknowns[i].target for i in problem.order_indices]
+    free = problem.free_orders
     if free and all(problem.model.integer_order(n) is None for n in free):
         return None
-    half = {problem.unknowns[i].target: half_width(precision, best.point, i) for i in problem.order_indices}
-    off = [i for i in problem.order_indices
-           if is_off(problem, n := problem.unknowns[i].target, float(best.point[i]), half[n])]  # fmt: skip
-    if not off:
+    half = {n: half_width(precision, best.point, i) for n, i in free.items()}
+    if not any(is_off(problem, n, float(best.point[i]), half[n]) for n, i in free.items()):
         return False
     other = integer_rival(problem, best, half)
     return other is None or gain_over(other, problem, best)[1] > STRONG

@@ -22,6 +22,9 @@ UNEQUAL = 1.5
 
 NAN = math.nan
 
+QUESTIONS = ("whiteness", "spectrum", "normality", "variance", "level")
+"""In the order in which their answers should be read."""
+
 
 @dataclass(frozen=True)
 class Whiteness(Record):
@@ -189,14 +192,7 @@ class ResidualAnalysis(CardDisplay, Record):
     @property
     def sentences(self) -> dict[str, str]:
         """Each question's line of plain words, in the order in which they should be read."""
-        sentences = {
-            "whiteness": self.whiteness.sentence,
-            "spectrum": self.spectrum.sentence,
-            "normality": self.normality.sentence,
-            "variance": self.variance.sentence,
-            "level": self.level.sentence,
-        }
-        return {name: sentence for name, sentence in sentences.items() if sentence}
+        return {name: text for name in QUESTIONS if (text := getattr(self, name).sentence)}
 
     def _card(self) -> Card:
         return Card(f"Residual of {self.recording}, {self.output} ({self.use})", tuple(self.sentences.items()))

@@ -254,7 +254,6 @@ def cut_check(
     if isinstance(failure := problem.errors(x), Failure):
         return Failure(FailureReason.RUN, f"the fit's own run fails: {failure}")
     records = {e.name: _whole(e, (whole or {}).get(e.name)) for e in problem.experiments}
-    names = [problem.unknowns[i].target for i in problem.order_indices]
     treatments, left_out = dict[str, Treatment](), dict[str, str]()
     for name, treatment in TREATMENTS.items():
         try:
@@ -266,13 +265,10 @@ def cut_check(
             left_out[name] = str(result)
         else:
             treatments |= result
-    ends = [known.interval(x, i) if isinstance(known, Uncertainty) else None for i in problem.order_indices]
-    levels = problem.levels(x)
-    return CutCheck(
-        AsFitted(dict(zip(names, x[list(problem.order_indices)].tolist(), strict=True)), problem.cost(x), levels),
-        {n: None if end is None else half_of(end) for n, end in zip(names, ends, strict=True)},
-        treatments, left_out,
-    )  # fmt: skip
+    intervals = {n: known.interval(x, i) if isinstance(known, Uncertainty) else None
+                 for n, i in problem.free_orders.items()}  # fmt: skip
+    half = {n: None if ends is None else half_of(ends) for n, ends in intervals.items()}
+    return CutCheck(AsFitted(_orders(problem, x), problem.cost(x), problem.levels(x)), half, treatments, left_out)
 
 
 def whole_records(project: Project) -> dict[str, Experiment]:
@@ -449,12 +445,14 @@ def _refitted(
     if not math.isfinite(best.cost):
         return Failure(FailureReason.RUN, f"no run reached its end: {best.reason}")
     later = max(o.start - e.start for e, o in zip(problem.experiments, other.experiments, strict=True))
-    at = {other.unknowns[i].target: i for i in other.order_indices}
-    before = {problem.unknowns[i].target: float(x[i]) for i in problem.order_indices}
-    orders = {n: float(best.point[i]) for n, i in at.items()}
+    orders, before = _orders(other, best.point), _orders(problem, x)
     label = f"{name} by {later:.2g} s" if later > 0 else name
     shift, stopped = {n: orders[n] - before[n] for n in orders}, result.outcome is Outcome.BUDGET_SPENT
     return {label: Treatment(orders, shift, best.cost, other.levels(best.point), stopped)}
+
+
+def _orders(problem: Problem, x: FloatArray) -> dict[str, float]:
+    return {n: float(x[i]) for n, i in problem.free_orders.items()}
 
 
 def _signed(shift: float) -> str:
