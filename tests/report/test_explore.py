@@ -84,7 +84,7 @@ def material(tmp_path_factory):
     open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
     fit = fracid.identify(project)
     write_result(folder / "run", fit, project, {"search": 1.0})
-    return Material.of_run(load_run(folder / "run"), cost_plane(fit.problem, fit.x, points=5))
+    return Material.of(folder / "run", load_run(folder / "run"), project, cost_plane(fit.problem, fit.x, points=5))
 
 
 @pytest.fixture(scope="module")
@@ -126,20 +126,22 @@ def moved(page, name, value):
 def test_a_step_that_the_fit_halved_is_the_pages_too(material):
     run = load_run(material.folder)
     halved = replace(run, problem=replace(run.problem, substeps=2 * run.problem.substeps))
-    assert {r["every"] for r in explore(Material.of_run(halved))["recordings"]} == {2 * run.problem.substeps}
+    assert {r["every"] for r in explore(Material.of(run.folder, halved, run.project))["recordings"]} == {
+        2 * run.problem.substeps
+    }
 
 
 @pytest.mark.parametrize("recording", RECORDINGS)
 def test_the_page_simulates_the_fit_and_any_other_point_as_the_library_does(page, material, recording):
     page.run(f"explore.open({RECORDINGS.index(recording)})")
     assert page.run("explore.agreement") < 1e-6
-    problem, x = material.project.problem, material.x.copy()
+    problem, x = material.project.problem, material.fit.x.copy()
     for name, value in (("lambda", 1.02), ("mu", 0.97), ("b_alpha", 4e-4)):
         x[problem.names.index(name)] = moved(page, name, value)
     e = next(e for e in (*problem.experiments, *material.project.validation) if e.name == recording)
     if recording == "held out":
         problem = problem.with_shared(x, (e,))
-        own = material.recordings[recording].initial | material.recordings[recording].parameters
+        own = material.fit.recordings[recording].initial | material.fit.recordings[recording].parameters
         x = np.array([own[u.target].value for u in problem.unknowns])
     outputs = problem.fitted(x, e)
     for k, degrees in enumerate(np.rad2deg(outputs).T):
@@ -169,13 +171,13 @@ def test_an_output_that_is_a_function_of_states_and_inputs_is_explored_too(brows
     fracid.save_recording(recording, tmp_path / "cell.csv")
     (tmp_path / "cell.toml").write_text(CELL, encoding="utf-8")
     made = fracid.run(tmp_path / "cell.toml", out=tmp_path / "run", figures=False)
-    material = Material.of_run(load_run(made.folder))
+    material = Material.of(made.folder, load_run(made.folder), made.project)
     (tmp_path / "report.html").write_text(report_page(material), encoding="utf-8")
     browser.open(tmp_path / "report.html", **CALM)
     browser.run("document.getElementById('explore').scrollIntoView({behavior: 'instant'})")
     browser.until("explore !== null && explore.charts.length > 0")
     assert browser.run("explore.agreement") < 1e-6
-    problem, x = material.project.problem, material.x.copy()
+    problem, x = material.project.problem, material.fit.x.copy()
     assert browser.run("explore.sliders.map(s => s.name)") == ["q", "R"]  # a constant is no friction, and was free
     browser.run("explore.sliders[0].now = 0.95")
     x[problem.names.index("q")] = 0.95

@@ -4,7 +4,6 @@ import json
 import os
 import re
 import shutil
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -89,7 +88,7 @@ def test_a_run_that_is_a_link_to_elsewhere_is_not_written_through(runs, tmp_path
     (runs / NAMES[0]).rename(elsewhere)
     (runs / NAMES[0]).symlink_to(elsewhere)
     before = (elsewhere / "report.html").read_bytes()
-    assert [run.folder.name for run in runs_of(runs)] == sorted(NAMES[1:], key=NAMES.index, reverse=True)
+    assert [run["name"] for run in runs_of(runs)] == sorted(NAMES[1:], key=NAMES.index, reverse=True)
     write_index(runs)
     assert (elsewhere / "report.html").read_bytes() == before
 
@@ -113,10 +112,10 @@ def test_a_partial_result_is_marked(outcome):
 
 
 def test_runs_stand_in_the_order_in_which_they_were_begun_and_damaged_ones_are_left_out(runs):
-    assert [run.who.name for run in runs_of(runs)] == list(reversed(NAMES))
+    assert [run["name"] for run in runs_of(runs)] == list(reversed(NAMES))
     (runs / "third" / "result.json").write_text("{", encoding="utf-8")
     (runs / "first" / "environment.json").write_text("{", encoding="utf-8")
-    assert {run.who.name for run in runs_of(runs)} == {"first", "second <b>"}
+    assert {run["name"] for run in runs_of(runs)} == {"first", "second <b>"}
 
 
 def test_the_pages_of_a_folder_are_linked_with_their_neighbours_and_with_the_index(runs):
@@ -277,7 +276,7 @@ def test_a_page_whose_samples_are_damaged_has_no_swings_in_the_index(runs, sampl
 ])  # fmt: skip
 def test_a_claim_has_the_colour_of_the_page_in_the_index_too(runs, changes, look, monkeypatch):
     of_folder = runs_of(runs)
-    changed = [replace(run, result=run.result | {"warnings": [], "findings": []} | changes) for run in of_folder]
+    changed = [run | {"result": run["result"] | {"warnings": [], "findings": []} | changes} for run in of_folder]
     monkeypatch.setattr("fracid.report.index.runs_of", lambda _: changed)
     text = write_index(runs).read_text(encoding="utf-8")
     assert text.count('<span class="point look">') == look * len(changed)
@@ -290,7 +289,7 @@ def test_the_menu_of_a_page_with_neighbours_is_seen_whole_or_has_a_row_and_marks
     for name in NAMES:
         write_report(runs / name)
     write_index(runs)
-    page = runs / runs_of(runs)[1].folder.name / "report.html"
+    page = runs / runs_of(runs)[1]["name"] / "report.html"
     with Browser() as browser:
         for width in (1920, 1600, 1500, 1440, 1280, 1024, 768, 400):
             browser.open(page, width=width)

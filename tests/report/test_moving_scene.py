@@ -47,13 +47,13 @@ def material(tmp_path_factory):
     open_folder(folder / "run", ["fit", "rig.toml"])
     fit = fracid.identify(project)
     write_result(folder / "run", fit, project, {"search": 1.0})
-    return Material.of_run(load_run(folder / "run"), None)
+    return Material.of(folder / "run", load_run(folder / "run"), project)
 
 
 def test_the_page_moves_the_bodies_as_the_library_places_them(material, tmp_path):
     (tmp_path / "report.html").write_text(report_page(material), encoding="utf-8")
     model = material.project.problem.model
-    (r,) = material.recordings.values()
+    (r,) = material.fit.recordings.values()
     with Browser() as browser:
         browser.open(tmp_path / "report.html", prefers_reduced_motion="reduce")
         browser.run("player.play(false)")

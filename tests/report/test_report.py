@@ -102,7 +102,9 @@ def comparison():
 
 @pytest.fixture(scope="module")
 def material(fitted):
-    return Material.of_run(load_run(fitted[0]), cost_plane(fitted[1].problem, fitted[1].x, points=5))
+    folder, fit, _ = fitted
+    run = load_run(folder)
+    return Material.of(folder, run, run.project, cost_plane(fit.problem, fit.x, points=5))
 
 
 @pytest.fixture(scope="module")
@@ -232,7 +234,7 @@ def test_warnings_verdicts_reasons_and_hashes_are_said(parsed, fitted):
     said = [next((r for r in reasons if r in w), w) for w in result["warnings"]]  # a row's reason stands in that row
     said = [*said, *reasons, *(in_words(e["identifiable"]) for e in result["parameters"].values())]
     said += [*result["data_sha256"].values(), *result["versions"].values(), "fracid fit", "'<run>'", "coulomb_theta"]
-    said += [s for outputs in Material.of_run(load_run(fitted[0])).analyses.values() for a in outputs.values()
+    said += [s for outputs in Material.of(*fitted).analyses.values() for a in outputs.values()
              for s in a.sentences.values()]  # fmt: skip
     for sentence in said:
         assert " ".join(sentence.split()) in text
@@ -256,7 +258,7 @@ def test_a_recording_is_shown_whole_with_the_part_that_was_used(page):
 
 def test_a_fit_in_hand_and_its_folder_read_back_give_the_same_page(fitted, material):
     folder, fit, project = fitted
-    assert report_page(Material.of_fit(folder, fit, project, material.plane)) == report_page(material)
+    assert report_page(Material.of(folder, fit, project, material.plane)) == report_page(material)
 
 
 def test_a_page_says_what_it_lacks_without_profiles_ladder_and_search(material, tmp_path):
@@ -266,8 +268,10 @@ def test_a_page_says_what_it_lacks_without_profiles_ladder_and_search(material, 
         r["fit_percent"] = dict.fromkeys(r["fit_percent"])
     result |= {"discretisation": None, "alternative": None, "cost": result["cost"] | {"value": None}}
     nan = {n: replace(r, fitted={o: np.full_like(y, np.nan) for o, y in r.fitted.items()})
-           for n, r in material.recordings.items()}  # fmt: skip
-    text = report_page(replace(material, folder=tmp_path, result=result, recordings=nan, plane=None))
+           for n, r in material.fit.recordings.items()}  # fmt: skip
+    text = report_page(
+        replace(material, folder=tmp_path, result=result, fit=replace(material.fit, recordings=nan), plane=None)
+    )
     sections = [a["id"] for a in Parsed(text).all("section")]
     assert sections == [name for name in SECTIONS if name not in ("cost", "ladder")]
     assert "No run of the model reached the end" in text
@@ -1031,7 +1035,7 @@ def test_ten_times_the_difference_moves_the_ghost_ten_times_as_far_and_the_solid
 @pytest.fixture(scope="module")
 def with_encoders(material, tmp_path_factory):
     """The page of the same run, had both angles been measured with 1024 counts a turn."""
-    resolutions = {name: dict.fromkeys(("theta", "alpha"), 2 * math.pi / 1024) for name in material.recordings}
+    resolutions = {name: dict.fromkeys(("theta", "alpha"), 2 * math.pi / 1024) for name in material.fit.recordings}
     path = tmp_path_factory.mktemp("encoders") / "report.html"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(type(material.project), "resolutions", property(lambda _: resolutions))
@@ -1085,7 +1089,7 @@ def test_a_script_that_got_in_would_not_run(browser, file, page, tmp_path):
 
 @pytest.mark.broad
 def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the_page_says_so(material, monkeypatch):
-    name, r = next(iter(material.recordings.items()))
+    name, r = next(iter(material.fit.recordings.items()))
     output, few = next(iter(r.measured)), r.time.size // 2
     part = first_part(r, few)
     assert part.measured[output].base is not None  # a view

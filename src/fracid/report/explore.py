@@ -83,11 +83,11 @@ def _explorable(material: Material) -> Iterator[tuple[Problem, FloatArray, Exper
     problem = material.problem
     for e in problem.experiments:
         if not _beyond(e):
-            yield problem, material.x, e
+            yield problem, material.fit.x, e
     for e in material.project.validation:
-        found = material.recordings.get(e.name)
+        found = material.fit.recordings.get(e.name)
         if not _beyond(e) and found is not None and isfinite(found.cost):
-            alone, own = problem.with_shared(material.x, (e,)), {**found.initial, **found.parameters}
+            alone, own = problem.with_shared(material.fit.x, (e,)), {**found.initial, **found.parameters}
             x = [own[u.target].value if u.target in own else u.range.start for u in alone.unknowns]
             yield alone, np.array(x), e
 
@@ -175,7 +175,7 @@ def _might_be(material: Material, joint: str) -> float:
         for n, kind in model.friction.items() if kind.power == 1 and kind.joint == joint and n in values
     )  # fmt: skip
     speeds = [np.nanmax(np.abs(np.diff(r.fitted[joint]) / np.diff(r.time)), initial=0.0)
-              for r in material.recordings.values() if joint in r.fitted]  # fmt: skip
+              for r in material.fit.recordings.values() if joint in r.fitted]  # fmt: skip
     return float(viscous * max(speeds, default=0.0))
 
 
@@ -201,13 +201,13 @@ def _output(material: Material, name: str) -> dict[str, Any]:
 def _recording(material: Material, problem: Problem, x: FloatArray, e: Experiment) -> dict[str, Any]:
     """One recording as ``Fracid.simulate`` takes it, and what it is held against."""
     values, driven = problem.parametrisation.unpack(x, e), problem.simulator.inputs(x, e)
-    samples = min(len(e.measured), budget(len(material.recordings)))
+    samples = min(len(e.measured), budget(len(material.fit.recordings)))
     rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     sizes = problem.parametrisation.sizes(e)
     return {
         "name": e.name,
-        "use": material.recordings[e.name].use,
+        "use": material.fit.recordings[e.name].use,
         "step": e.step / problem.substeps,
         "steps": rows - 1,
         "every": problem.substeps,
@@ -229,7 +229,7 @@ def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[st
     """The measured and the fitted samples; nothing where the page draws all of them."""
     if samples == len(e.measured) and e.scored is None:
         return {}
-    r, outputs = material.recordings[e.name], material.problem.outputs
+    r, outputs = material.fit.recordings[e.name], material.problem.outputs
     scored = np.ones(len(e.measured), bool) if e.scored is None else e.scored
     shown = {n: material.unit(n)[1] for n in outputs}
     return {

@@ -74,16 +74,6 @@ class Identity:
     """Why the result is not finished, in a sentence; empty where it is."""
 
 
-@dataclass(frozen=True)
-class RunOfIndex:
-    """A run in the index."""
-
-    folder: Path
-    who: Identity
-    started: str
-    result: Mapping[str, Any]
-
-
 def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, Any]) -> Identity:
     """Name, recipe, date, duration and seed of a run.
 
@@ -118,8 +108,8 @@ def _date(started: str) -> str:
 # --- the runs of a folder ------------------------------------------------------------------------
 
 
-def runs_of(folder: Path) -> list[RunOfIndex]:
-    """The runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
+def runs_of(folder: Path) -> list[dict[str, Any]]:
+    """The cards of the runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
     runs = []
     for path in sorted(folder.glob("*/result.json")):
         if path.parent.is_symlink():  # what is written there would lie elsewhere
@@ -127,9 +117,9 @@ def runs_of(folder: Path) -> list[RunOfIndex]:
         if not (result := read_if_whole(path, SavedRun)):
             continue
         environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
-        who = identity(path.parent, result, environment)
-        runs.append(RunOfIndex(path.parent, who, environment.get("started", ""), result))
-    return sorted(runs, key=lambda run: (run.started, run.who.name))
+        who, started = identity(path.parent, result, environment), environment.get("started", "")
+        runs.append({**vars(who), "kind": "fit", "page": path.parent / PAGE, "started": started, "result": result})
+    return sorted(runs, key=_begun)
 
 
 def studies_in(folder: Path) -> Iterator[dict[str, Any]]:
@@ -206,11 +196,15 @@ def write_index(folder: str | Path) -> Path:
     with writing(f"The index {path}", "Give another folder."):
         write_text(path, _index_page(folder, runs, studies))
         for k, run in enumerate(runs):
-            _link(run.folder / PAGE, runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
+            _link(run["page"], runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
     return path
 
 
-def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> None:
+def _begun(card: Mapping[str, Any]) -> tuple[str, str]:
+    return card["started"], card["name"]
+
+
+def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> None:
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
     if page.is_symlink():
         return
@@ -221,7 +215,7 @@ def _link(page: Path, before: RunOfIndex | None, after: RunOfIndex | None) -> No
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return
-    around = {where: run and (run.who.name, _address(run.folder / PAGE, run.folder.parent))
+    around = {where: run and (run["name"], _address(run["page"], page.parents[1]))
               for where, run in (("before", before), ("after", after))}  # fmt: skip
     nav = filled("neighbours.html.j2", index=INDEX, **around)
     linked = text[: begin + len(RUNS_BEGIN)] + nav + text[end:]
@@ -237,20 +231,18 @@ def _address(page: Path, folder: Path) -> str:
 # --- the page ------------------------------------------------------------------------------------
 
 
-def _index_page(folder: Path, runs: list[RunOfIndex], studies: list[dict[str, Any]]) -> str:
-    axis = order_axis([e for run in runs for e in run.result["orders"].values()])
+def _index_page(folder: Path, runs: list[dict[str, Any]], studies: list[dict[str, Any]]) -> str:
+    axis = order_axis([e for run in runs for e in run["result"]["orders"].values()])
     cards = [
         {
-            **vars(run.who), "kind": "fit", "started": run.started, "date": _date(run.started), "result": run.result,
-            "claim": claim, "model": run.result["model"]["name"], "orders": orders_drawn(run.result["orders"], axis),
-            "href": _address(run.folder / PAGE, folder), "against": list(against.values()),
-            "good": claim != "undecided" and not against and not run.who.partial,
-            **_errors(run.result["recordings"]), "swings": _swings(run.folder / PAGE),
+            **run, "date": _date(run["started"]), "claim": claim, "model": result["model"]["name"],
+            "orders": orders_drawn(result["orders"], axis), "href": _address(run["page"], folder),
+            "against": list(against.values()), "good": claim != "undecided" and not against and not run["partial"],
+            **_errors(result["recordings"]), "swings": _swings(run["page"]),
         }
-        for run in runs
-        for against, claim in [(doubts(run.result), run.result["claim"])]
+        for run in runs for result in [run["result"]] for against, claim in [(doubts(result), result["claim"])]
     ]  # fmt: skip
-    cards = sorted(cards + studies, key=lambda card: (card["started"], card["name"]))
+    cards = sorted(cards + studies, key=_begun)
     kinds = (runs, ("run", "runs")), (studies, ("study", "studies"))
     counts = [f"{len(own)} {words[len(own) > 1]}" for own, words in kinds if own]
     title = f"{' and '.join(counts)} in {folder.resolve().name}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.cost_profile import Profiles
-from fracid.estimation.records import RecordingFit
 from fracid.fit import Fit
 from fracid.models import Model
 from fracid.problem import Problem
@@ -47,33 +46,29 @@ class Material:
     """The content of result.json."""
     project: Project
     """With the step that the fit took."""
-    x: FloatArray
-    """The unknowns where the search ended, shape (n_unknowns,)."""
-    recordings: Mapping[str, RecordingFit]
-    """Each recording beside its simulation, fitted ones first."""
+    fit: Fit
+    """Of this session, or as it was read back."""
     plane: CostPlane | None = None
     """The cost over two free orders."""
-    notes: tuple[str, ...] = field(default=())
-    """What differs from the run as it was."""
     tested: Residuals | None = None
     """Each residual, where somebody has had it tested before."""
 
     @classmethod
-    def of_run(cls, run: SavedRun, plane: CostPlane | None = None) -> Material:
-        """From a folder that was read back."""
-        project = _as_solved(run.project, run.problem)
-        return cls(run.folder, run.result, project, run.x, run.recordings, plane, run.notes)
-
-    @classmethod
-    def of_fit(
+    def of(
         cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, tested: Residuals | None = None
     ) -> Material:
-        """From a fit that has just been written to its folder."""
+        """From a fit that is written to its folder."""
         try:
             result = read_as(folder / "result.json", SavedRun, "fracid fit PROJECT")
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
-        return cls(folder, result, _as_solved(project, fit.problem), fit.x, fit.recordings, plane, tested=tested)
+        solved = replace(project, problem=replace(project.problem, substeps=fit.problem.substeps))
+        return cls(folder, result, solved, fit, plane, tested)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What differs from the run as it was."""
+        return self.fit.notes if isinstance(self.fit, SavedRun) else ()
 
     @property
     def problem(self) -> Problem:
@@ -101,7 +96,7 @@ class Material:
     @cached_property
     def residuals(self) -> Residuals:
         """Each residual, tested."""
-        return analysed(self.recordings, self.project.resolutions) if self.tested is None else self.tested
+        return analysed(self.fit.recordings, self.project.resolutions) if self.tested is None else self.tested
 
     @cached_property
     def analyses(self) -> Analyses:
@@ -141,10 +136,6 @@ class Material:
             except InputError as error:
                 damaged.append(f"{error} It is left out here.")
         return contents, damaged
-
-
-def _as_solved(project: Project, solved: Problem) -> Project:
-    return replace(project, problem=replace(project.problem, substeps=solved.substeps))
 
 
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:

@@ -132,10 +132,8 @@ def write_report(
     path = folder / REPORT if out is None else Path(out)
     if fit is None or project is None:
         fit = run = load_run(folder, trust=trust)
-        material = Material.of_run(run)
-    else:
-        material = Material.of_fit(folder, fit, project, tested=residuals)
-    text = report_page(replace(material, plane=plane or plane_of(fit, jobs)))
+        project = run.project
+    text = report_page(Material.of(folder, fit, project, plane or plane_of(fit, jobs), residuals))
     with writing(f"The report {path}", "Give another: --out FILE."):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
@@ -208,7 +206,7 @@ def _profiles(material: Material) -> dict[str, Any] | None:
 def _charts(material: Material) -> dict[str, Chart]:
     """All that stand still, by name: as recorded, of the residuals, of the profiles."""
     charts: dict[str, Chart] = {}
-    for i, (name, r) in enumerate(material.recordings.items()):
+    for i, (name, r) in enumerate(material.fit.recordings.items()):
         charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
         for n, residual in material.residuals[name].items():
             charts |= _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
@@ -238,10 +236,10 @@ def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
 
 def _stills(material: Material, charts: Mapping[str, Chart], surface: Surface | None) -> dict[str, Any]:
     """Charts, fits, surfaces and the rig as SVG."""
-    points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.recordings)))
+    points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.fit.recordings)))
     narrow = ("residual-", "profile-")
     stills = {n: still(c, 290 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
-    fits, joint = {name: [*fit_charts(material, r)] for name, r in material.recordings.items()}, _profiles(material)
+    fits, joint = {name: [*fit_charts(material, r)] for name, r in material.fit.recordings.items()}, _profiles(material)
     return {
         "charts": charts, "stills": stills, "rig_still": scene_still(material),
         "fit_stills": {name: [(c.title, still(c, 820, points, RIGHT if any(c.right for c in own) else 12.0))

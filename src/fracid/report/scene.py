@@ -51,7 +51,7 @@ def scene_script(model: Model) -> list[Markup]:
 
 def scene_still(material: Material) -> Markup:
     """The scene as simulated at the first sample, as SVG; nothing without one."""
-    model, data, r = material.model, scene_data(material), next(iter(material.recordings.values()))
+    model, data, r = material.model, scene_data(material), next(iter(material.fit.recordings.values()))
     if model.scene is None or data is None:
         return Markup("")
     constants = data["constants"][r.name]

@@ -43,7 +43,7 @@ def budget(recordings: int) -> int:
 
 def traces(material: Material) -> list[dict[str, Any]]:
     """What the player draws of each recording."""
-    return [_trace(material, r, budget(len(material.recordings))) for r in material.recordings.values()]
+    return [_trace(material, r, budget(len(material.fit.recordings))) for r in material.fit.recordings.values()]
 
 
 def _trace(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
@@ -113,7 +113,9 @@ def _in(unit: str) -> str:
 
 def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> Iterator[Chart]:
     """All signals of a file, those of a unit in one chart, with the part that was used."""
-    at = extremes([np.asarray(y, dtype=float) for y in whole.signals.values()], budget(len(material.recordings)) // 2)
+    at = extremes(
+        [np.asarray(y, dtype=float) for y in whole.signals.values()], budget(len(material.fit.recordings)) // 2
+    )
     units = {n: material.unit(n) for n in whole.signals}
     used = float(r.time[0]), float(r.time[-1])
     marks = [Mark("x", used[0], "used", "link"), Mark("x", used[1], "", "link")]
