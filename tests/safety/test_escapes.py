@@ -19,6 +19,7 @@ import fracid
 from fracid.estimation.records import RecordingFit
 from fracid.export.table import _csv
 from fracid.plots import appearance
+from fracid.problem import Experiment
 from fracid.safety.text import csv_cell, json_text, printable
 from program import run
 
@@ -143,6 +144,8 @@ def test_columns_and_folders_with_a_terminals_commands_are_shown_without(capsys,
 def test_a_tables_heading_is_one_cell_and_no_formula(name):
     recording = RecordingFit("swing", "fit", np.arange(2.0), {name: np.zeros(2)}, {name: np.zeros(2)}, 1.0, {}, {},
                              units={name: "V"})  # fmt: skip
-    rows = list(csv.reader(io.StringIO(_csv(recording, {}, {}), newline="")))
+    undriven = Experiment("swing", 1.0, np.zeros((2, 1)), np.zeros((1, 1)))
+    text = _csv(recording, undriven, fracid.rotary_pendulum())
+    rows = list(csv.reader(io.StringIO(text, newline="")))
     assert [len(row) for row in rows] == [4, 4, 4]
     assert rows[0][1] == csv_cell(f"{name} measured [V]")
