@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, Future
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
 from fracid.estimation.records import Estimate
 from fracid.tasks.progress import Observer
-from program import run
+from program import DrawnSo, run
 from twins import write_release
 
 FAST = "[model.orders]\nlambda = 0.9\n"
@@ -54,7 +54,7 @@ def project(folder, without_rivals):
 @pytest.fixture
 def undrawn(monkeypatch, without_rivals):
     """Leave out the figures, and the models of integer order, which take longer than all the rest."""
-    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(lambda found: ()))
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: None)
 
 
 def program(*arguments, **options):
@@ -407,7 +407,7 @@ def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_pa
         shown.append(capsys.readouterr().out)
         return ()
 
-    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(draw))
     code, *_ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
     assert code == 0
     assert f"result   {tmp_path / 'run' / 'result.json'}" in shown[0]

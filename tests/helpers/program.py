@@ -1,7 +1,7 @@
 """What tests of the commands share: the program called in this process, and a folder with a run in it."""
 
 import sys
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 
 import pytest
 
@@ -40,6 +40,19 @@ def run(capsys, *arguments):
     return stop.value.code or 0, out, err
 
 
+class DrawnSo:
+    """In the place of a fit's figures: what gets the fit."""
+
+    def __init__(self, draw):
+        self.draw = draw
+
+    def begin(self, recordings):
+        pass
+
+    def __call__(self, fit):
+        return self.draw(fit)
+
+
 def fit_in(folder, text, drawn=lambda fit: ()):
     """Write a project into a folder and fit it there, as a person would; what draws its figures gets the fit."""
     (folder / "rig.toml").write_text(text, encoding="utf-8")
@@ -47,6 +60,6 @@ def fit_in(folder, text, drawn=lambda fit: ()):
     with pytest.MonkeyPatch.context() as patch, no_rivals():
         patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
         patch.chdir(folder)
-        patch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(drawn))
+        patch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(drawn))
         with pytest.raises(SystemExit):
             main(words)

@@ -3,7 +3,6 @@
 import json
 import signal
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
 from multiprocessing import get_context
 
 import numpy as np
@@ -14,7 +13,7 @@ from fracid.errors import InputError, Unfinished
 from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
-from program import run
+from program import DrawnSo, run
 from twins import write_release
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -185,7 +184,7 @@ def project(tmp_path_factory):
 
 
 def drawn_so(monkeypatch, draw):
-    monkeypatch.setattr("fracid.workflows.fit.drawing", lambda *_: nullcontext(draw))
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(draw))
 
 
 @pytest.mark.broad

@@ -39,7 +39,7 @@ stage, name, submit = sys.argv[1], sys.argv[2], ProcessPoolExecutor.submit
 def here(where):
     if where == stage:
         os.kill(os.getpid(), getattr(signal, name))
-begin, draw = stages._Clock.begin, figures.Drawing._draw
+begin, draw = stages._Clock.begin, figures.Drawing.__call__
 def begins(clock, name, key):
     here(name)
     begin(clock, name, key)
@@ -50,7 +50,7 @@ def submits(pool, *what):
     future = submit(pool, *what)
     here("start of a process")
     return future
-stages._Clock.begin, figures.Drawing._draw, ProcessPoolExecutor.submit = begins, draws, submits
+stages._Clock.begin, figures.Drawing.__call__, ProcessPoolExecutor.submit = begins, draws, submits
 if __name__ == "__main__":
     main(["fit", "rig.toml", "--out", "run", "--jobs", "2"])
 """

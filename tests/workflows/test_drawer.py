@@ -122,7 +122,7 @@ def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a
     swing = np.cos(6 * time)
     recordings = {n: RecordingFit(n, "fit", time, {"alpha": swing}, {"alpha": 0.9 * swing}, 0.1, {}, {}) for n in "ab"}
     project = type("Loaded", (), {"resolutions": {n: {} for n in recordings}})
-    drawing = Drawing(project, tmp_path, 1, None, Drawer(Pool()), None)
+    drawing = Drawing(project, tmp_path, 1, None, Drawer(Pool()))
 
     def given():
         drawing.drawer.giver.submit(int).result()  # after all that was asked for before

@@ -113,9 +113,8 @@ def _in(unit: str) -> str:
 
 def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> Iterator[Chart]:
     """All signals of a file, those of a unit in one chart, with the part that was used."""
-    at = extremes(
-        [np.asarray(y, dtype=float) for y in whole.signals.values()], budget(len(material.fit.recordings)) // 2
-    )
+    points = budget(len(material.fit.recordings)) // 2
+    at = extremes([np.asarray(y, dtype=float) for y in whole.signals.values()], points)
     units = {n: material.unit(n) for n in whole.signals}
     used = float(r.time[0]), float(r.time[-1])
     marks = [Mark("x", used[0], "used", "link"), Mark("x", used[1], "", "link")]

@@ -111,24 +111,10 @@ def drawer(jobs: int) -> Iterator[Drawer]:
                     pool.submit(int)  # starts it
             yield Drawer(pool, giver)
         finally:
-            _terminate(pool)  # left to itself it takes apart all that it has imported, and an exit waits for that
+            for process in list((getattr(pool, "_processes", None) or {}).values()):
+                process.terminate()  # left to itself it takes apart all that it imported, and an exit waits for that
             if pool is not None:  # waits: an exit that comes meanwhile writes to a pipe that is just closed
                 pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def ended_with_this(beside: ProcessPoolExecutor | None) -> Iterator[None]:
-    """What ends the work here, Ctrl-C or a full disk, ends the process beside it: nobody waits for its figures."""
-    try:
-        yield
-    except BaseException:
-        _terminate(beside)
-        raise
-
-
-def _terminate(pool: ProcessPoolExecutor | None) -> None:
-    for process in list((getattr(pool, "_processes", None) or {}).values()):
-        process.terminate()
 
 
 @contextmanager

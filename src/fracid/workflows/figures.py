@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from math import isfinite
@@ -17,7 +16,7 @@ from fracid.estimation.fit_figures import rig_as_found
 from fracid.figures import draw
 from fracid.safety.text import file_stems
 from fracid.tasks.progress import Observer
-from fracid.workflows.drawer import Asked, Drawer, ended_with_this
+from fracid.workflows.drawer import Asked, Drawer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,17 +39,6 @@ Figures = Iterator[tuple[str, "Figure"]]
 """File names without their endings, and what is to stand there."""
 
 
-@contextmanager
-def drawing(project: Project, folder: Path, jobs: int, observer: Observer, drawer: Drawer) -> Iterator[Drawing]:
-    """Have drawn what is known while something else is done; gives what draws a fit."""
-    model: Model | None = project.problem.model
-    # A model of one's own is of a module that the other process does not have; and it is no rig to draw.
-    if drawer.pool is not None and not (project.problem.model.rhs.__module__ or "").startswith("fracid."):
-        model = None
-    with ended_with_this(drawer.pool):
-        yield Drawing(project, folder, jobs, observer, drawer, model)
-
-
 @dataclass(frozen=True)
 class Drawing:
     """The figures of a fit that is under way, and its report."""
@@ -60,10 +48,14 @@ class Drawing:
     jobs: int
     observer: Observer
     drawer: Drawer
-    model: Model | None
-    """The rig, where it is drawn."""
     _begun: dict[str, _Drawn] = field(default_factory=dict)
     """By recording."""
+
+    @property
+    def model(self) -> Model | None:
+        """The rig, where it is drawn: one's own is of a module that the other process does not have, and is none."""
+        model = self.project.problem.model
+        return model if self.drawer.pool is None or (model.rhs.__module__ or "").startswith("fracid.") else None
 
     def begin(self, recordings: Mapping[str, RecordingFit]) -> None:
         """Have recordings drawn beside a simulation that may be the last: the rest of a fit is examined meanwhile."""
@@ -71,20 +63,15 @@ class Drawing:
             self._of_recordings(recordings)
 
     def __call__(self, fit: Fit) -> tuple[Path, ...]:
-        """Draw a fit, and write its report."""
-        with ended_with_this(self.drawer.pool):
-            return self._draw(fit)
-
-    def _draw(self, fit: Fit) -> tuple[Path, ...]:
-        """The rig, Figures 2 and 3 of each recording, the cost over the orders where two are free, and the report."""
+        """Draw the rig, Figures 2 and 3 of each recording, and the cost over two free orders; write the report."""
         from fracid.report import plane_of, write_report
 
         folder = self.folder
         self.observer.stage("figures")
         recordings = self._of_recordings(fit.recordings)
         pieces = [piece for r in recordings for piece in r.figures]
-        if self.model is not None:
-            pieces.insert(0, self.drawer.asked(_drawn, of_rig, folder, rig_as_found(self.model, fit.parameters)))
+        if (model := self.model) is not None:
+            pieces.insert(0, self.drawer.asked(_drawn, of_rig, folder, rig_as_found(model, fit.parameters)))
         of_starts = saved(of_search(fit), folder)
         if len(fit.problem.order_indices) >= 2:
             self.observer.stage("cost over the orders")

@@ -47,7 +47,7 @@ from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
 from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.drawer import Drawer, drawer
-from fracid.workflows.figures import Drawing, drawing
+from fracid.workflows.figures import Drawing
 from fracid.workflows.records import command_of
 
 SAYS = Words("workflows/fit.toml")
@@ -199,9 +199,9 @@ def run(
         _nothing_left(folder, lambda: searching and not resume),
         open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
         drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
-        drawing(project, folder, jobs, watching, beside) if figures else nullcontext(lambda _: ()) as draw,
     ):
-        heard = _drawn_too(watching, draw) if isinstance(draw, Drawing) else watching
+        draw = Drawing(project, folder, jobs, watching, beside) if figures else None
+        heard = watching if draw is None else _drawn_too(watching, draw)
         fit = _identified(project, opened, jobs, heard, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip
         searching = False
@@ -216,13 +216,12 @@ def run(
 
 
 def _with_figures(
-    found: FinishedRun, draw: Callable[[Fit], tuple[Path, ...]], opened: Run, laps: dict[str, float], began: float,
-    observer: Observer,
+    found: FinishedRun, draw: Drawing | None, opened: Run, laps: dict[str, float], began: float, observer: Observer
 ) -> FinishedRun:  # fmt: skip
     """Draw a fit whose result is written, and write how long that took; or say why there are no figures."""
     try:
         before = time.perf_counter()
-        found = replace(found, figures=draw(found.fit))
+        found = replace(found, figures=() if draw is None else draw(found.fit))
         laps["figures"] = time.perf_counter() - before
         laps["total"] = time.perf_counter() - began
         found = replace(found, result=write_result(found.folder, found.fit, found.project, laps))
