@@ -64,8 +64,12 @@ SECTIONS = ("verdict", "explore", "findings", "values", "fitted", "residuals", "
 """In the order of the page."""
 
 
+END = 4.0
+"""Of both recordings [s]."""
+
+
 def write_twin(file, alpha, seed):
-    write_release(file, RIG.with_parameters(coulomb_theta=1e-3), alpha=alpha, step=1e-2, end=6.0, noise=2e-3, seed=seed)
+    write_release(file, RIG.with_parameters(coulomb_theta=1e-3), alpha=alpha, step=1e-2, end=END, noise=2e-3, seed=seed)
 
 
 @pytest.fixture(scope="module")
@@ -252,8 +256,8 @@ def test_the_embedded_samples_are_the_recordings(page, fitted):
 
 def test_a_recording_is_shown_whole_with_the_part_that_was_used(page):
     whole = samples(page)["charts"]["whole-0-0"]
-    assert decoded(whole["x"])[[0, -1]] == pytest.approx([0.0, 6.0])
-    assert [whole["bands"][0][end] for end in ("low", "high")] == pytest.approx([0.5, 6.0])
+    assert decoded(whole["x"])[[0, -1]] == pytest.approx([0.0, END])
+    assert [whole["bands"][0][end] for end in ("low", "high")] == pytest.approx([0.5, END])
 
 
 def test_a_fit_in_hand_and_its_folder_read_back_give_the_same_page(fitted, material):
@@ -888,7 +892,7 @@ def test_the_keyboard_plays_pauses_and_steps(browser, file):
     browser.key("ArrowLeft")
     assert browser.run("player.now") == pytest.approx(0)
     browser.key("End")
-    assert browser.run("player.now") == pytest.approx(5.5)
+    assert browser.run("player.now") == pytest.approx(END - 0.5)
     browser.run("document.getElementById('play').focus()")
     browser.key(" ", "Space", " ")
     assert browser.run("player.playing")  # the button's own, once
@@ -901,7 +905,7 @@ def test_slider_cursor_and_rig_are_at_one_time(browser, file):
     box = "player.charts[0].plot.over.getBoundingClientRect()"
     x, y, width = browser.run(f"(r => [r.left, r.top + 40, r.width])({box})")
     browser.mouse("mouseMoved", x + width / 2, y)
-    browser.until("player.now > 2")
+    browser.until("player.now > 1")
     now = browser.run("player.now")
     assert browser.run("Number(document.getElementById('time').value)") == pytest.approx(now, abs=0.011)
     other = browser.run("(p => p.cursor.left / p.over.clientWidth)(player.charts[2].plot)")
@@ -930,7 +934,7 @@ def test_another_recording_is_chosen_by_name(browser, file):
     browser.open(file, **CALM)
     browser.run("(s => { s.value = '1'; s.dispatchEvent(new Event('change')); })(document.getElementById('recording'))")
     assert browser.run("document.getElementById('shown').textContent") == "held out"
-    assert browser.run("player.trace.end") == pytest.approx(6.0)
+    assert browser.run("player.trace.end") == pytest.approx(END)
 
 
 def test_the_drawn_rig_stands_where_the_measured_angles_say(browser, file, material):

@@ -46,7 +46,7 @@ def objective_named(name: str, scale: FloatArray, of: Sequence[int]) -> Objectiv
     Raises
     ------
     InputError
-        For another name, and for Ds of nothing.
+        For Ds of nothing.
 
     Examples
     --------
