@@ -18,7 +18,7 @@ from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.records import RecordingFit
 from fracid.validation.residual_analyses import analysed
 from fracid.workflows.drawer import Drawer, drawer
-from fracid.workflows.figures import Drawing, _drawn, of_recordings
+from fracid.workflows.figures import Drawing, of_recordings, saved
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -57,7 +57,7 @@ def test_who_is_patient_waits_for_the_process_beside_with_what_it_has_not_begun(
 
 @pytest.mark.broad
 def test_the_process_beside_imports_no_solver_to_draw():
-    material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, _drawn, of_recordings
+    material = fracid.rotary_pendulum(), CostPlane, RecordingFit, analysed, saved, of_recordings
     with drawer(2) as beside:
         assert beside.pool.submit(modules_with, *material).result() == []
 
@@ -129,7 +129,7 @@ def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a
         return [name for name, _ in drawing.drawer.pool.given]
 
     drawing.begin(recordings)
-    first = [*["analysed"] * 2, *["_drawn"] * 4]  # the page waits for what is tested
+    first = [*["analysed"] * 2, *["saved"] * 4]  # the page waits for what is tested
     assert given() == first
     figures = {p.name for p in (tmp_path / "figures").glob("*.svg")}
     assert figures == {f"figure{k}.svg" for k in ("2-a", "3-a-alpha", "2-b", "3-b-alpha")}
@@ -137,7 +137,7 @@ def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a
     assert drawing._of_recordings(examined)[0].residuals()["a"]["alpha"].analysis.samples == 100
     assert given() == first
     drawing._of_recordings(examined | {"a": replace(recordings["a"], fitted={"alpha": swing}, cost=0.0)})
-    assert given() == [*first, "analysed", "_drawn", "_drawn"]
+    assert given() == [*first, "analysed", "saved", "saved"]
 
 
 SCRIPT = """

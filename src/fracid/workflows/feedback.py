@@ -23,7 +23,6 @@ from fracid.schemas.feedback import Trial
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.figures import plotted
 from fracid.workflows.posterior_draws import DRAWN, header_of_run
 from fracid.workflows.records import command_of, write_files
 from fracid.workflows.study import Finished, folder_of, journal_of
@@ -103,6 +102,6 @@ def run_control(
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
         write_files(folder / FIGURES, moving)
-        finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, plotted("control", found),
+        finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, [("control", found.plot)],
                                            watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
         return replace(finished, figures=(*finished.figures, *(folder / FIGURES / name for name in moving)))

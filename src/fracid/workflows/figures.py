@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import chain
 from math import isfinite
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fracid.errors import InputError
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.figures import draw
 from fracid.safety.text import file_stems
@@ -21,8 +21,6 @@ from fracid.workflows.drawer import Asked, Drawer
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fracid.arrays import FloatArray
-    from fracid.bayes.result import Posterior
     from fracid.estimation.cost_plane import CostPlane
     from fracid.estimation.records import RecordingFit
     from fracid.fit import Fit
@@ -35,8 +33,8 @@ if TYPE_CHECKING:
 FEW = 3
 """To draw so few that wait here, too, would take longer than they take beside: to import what draws is one second."""
 
-Figures = Iterator[tuple[str, "Figure"]]
-"""File names without their endings, and what is to stand there."""
+Pictures = Iterable[tuple[str, Callable[..., "Figure"]]]
+"""File names without their endings, and what draws what is to stand there; it takes a style."""
 
 
 @dataclass(frozen=True)
@@ -66,21 +64,16 @@ class Drawing:
         """Draw the rig, Figures 2 and 3 of each recording, and the cost over two free orders; write the report."""
         from fracid.report import plane_of, write_report
 
-        folder = self.folder
+        folder, model = self.folder, self.model
         self.observer.stage("figures")
         recordings = self._of_recordings(fit.recordings)
-        pieces = [piece for r in recordings for piece in r.figures]
-        if (model := self.model) is not None:
-            pieces.insert(0, self.drawer.asked(_drawn, of_rig, folder, rig_as_found(model, fit.parameters)))
+        of_the_rig = of_rig(rig_as_found(model, fit.parameters)) if model is not None else ()
+        pieces = [*self._asked(of_the_rig), *chain.from_iterable(r.figures for r in recordings)]
         of_starts = saved(of_search(fit), folder)
         if len(fit.problem.order_indices) >= 2:
             self.observer.stage("cost over the orders")
         plane = plane_of(fit, self.jobs)
-        if plane is not None:
-            best = fit.x[list(fit.problem.order_indices[:2])]
-            pieces.append(
-                self.drawer.asked(_drawn, of_plane, folder, plane, best, folder, fit.problem.cost_function.name)
-            )
+        pieces += self._asked(of_plane(fit, plane, folder))
         self.observer.stage("page")
         residuals = {name: tested for r in recordings for name, tested in r.residuals().items()}
         page = write_report(folder, fit, self.project, plane=plane, jobs=self.jobs, residuals=residuals)
@@ -88,6 +81,9 @@ class Drawing:
         patient = sum(piece.waits for piece in pieces) <= FEW
         written = [piece(patient=patient) for piece in reversed(pieces)]  # the last are those that nobody has begun
         return (*chain.from_iterable(reversed(written)), *of_starts, page)
+
+    def _asked(self, pictures: Pictures) -> list[Asked[tuple[Path, ...]]]:
+        return [self.drawer.asked(saved, [picture], self.folder) for picture in pictures]
 
     def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
         """Ask for what each recording needs; what is asked of the same simulation already is not asked again."""
@@ -99,10 +95,8 @@ class Drawing:
             begun[name].drop()
         # What is tested first: the page waits for it.
         tested = {n: self.drawer.asked(analysed, {n: r}, resolutions) for n, r in new.items()}
-        for name, r in new.items():
-            figures = [self.drawer.asked(_drawn, _of_recording, self.folder, stem, r, output, resolutions.get(name, {}))
-                       for stem, output in _pictures(r, stems[name])]  # fmt: skip
-            begun[name] = _Drawn(r, tested[name], figures)
+        for n, r in new.items():
+            begun[n] = _Drawn(r, tested[n], self._asked(_of_recording(stems[n], r, resolutions.get(n, {}))))
         return [begun[name] for name in recordings]
 
 
@@ -128,112 +122,80 @@ def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
     )
 
 
-def _drawn(figures: Callable[..., Figures], folder: Path, *of: Any) -> tuple[Path, ...]:
-    """What another process is asked for."""
-    return saved(figures(*of), folder)
-
-
-def saved(figures: Iterable[tuple[str, Figure]], folder: Path, formats: tuple[str, ...] = ("svg", "png"),
-          where: Path | None = None) -> tuple[Path, ...]:  # fmt: skip
-    """Write figures, each as it is drawn, into the folder of a run or where it is said."""
+def saved(pictures: Pictures, folder: Path, formats: tuple[str, ...] = ("svg", "png"), where: Path | None = None,
+          style: str = "screen") -> tuple[Path, ...]:  # fmt: skip
+    """Draw and write figures one by one, into the folder of a run or where it is said."""
     from fracid.plots import save
     from fracid.runs.folder import FIGURES
 
-    return tuple(path for stem, figure in figures for path in save(figure, where or folder / FIGURES, stem, formats))
+    where = where or folder / FIGURES
+    return tuple(path for stem, picture in pictures for path in save(picture(style=style), where, stem, formats))
 
 
 # ------------------------------------------------------------------ the figures by their files' names
 
 
-def of_rig(model: Model, style: str = "screen") -> Figures:
-    """The paper's Figure 1, of a rotary pendulum whose constants make its lengths."""
-    try:
-        yield "figure1-rig", model.plot(style=style)
-    except InputError:
-        return
+def of_rig(model: Model) -> Pictures:
+    """The paper's Figure 1, of a model with a scene whose constants make its lengths."""
+    if model.scene is not None and np.isfinite(model.scene.at({}, [p.value for p in model.parameters])).all():
+        yield "figure1-rig", model.plot
 
 
-def of_recordings(
-    recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]], style: str = "screen"
-) -> Figures:
+def of_recordings(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]]) -> Pictures:
     """Figure 2 of each recording, and Figure 3 of each output of those that were fitted."""
     stems = file_stems(recordings)
-    for name, recording in recordings.items():
-        for stem, output in _pictures(recording, stems[name]):
-            yield from _of_recording(stem, recording, output, resolutions.get(name, {}), style)
+    return chain.from_iterable(_of_recording(stems[n], r, resolutions.get(n, {})) for n, r in recordings.items())
 
 
-def _pictures(recording: RecordingFit, stem: str) -> Iterator[tuple[str, str | None]]:
-    """File name, and the output whose residual is drawn there; None for the motion itself."""
+def _of_recording(stem: str, recording: RecordingFit, resolution: Mapping[str, Any]) -> Pictures:
     if isfinite(recording.cost):
-        yield f"figure2-{stem}", None
+        yield f"figure2-{stem}", partial(draw, "fitted_over_time", recording, resolution=resolution)
         for output in recording.measured if recording.use == "fit" else ():
-            yield f"figure3-{stem}-{output}", output
-
-
-def _of_recording(
-    stem: str, recording: RecordingFit, output: str | None, resolution: Mapping[str, Any], style: str = "screen"
-) -> Figures:
-    from fracid.plots import fitted_over_time, residual_plots
-
-    if output is None:
-        yield stem, fitted_over_time(recording, resolution=resolution, style=style)
-    else:
-        yield stem, residual_plots(recording, output, resolution=resolution, style=style)
+            picture = partial(draw, "residual_plots", recording, output, resolution=resolution)
+            yield f"figure3-{stem}-{output}", picture
 
 
 def of_tests(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]],
-             analyses: Analyses | None = None, style: str = "screen") -> Figures:  # fmt: skip
+             analyses: Analyses | None = None) -> Pictures:  # fmt: skip
     """What ``fracid resid`` looks at: of what was analysed, or of each output of each recording."""
-    from fracid.plots import residual_diagnostics
-
     stems = file_stems(recordings)
     for name, recording in recordings.items():
         found = dict.fromkeys(recording.measured) if analyses is None else analyses.get(name, {})
         for output, analysis in found.items():
-            figure = residual_diagnostics(recording, output, analysis=analysis, resolution=resolutions[name],
-                                          style=style)  # fmt: skip
-            yield f"residuals-{stems[name]}-{output}", figure
+            how = {"analysis": analysis, "resolution": resolutions[name]}
+            yield f"residuals-{stems[name]}-{output}", partial(draw, "residual_diagnostics", recording, output, **how)
 
 
-def of_comparison(comparison: Comparison, style: str = "screen") -> Figures:
+def of_comparison(comparison: Comparison) -> Pictures:
     """The ladder, and the orders over the amplitude where they drift."""
-    yield "ladder", comparison.plot(style=style)
+    yield "ladder", comparison.plot
     for name, stem in file_stems(comparison.amplitude).items():
         if comparison.amplitude[name].drifts:
-            yield f"amplitude-{stem}", comparison.amplitude[name].plot(style=style)
+            yield f"amplitude-{stem}", comparison.amplitude[name].plot
 
 
-def plotted(name: str, result: Any) -> Figures:
-    """The one figure of a result that plots itself."""
-    yield name, result.plot()
-
-
-def of_posterior(drawn: Posterior) -> Figures:
-    """Each parameter and each pair, and the simulations that come of them."""
-    yield "posterior", drawn.plot()
-    yield "posterior-predictive", drawn.plot_predictive()
-
-
-def of_study(study: NoiseStudy, style: str = "screen") -> Figures:
+def of_study(study: NoiseStudy) -> Pictures:
     """Bias, spread and coverage, where anything was estimated."""
     if any(s.estimates for cell in study.cells for s in cell.unknowns.values()):
-        yield "noise", draw("noise_levels", study, style=style)
+        yield "noise", study.plot
 
 
-def of_search(fit: Fit, style: str = "screen") -> Figures:
+def of_search(fit: Fit) -> Pictures:
     """Where many starts ended, and how far the orders move with the cut."""
     if len(fit.starts) > 1:
-        yield "waterfall", fit.plot_starts(style=style)
+        yield "waterfall", fit.plot_starts
     if fit.cut is not None and fit.cut.treatments:
-        yield "cut", fit.cut.plot(style=style)
+        yield "cut", fit.cut.plot
 
 
-def of_plane(plane: CostPlane | None, best: FloatArray, folder: Path, cost_name: str, style: str = "screen") -> Figures:
+def of_plane(fit: Fit, plane: CostPlane | None, folder: Path) -> Pictures:
     """The cost over two orders, and where the search has been."""
+    if plane is not None:
+        best = tuple(fit.x[list(fit.problem.order_indices[:2])].tolist())
+        yield "cost-over-orders", partial(_searched, plane, folder, best=best, cost_name=fit.problem.cost_function.name)
+
+
+def _searched(plane: CostPlane, folder: Path, **how: Any) -> Figure:
     from fracid.runs.evaluations import tried
 
-    if plane is not None:
-        first, second = best.tolist()
-        yield "cost-over-orders", plane.plot(best=(first, second), evaluations=tried(folder, plane.names),
-                                             cost_name=cost_name, style=style)  # fmt: skip
+    return plane.plot(evaluations=tried(folder, plane.names), **how)

@@ -23,7 +23,6 @@ from fracid.runs.saved import SavedRun, load_run
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.figures import of_posterior
 from fracid.workflows.records import command_of
 from fracid.workflows.study import Finished, digest_of, folder_of, journal_of
 
@@ -108,7 +107,8 @@ def run_posterior(
             drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=place, **kept)
     content = io.BytesIO()
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
-    return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, of_posterior(drawn), watching,
+    pictures = ("posterior", drawn.plot), ("posterior-predictive", drawn.plot_predictive)
+    return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, pictures, watching,
                                      {DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
 
 

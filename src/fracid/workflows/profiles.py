@@ -28,7 +28,6 @@ from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.tasks.simulation_cache import Memo
-from fracid.workflows.figures import plotted
 from fracid.workflows.study import Finished, folder_of, run_or_project
 
 
@@ -123,7 +122,7 @@ def run_profiles(
             "spread": spread(problem, likelihood.x, jobs=jobs) if several else None,
             "seed": seed,
         })  # fmt: skip
-        finished = FinishedProfiles.written(folder, record, plotted("profiles", likelihood), watching,
+        finished = FinishedProfiles.written(folder, record, [("profiles", likelihood.plot)], watching,
                                             profiles=likelihood, bootstrap=resampling, verdicts=verdicts)  # fmt: skip
         if isinstance(memo, Memo):
             memo.remove()

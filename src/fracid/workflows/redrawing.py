@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.monte_carlo import NoiseStudy
 from fracid.workflows.figures import (
-    Figures,
+    Pictures,
     of_comparison,
     of_plane,
     of_recordings,
@@ -93,54 +94,51 @@ def redraw(
     home = folder / FIGURES if folder.is_dir() else Path(FIGURES)
     where = out or (home if style == "screen" else home / style)
     with one_blas_thread():
-        of_a_rig = _of_named_rig(source, zero or "hanging", style, trust)
-        figures = _of_folder(folder, style, trust, jobs) if folder.is_dir() else of_a_rig
-        return saved(figures, folder, tuple(dict.fromkeys(formats)), where)
+        named = _of_named_rig(source, zero or "hanging", trust)
+        pictures = _of_folder(folder, trust, jobs) if folder.is_dir() else named
+        return saved(pictures, folder, tuple(dict.fromkeys(formats)), where, style)
 
 
-def _of_named_rig(name: str, zero: str, style: str, trust: bool) -> Figures:
+def _of_named_rig(name: str, zero: str, trust: bool) -> Pictures:
     """A rig by its name, or with the constants of a project."""
     if name in RIGS:
-        yield name, rotary_pendulum(name, zero=zero).plot(style=style)
+        yield name, rotary_pendulum(name, zero=zero).plot
     elif name.endswith(".toml"):
-        yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot(style=style)
+        yield Path(name).stem, load_project(Path(name), trust=trust).problem.model.plot
     else:
         raise InputError(SAYS("nothing-to-draw", name=name, rigs=", ".join(RIGS)))
 
 
-def _of_folder(folder: Path, style: str, trust: bool, jobs: int) -> Figures:
+def _of_folder(folder: Path, trust: bool, jobs: int) -> Pictures:
     """All that can be drawn of what lies there."""
     refuse_links(folder)
     if (folder / "compare.json").exists():
         content = read_as(folder / "compare.json", Comparison, "fracid compare PROJECT", UNREAD)
-        return of_comparison(Comparison.of_json(content), style)
+        return of_comparison(Comparison.of_json(content))
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
         content = read_as(folder / "noise.json", NoiseStudy, "fracid noise RUN", UNREAD)
-        return of_study(NoiseStudy.of_json(content), style)
-    return _of_run(load_run(folder, trust=trust), style, jobs)
+        return of_study(NoiseStudy.of_json(content))
+    return _of_run(load_run(folder, trust=trust), jobs)
 
 
-def _of_run(run: SavedRun, style: str, jobs: int) -> Figures:
-    best, cost_name = run.x[list(run.problem.order_indices[:2])], run.problem.cost_function.name
+def _of_run(run: SavedRun, jobs: int) -> Pictures:
     return chain(
-        of_rig(rig_as_found(run.problem.model, run.parameters), style),
-        of_recordings(run.recordings, run.resolutions, style),
-        of_tests(run.recordings, run.resolutions, style=style),
-        of_plane(plane_of(run, jobs), best, run.folder, cost_name, style),
-        of_search(run, style), _of_profiles(run, style), _of_linear(run, style),
+        of_rig(rig_as_found(run.problem.model, run.parameters)), of_recordings(run.recordings, run.resolutions),
+        of_tests(run.recordings, run.resolutions), of_plane(run, plane_of(run, jobs), run.folder),
+        of_search(run), _of_profiles(run), _of_linear(run),
     )  # fmt: skip
 
 
-def _of_profiles(run: SavedRun, style: str) -> Figures:
+def _of_profiles(run: SavedRun) -> Pictures:
     path = run.folder / "profiles.json"
     if path.exists():
         content = read_as(path, Profiles, "fracid profile RUN", UNREAD)
         if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")
-        yield "profiles", replace(Profiles.of_json(content), problem=run.problem).plot(style=style)
+        yield "profiles", replace(Profiles.of_json(content), problem=run.problem).plot
 
 
-def _of_linear(run: SavedRun, style: str) -> Figures:
+def _of_linear(run: SavedRun) -> Pictures:
     """The linear models about both postures, where something drives them."""
     try:
         system = integer_model(run)
@@ -148,4 +146,4 @@ def _of_linear(run: SavedRun, style: str) -> Figures:
         return
     for posture, linear in system.linear.items():
         if linear.inputs and linear.outputs and linear.G.any():
-            yield f"linear-{posture}", system.plot(posture, style=style)
+            yield f"linear-{posture}", partial(system.plot, posture)

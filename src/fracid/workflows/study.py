@@ -25,7 +25,7 @@ from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import SILENT, Observer
-from fracid.workflows.figures import Figures, saved
+from fracid.workflows.figures import Pictures, saved
 from fracid.workflows.records import json_document, write_files
 
 CALLED = {"noise": "study", "control": "controller"}
@@ -52,13 +52,13 @@ class Written(CardDisplay):
 
     @classmethod
     def written(
-        cls, folder: Path, record: Mapping[str, Any], figures: Figures, observer: Observer,
+        cls, folder: Path, record: Mapping[str, Any], pictures: Pictures, observer: Observer,
         contents: Mapping[str, str | bytes] | None = None, **found: Any,
     ) -> Self:  # fmt: skip
         """Write what was found: the JSON file and `contents` beside it, the figures, the page if it has one."""
         observer.stage("figures")
         write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
-        drawn = saved(figures, folder)
+        drawn = saved(pictures, folder)
         if cls.PAGED:
             write_study_page(folder, cls.FILE)
         observer.stage("")
