@@ -14,7 +14,6 @@ from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording.loading import resampled
-from fracid.regression import regressor
 from fracid.solver.memory import memory_from_name
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -93,7 +92,6 @@ CALLS = {
     "simulate": lambda: fracid.simulate(
         RIG, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.1}, step=H, end=5 * H, inputs=MASKED
     ),
-    "regressor": lambda: regressor(RIG, MASKED, MASKED, H, {"lambda": 1.0, "mu": 1.0}),
     "Experiment": lambda: Experiment("swing", H, MASKED[:, None], np.zeros((1, 1))),
     "its inputs": lambda: Experiment("swing", H, np.zeros((6, 1)), MASKED[:, None]),
 }

@@ -83,4 +83,3 @@ from fracid.regression.linear import start_of as start_of
 from fracid.regression.linear import start_values as start_values
 from fracid.regression.rows import LUMPED as LUMPED
 from fracid.regression.rows import TERMS as TERMS
-from fracid.regression.rows import regressor as regressor

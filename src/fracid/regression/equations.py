@@ -8,15 +8,17 @@ masses, stiffnesses and friction:
 and so is an output that is a function.  Which constants are is found from the tree's own values: differences of second
 order vanish in those, alone and in pairs.  The others (a slip speed, a rest angle, a time constant) are held.  States
 come from the recording, smoothed, with their derivatives of the given orders; for an output that is a function they are
-simulated, where their equations have none of the constants.  All columns pass the same window; the errors are Huber's,
-the intervals a block sandwich's.  Noise in the columns biases: the regression is made again with a window half as
-long again.  What that moves a constant by is part of its interval, and where it moves far, it is called biased.
+simulated, where their equations have none of the constants.  All columns pass the same window; estimator, intervals and
+verdicts are the pendulum's.  Noise in the columns biases: the regression is made again with a window half as long
+again.  What that moves a constant by is its bias and part of its interval, and where it moves far, it is called
+biased.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -30,8 +32,9 @@ from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
 from fracid.problem.first_values import smoothing
-from fracid.regression.linear import POOR, Constant, Regression, SearchedOrder, Worth
-from fracid.regression.rows import from_rest
+from fracid.regression.estimators import Gauge, sandwich, solve
+from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
+from fracid.regression.rows import System, from_rest
 
 SAYS = Words("regression/equations.toml")
 
@@ -42,10 +45,7 @@ ROWS = 3000
 """Of an equation, at most."""
 
 BLOCKS = 30
-"""Of rows, whose sums the intervals take as independent."""
-
-SURE, NEAR = 2.0, 0.05
-"""Standard errors, and the part of a value, within which a bias may lie."""
+"""Into which the rows fall, and beyond whose length no residuals are correlated."""
 
 HELD = 1e-7
 """A difference of second order below this part of one of the first is none."""
@@ -179,88 +179,49 @@ def regress_equations(problem: Problem) -> Regression:
     at = model.parameter_vector().astype(float)
     places = {n: k for k, n in enumerate(model.parameter_names)}
     unknown = [n for n in names if n in places]
-    rows = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
-    for _, residual in rows:
+    equations = [r for e in problem.experiments for r in _rows(problem, e, unknown, 1.0)]
+    for _, residual in equations:
         unknown = linear_in(residual, unknown, at, places)
     held = [n for n in names if n not in unknown]
-    if not unknown or not rows:
+    if not unknown or not equations:
         raise InputError(SAYS("not-linear", model=model, names=", ".join(names) or "none is free"))
-    steeper = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
-    found, again = (_estimate(some, unknown, at, places) for some in (rows, steeper))
-    poor = [n for n, percent in found.fit.items() if percent < POOR]
-    constants = {}
-    for k, n in enumerate(unknown):
-        value, bias = found.values[k], again.values[k] - found.values[k]
-        se = float(np.hypot(found.errors[k], bias))
-        worth = _worth(found, k, poor, se, bias)
-        constants[n] = Constant(float(value), model.parameter(n).unit, se, float(bias), *worth)
+    longer = [r for e in problem.experiments for r in _rows(problem, e, unknown, STEEPER)]
+    index = [places[n] for n in unknown]
+    (system, scales), (again, longer_scales) = (_system(some, index, at) for some in (equations, longer))
+    if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(system.W, scales, strict=True)):
+        raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
+    gauge = Gauge(tuple(range(len(unknown))), np.eye(len(unknown) + 1)[-1])
+    v, weights = solve("huber", system, gauge, scales, None)
+    bias = v - solve("huber", again, gauge, longer_scales, None)[0]
+    covariance = sandwich(system, gauge, scales, None, v, weights, max(map(len, system.W)) // BLOCKS)
+    constants = constants_of({n: model.parameter(n).unit for n in unknown}, gauge, v, bias, covariance, {})
+    errors = np.hypot(np.sqrt(np.diag(covariance)), bias).tolist()
+    wider = {n: replace(c, standard_error=e) for (n, c), e in zip(constants.items(), errors, strict=True)}
     one = "it" if len(held) == 1 else "them"
     note = [f"{', '.join(held)}: the equations are not linear in {one}; held at the project's start."] if held else []
     if problem.orders:
         note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
-    width = smoothing(problem.experiments[0].measured, problem.experiments[0].step) * problem.experiments[0].step
-    return Regression(
+    first = problem.experiments[0]
+    width = smoothing(first.measured, first.step) * first.step
+    found = estimated(
+        system, gauge, scales, v, weights, wider,
         searched={n: SearchedOrder(value=v, interval95=None) for n, v in problem.order_starts.items()},
-        parameters=constants, combinations={}, estimator="huber", residuals=found.residuals, weights=found.weights,
-        fit_percent=found.fit, noise_ratio=np.nan, condition_number=found.condition,
-        samples=sum(map(len, found.residuals.values())), cutoff=0.13 / width,
-        cutoff_reason="a Gaussian window from the spectrum", window=width, noise={},
-        amplitude=float(np.ptp(problem.experiments[0].measured[:, 0]) / 2), warnings=tuple(note),
+        combinations={}, estimator="huber", noise_ratio=math.nan, noise={}, cutoff=0.13 / width,
+        cutoff_reason="a Gaussian window from the spectrum", window=width,
+        amplitude=float(np.ptp(first.measured[:, 0]) / 2), warnings=tuple(note),
     )  # fmt: skip
+    return doubted(found, False, "huber")
 
 
-def _worth(found: _Estimate, k: int, poor: Sequence[str], se: float, bias: float) -> Worth:
-    value = found.values[k]
-    if poor:
-        return "in doubt", f"the equation of {poor[0]} fits by {found.fit[poor[0]]:.0f} % only"
-    if abs(value) < SURE * se:
-        return "not excited", "not excited: its interval includes 0"
-    if abs(bias) > SURE * found.errors[k] and abs(bias) > NEAR * abs(value):
-        return "biased", f"biased: a longer window moves it by {bias:+.2g}"
-    return "identified", "identified"
-
-
-@dataclass(frozen=True)
-class _Estimate:
-    values: FloatArray
-    errors: FloatArray
-    residuals: Mapping[str, FloatArray]
-    weights: Mapping[str, FloatArray]
-    fit: Mapping[str, float]
-    condition: float
-
-
-def _estimate(rows: Sequence[Equation], names: Sequence[str], at: FloatArray, places: Mapping[str, int]) -> _Estimate:
-    """Huber's regression of all rows, each equation in parts of its largest term."""
-    index = [places[n] for n in names]
+def _system(equations: Sequence[Equation], index: Sequence[int], at: FloatArray) -> tuple[System, FloatArray]:
+    """W β = 0, what is known in its last column, and the largest term of each equation at the start."""
     zero = at.copy()
     zero[index] = 0.0
-    columns, targets, sizes = [], [], []
-    for _, residual in rows:
-        target = residual(zero)
-        column = np.column_stack([residual(_moved(zero, {k: 1.0})) - target for k in index])
-        size = float(np.sqrt(np.mean(np.square(np.column_stack([column * at[index], target])), axis=0).max()))
-        columns.append(column / size)
-        targets.append(-target / size)
-        sizes.append(size)
-    W, y = np.vstack(columns), np.concatenate(targets)
-    if not np.any(np.abs(y) > 1e-9):
-        raise InputError(SAYS("no-known-constant", names=", ".join(names)))
-    scale = np.sqrt(np.mean(W**2, axis=0)) + 1e-300
-    A, weights = W / scale, np.ones(len(y))
-    for _ in range(20):
-        root = np.sqrt(weights)
-        beta = np.linalg.lstsq(A * root[:, None], y * root, rcond=None)[0]
-        errors = y - A @ beta
-        spread = 1.4826 * np.median(abs(errors)) + 1e-300
-        weights = np.minimum(1.0, 1.345 * spread / np.maximum(abs(errors), 1e-300))
-    inverse = np.linalg.pinv((A * weights[:, None]).T @ A)
-    gradient = [g.sum(axis=0) for g in np.array_split(A * (weights * errors)[:, None], BLOCKS)]
-    covariance = inverse @ sum(np.outer(g, g) for g in gradient) @ inverse
-    ends = np.cumsum([len(t) for t in targets])[:-1]
-    parted = dict(zip((name for name, _ in rows), np.split(errors, ends), strict=False))
-    return _Estimate(
-        beta / scale, np.sqrt(np.diag(covariance)) / scale, parted,
-        dict(zip(parted, np.split(weights, ends), strict=False)),
-        {n: 100 * (1 - float(np.sqrt(np.mean(e**2)))) for n, e in parted.items()}, float(np.linalg.cond(A)),
-    )  # fmt: skip
+    parts: dict[str, list[FloatArray]] = {}
+    for name, residual in equations:
+        known = residual(zero)
+        columns = (residual(_moved(zero, {k: 1.0})) - known for k in index)
+        parts.setdefault(name, []).append(np.column_stack([*columns, known]))
+    W = tuple(map(np.concatenate, parts.values()))
+    terms = (np.sqrt(np.mean((rows * np.append(at[index], 1.0)) ** 2, axis=0)) for rows in W)
+    return System(tuple(parts), W), np.array([t.max() for t in terms])

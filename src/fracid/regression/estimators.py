@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.regression.rows import Pair, Rows, System
+from fracid.regression.rows import Blocks, Rows, System
 
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
 
@@ -37,9 +37,9 @@ class Gauge:
         return np.asarray(self.B @ np.append(v, 1.0))
 
 
-def stack(pair: Pair, scales: FloatArray) -> FloatArray:
-    """Both equations' rows, each in units of its own noise."""
-    return np.concatenate([W / s for W, s in zip(pair, scales, strict=True)])
+def stack(blocks: Blocks, scales: FloatArray) -> FloatArray:
+    """The rows of all equations, each in units of its own noise."""
+    return np.concatenate([W / s for W, s in zip(blocks, scales, strict=True)])
 
 
 def total_least_squares(system: System, gauge: Gauge, scales: FloatArray) -> tuple[FloatArray, float]:
@@ -97,7 +97,7 @@ def _tukey(z: FloatArray) -> FloatArray:
 
 
 def solve(
-    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None
+    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None
 ) -> tuple[FloatArray, FloatArray]:
     """Free constants and the robust weights of the rows."""
     whole = stack(system.W, scales) @ gauge.B
@@ -170,7 +170,7 @@ def overlap(rows: Rows) -> int:
 
 
 def sandwich(
-    system: System, gauge: Gauge, scales: FloatArray, instruments: Pair | None, v: FloatArray,
+    system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None, v: FloatArray,
     weights: FloatArray, lags: int,
 ) -> FloatArray:  # fmt: skip
     """Covariance of v: (Zᵀw A)⁻¹ Ω (Aᵀw Z)⁻¹, Ω of the scores with Bartlett's weights over neighbouring rows."""
@@ -181,7 +181,7 @@ def sandwich(
     A, Z = A / units, Z / np.linalg.norm(Z, axis=0)
     scores = Z * (weights * residual)[:, None]
     omega = np.zeros((A.shape[1], A.shape[1]))
-    for part in np.split(scores, [len(system.W[0])]):
+    for part in np.split(scores, np.cumsum([len(W) for W in system.W])[:-1]):
         omega += part.T @ part
         for lag in range(1, min(lags, len(part))):
             cross = part[lag:].T @ part[:-lag]
@@ -193,7 +193,7 @@ def sandwich(
 def fit_percents(system: System, beta: FloatArray) -> dict[str, float]:
     """100 (1 − rms(residual)/rms(largest term)) of each equation that has rows."""
     percents = {}
-    for name, W in zip(("arm", "pendulum"), system.W, strict=True):
+    for name, W in zip(system.equations, system.W, strict=True):
         if len(W):
             largest = np.sqrt(np.mean((W * beta) ** 2, axis=0)).max()
             percents[name] = 100.0 * (1.0 - math.sqrt(float(np.mean((W @ beta) ** 2))) / max(float(largest), 1e-300))

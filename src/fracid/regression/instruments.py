@@ -10,7 +10,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.regression.estimators import Gauge, solve
-from fracid.regression.rows import Data, Pair, Swing, System, only
+from fracid.regression.rows import Blocks, Data, Swing, System, only
 from fracid.solver.solve import simulate
 
 FIRST_SWINGS = 4.0
@@ -28,7 +28,7 @@ CLAMPED = 1e3
 
 def instruments_of(
     data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float]
-) -> tuple[Pair | None, FloatArray]:
+) -> tuple[Blocks | None, FloatArray]:
     """Instruments from the first start that leads to a response like the measured one; None if none does."""
     for start in ("tls", "huber", "model"):
         v = data.own[list(gauge.free)] if start == "model" else solve(start, system, gauge, scales, None)[0]
@@ -42,7 +42,7 @@ def instruments_of(
 
 def _iterated(
     data: Data, system: System, gauge: Gauge, scales: FloatArray, orders: Mapping[str, float], v: FloatArray
-) -> tuple[Pair | None, FloatArray]:
+) -> tuple[Blocks | None, FloatArray]:
     """Rows of the simulated response of the estimate, which is found again with them, over ever more swings.
 
     A few swings first: later ones are out of phase until the frequency is right.
@@ -50,7 +50,7 @@ def _iterated(
     near = system.scales(data.own)
     longest = max(float(t.max()) for t in data.times if len(t))
     horizon = FIRST_SWINGS / min(r.swing.frequency for r in data.rows)
-    whole: Pair | None = None
+    whole: Blocks | None = None
     for _ in range(ROUNDS):
         simulated = _simulated(data, gauge.beta(v), orders)
         if simulated is None:

@@ -295,7 +295,7 @@ def _regress(
     searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
     how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
     regression = _at(data, gauge, at, estimator, spread, **how)
-    return _doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
+    return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
 def _at(
@@ -316,7 +316,6 @@ def _at(
             estimator = "huber"
             warnings.append(SAYS("no-instruments"))
     v, weights = solve(estimator, system, gauge, scales, instruments)
-    beta = gauge.beta(v)
     sides = [side for pair in system.noisy for side in pair]  # the noise added once more
     noisier = np.array([solve(estimator, replace(system, W=W), gauge, scales, instruments)[0] for W in sides])
     bias = bias_of(v, noisier)
@@ -325,18 +324,30 @@ def _at(
     variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
     factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
     covariance = covariance * np.outer(factor, factor)
-    A = stack(system.W, scales)[:, gauge.free]
     noise = {n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))}
     amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
+    units = {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
+    constants = constants_of({n: units[n] for n in data.names}, gauge, v, bias, covariance, dependent)
+    return estimated(
+        system, gauge, scales, v, weights, constants,
+        combinations=_combinations(data.names, dependent, gauge.beta(v)), estimator=estimator, noise_ratio=ratio,
+        noise=noise, amplitude=amplitude, belief=belief(amplitude, noise["alpha"], ratio), warnings=tuple(warnings),
+        **how,
+    )  # fmt: skip
+
+
+def estimated(
+    system: System, gauge: Gauge, scales: FloatArray, v: FloatArray, weights: FloatArray,
+    parameters: Mapping[str, Constant], **others: Any,
+) -> Regression:  # fmt: skip
+    """The record of an estimate, with what it leaves in the rows."""
+    A, beta = stack(system.W, scales)[:, gauge.free], gauge.beta(v)
+    parts = np.split(weights, np.cumsum([len(W) for W in system.W])[:-1])
     return Regression(
-        parameters=_constants(data, gauge, beta, bias, covariance, dependent),
-        combinations=_combinations(data.names, dependent, beta), estimator=estimator,
-        residuals=dict(zip(("arm", "pendulum"), (W @ beta for W in system.W), strict=True)),
-        weights=dict(zip(("arm", "pendulum"), np.split(weights, [len(system.W[0])]), strict=True)),
-        fit_percent=fit_percents(system, beta), noise_ratio=ratio,
-        condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))),
-        samples=len(weights), noise=noise, amplitude=amplitude, belief=belief(amplitude, noise["alpha"], ratio),
-        warnings=tuple(warnings), **how,
+        parameters=parameters,
+        residuals={n: W @ beta for n, W in zip(system.equations, system.W, strict=True)},
+        weights=dict(zip(system.equations, parts, strict=True)), fit_percent=fit_percents(system, beta),
+        condition_number=float(np.linalg.cond(A / np.linalg.norm(A, axis=0))), samples=len(weights), **others,
     )  # fmt: skip
 
 
@@ -410,11 +421,12 @@ def _independent(
 # --- in words ------------------------------------------------------------------------------------------------
 
 
-def _constants(
-    data: Data, gauge: Gauge, beta: FloatArray, bias: FloatArray, covariance: FloatArray,
+def constants_of(
+    units: Mapping[str, str], gauge: Gauge, v: FloatArray, bias: FloatArray, covariance: FloatArray,
     dependent: Mapping[int, Mapping[int, float]],
 ) -> dict[str, Constant]:  # fmt: skip
-    names, units = data.names, {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
+    """What each constant is worth; ``units`` has a name for each column."""
+    names, beta = [*units], gauge.beta(v)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     with np.errstate(all="ignore"):
         correlation = covariance / np.outer(errors, errors)
@@ -476,7 +488,7 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     return messages
 
 
-def _doubted(regression: Regression, late: bool, estimator: Estimator) -> Regression:
+def doubted(regression: Regression, late: bool, estimator: Estimator) -> Regression:
     """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
 
     ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.

@@ -74,19 +74,14 @@ def _profile(
 
 def _interval(along: FloatArray, values: FloatArray, least: float, independent: float) -> tuple[float, float]:
     """Where the ratio stays below its least times 1 + 3.84/n, n independent rows; infinite where the profile ends."""
-    level = least * (1.0 + CHI_SQUARE_95 / max(independent, 1.0))
-    k = int(np.argmin(values))
-    sides = []
-    for q, value in ((along[k::-1], values[k::-1]), (along[k:], values[k:])):
-        above = np.flatnonzero(value > level)
-        if not len(above):
-            sides.append(math.inf)
-            continue
-        m = int(above[0])
-        # the ratio is a parabola near its least: linear in the root of its rise
-        rise = np.sqrt(np.maximum([value[m - 1] - least, level - least, value[m] - least], 0.0))
-        sides.append(abs(float(np.interp(rise[1], [rise[0], rise[2]], [q[m - 1], q[m]]) - q[0])))
-    return float(along[k]) - sides[0], float(along[k]) + sides[1]
+    level, k = math.sqrt(least * CHI_SQUARE_95 / max(independent, 1.0)), int(np.argmin(values))
+    # the ratio is a parabola near its least: linear in the root of its rise
+    rise = np.sqrt(np.maximum(values - least, 0.0))
+    low, high = (
+        np.interp(level, np.maximum.accumulate(rise[side]), abs(along[side] - along[k]), right=math.inf)
+        for side in (slice(k, None, -1), slice(k, None))
+    )
+    return float(along[k] - low), float(along[k] + high)
 
 
 def _spread(

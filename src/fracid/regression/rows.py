@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
@@ -19,12 +19,14 @@ from fracid.models.pendulum import LINEAR_TERMS
 from fracid.recording import Recording
 from fracid.signals.resolution import noise_level
 from fracid.solver.operators import derivative
-from fracid.solver.trajectory import refuse_masked
 
 SAYS = Words("regression/rows.toml")
 
 Pair = tuple[FloatArray, FloatArray]
 """Something for the arm's rows and for the pendulum's."""
+
+Blocks = tuple[FloatArray, ...]
+"""Something for the rows of each equation."""
 
 TERMS = LINEAR_TERMS.names
 """Columns of the regressor of the rotary pendulum.  ``cable_offset`` is −cable_stiffness·theta_rest [N m]."""
@@ -51,71 +53,6 @@ KAISER = 5.65
 """β of a Kaiser window of 60 dB."""
 
 
-def regressor(
-    model: Model,
-    theta: ArrayLike,
-    alpha: ArrayLike,
-    step: float,
-    orders: Mapping[str, float],
-    *,
-    drive: ArrayLike | None = None,
-) -> Pair:
-    """Return the columns of both equations, unfiltered: W with W β = 0 for β in the order of ``TERMS``.
-
-    Parameters
-    ----------
-    model : Model
-        From :func:`fracid.rotary_pendulum`: zero, slip_speed, alpha_rest and time_scale are taken from it.
-    theta, alpha : array_like, shape (n_samples,)
-        [rad], from rest; the memory starts at the first sample.
-    step : float
-        [s]
-    orders : mapping
-        ``{"lambda": …, "mu": …}``.
-    drive : array_like, shape (n_samples,), optional
-        What torque_per_volt multiplies: volts at the motor, or N m with torque_per_volt = 1.
-
-    Returns
-    -------
-    pair of ndarray, shape (n_samples, len(TERMS))
-        The arm's and the pendulum's.
-
-    Raises
-    ------
-    InputError
-        If the model is no rotary pendulum, or as :func:`fracid.derivative`.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> rig = fracid.rotary_pendulum("srv02-rotpen")
-    >>> orders = {"lambda": 0.9, "mu": 0.95}
-    >>> run = fracid.simulate(rig, orders=orders, initial={"alpha": 1.0}, step=1e-3, end=2.0)
-    >>> arm, pendulum = regressor(rig, run.states[:, 0], run.states[:, 2], 1e-3, orders)
-    >>> beta = np.array([dict(zip(rig.parameter_names, rig.parameter_vector())).get(n, 0.0) for n in TERMS])
-    >>> gravity = np.abs(pendulum[:, TERMS.index("C4")]).max() * rig.parameter("C4").value
-    >>> bool(np.abs(pendulum[200:-20] @ beta).max() < 1e-3 * gravity)
-    True
-    """
-    for name, values in (("theta", theta), ("alpha", alpha), ("drive", drive)):
-        refuse_masked(name, values)
-    theta, alpha = np.asarray(theta, dtype=np.float64), np.asarray(alpha, dtype=np.float64)
-    u = None if drive is None else np.asarray(drive, dtype=np.float64)
-    scale = pendulum_parameters(model)["time_scale"]
-    rates = _rates(theta, orders["lambda"], step, scale), _rates(alpha, orders["mu"], step, scale)
-    return _columns(model, theta, alpha, *rates, u)
-
-
-def _columns(
-    model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: Pair, rates: Pair, drive: FloatArray | None
-) -> Pair:
-    """W of both equations from the angles, x₂ and D^λ x₂, x₄ and D^μ x₄."""
-    terms, zero = terms_of(model), np.zeros_like(alpha)
-    arm, pendulum = terms.columns(model, theta, alpha, arm_rates, rates, drive)
-    arm_rows, rows = (np.column_stack([columns.get(n, zero) for n in terms.names]) for columns in (arm, pendulum))
-    return arm_rows, rows
-
-
 def _rates(x: FloatArray, order: float, step: float, time_scale: float) -> Pair:
     """D^q x and D^q D^q x, each times τ₀^(q−1); x may hold many signals in columns."""
     unit = time_scale ** (order - 1.0)
@@ -140,15 +77,9 @@ def terms_of(model: Model) -> LinearTerms:
     return model.linear_terms
 
 
-def pendulum_parameters(model: Model) -> dict[str, float]:
-    """The model's parameters by name, if its equations are linear in them."""
-    terms_of(model)
-    return dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
-
-
 def own_values(model: Model, names: Sequence[str]) -> FloatArray:
     """The model's constants, shape (n_terms,)."""
-    p = pendulum_parameters(model) | {"cable_offset": 0.0}
+    p = dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
     p["cable_offset"] = -p["cable_stiffness"] * p.get("theta_rest", 0.0)
     return np.array([p[n] for n in names])
 
@@ -370,16 +301,17 @@ class Rows:
         """W of both equations, shapes (n_rows, n_terms), for each of many low-passed pairs of angles."""
         from scipy.signal import fftconvolve
 
-        scale, every = self.model.parameter("time_scale").value, terms_of(self.model).names
-        columns = [every.index(n) for n in self.names]
+        scale, terms = self.model.parameter("time_scale").value, terms_of(self.model)
         theta, alpha = np.stack(many, axis=-1).swapaxes(0, 1)
         both_rates = [_rates(x, orders[n], self.step, scale) for x, n in ((theta, "lambda"), (alpha, "mu"))]
         pairs = []
         for i in range(len(many)):
             arm_rates, rates = ((x[:, i], a[:, i]) for x, a in both_rates)
-            both = _columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
-            sides = zip(both, self.kept, strict=True)
-            arm, pendulum = (fftconvolve(W[:, columns], self.hann, mode="same", axes=0)[rows] for W, rows in sides)
+            both = terms.columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
+            nothing = np.zeros(len(theta))
+            Ws = (np.column_stack([columns.get(n, nothing) for n in self.names]) for columns in both)
+            sides = zip(Ws, self.kept, strict=True)
+            arm, pendulum = (fftconvolve(W, self.hann, mode="same", axes=0)[rows] for W, rows in sides)
             pairs.append((arm, pendulum))
         return pairs
 
@@ -426,7 +358,7 @@ class Data:
     def system(self, orders: Mapping[str, float], draws: int = DRAWS) -> System:
         """W β = 0 at these orders."""
         measured, *noisy = self.W([self.measured, *(side for pair in self.noisy[:draws] for side in pair)], orders)
-        return System(measured, tuple(zip(noisy[::2], noisy[1::2], strict=True)))
+        return System(("arm", "pendulum"), measured, tuple(zip(noisy[::2], noisy[1::2], strict=True)))
 
     @cached_property
     def times(self) -> Pair:
@@ -437,21 +369,23 @@ class Data:
 
 @dataclass(frozen=True)
 class System:
-    """W β = 0 of all recordings for one pair of orders, and what noise does to it."""
+    """W β = 0 of all recordings at given orders, and what noise does to it."""
 
-    W: Pair
-    noisy: tuple[tuple[Pair, Pair], ...]
+    equations: tuple[str, ...]
+    """Their names."""
+    W: Blocks
+    noisy: tuple[tuple[Blocks, Blocks], ...] = ()
     """W of the angles plus and minus a draw of noise."""
 
     @cached_property
-    def covariance(self) -> Pair:
+    def covariance(self) -> Blocks:
         """E[ΔWᵀ ΔW] of the noise, per equation, shape (n_terms, n_terms)."""
         total = [np.zeros((W.shape[1], W.shape[1])) for W in self.W]
         for plus, minus in self.noisy:
-            for i in range(2):
+            for i in range(len(total)):
                 change = 0.5 * (plus[i] - minus[i])
                 total[i] += change.T @ change / len(self.noisy)
-        return total[0], total[1]
+        return tuple(total)
 
     def scales(self, beta: FloatArray, near: FloatArray | None = None) -> FloatArray:
         """Residual that noise makes in each equation, rms [N m]: what their rows are divided by.
@@ -463,15 +397,16 @@ class System:
         own = np.array([math.sqrt(max(float(beta @ C @ beta), 1e-300) / max(len(W), 1)) for C, W in pairs])
         return own if near is None else np.clip(own, near / 3.0, near * 3.0)
 
-    def masked(self, keep: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> System:
+    def masked(self, keep: Sequence[NDArray[np.bool_]]) -> System:
         """Only the rows to keep."""
-        return System(only(self.W, keep), tuple((only(p, keep), only(m, keep)) for p, m in self.noisy))
+        noisy = tuple((only(p, keep), only(m, keep)) for p, m in self.noisy)
+        return System(self.equations, only(self.W, keep), noisy)
 
 
 def _join(pairs: Sequence[Pair]) -> Pair:
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
 
 
-def only(pair: Pair, keep: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> Pair:
-    """The rows to keep of both equations."""
-    return pair[0][keep[0]], pair[1][keep[1]]
+def only(blocks: Blocks, keep: Sequence[NDArray[np.bool_]]) -> Blocks:
+    """The rows to keep of each equation."""
+    return tuple(W[rows] for W, rows in zip(blocks, keep, strict=True))
