@@ -111,9 +111,9 @@ def seen(A, B, C, D, model, order, integers, inputs, step):
 
 
 def memory(q, step, end):
-    """Weights and rates of Σ w e^(−s t) = t^(q−1)/Γ(q) from a hundredth of a step to a hundred records."""
+    """Weights and rates of Σ w e^(−s t) = t^(q−1)/Γ(q) from a millionth of a step to a hundred records."""
     spacing = 0.25
-    s = np.exp(np.arange(math.log(1e-2 / end), math.log(1e3 / step), spacing))
+    s = np.exp(np.arange(math.log(1e-2 / end), math.log(1e6 / step), spacing))
     w = math.sin(math.pi * q) / math.pi * spacing * s ** (1 - q)
     rest = math.sin(math.pi * q) / math.pi * (s[0] * math.exp(-spacing / 2)) ** (1 - q) / (1 - q)
     return np.array([rest, *w]), np.array([0.0, *s])

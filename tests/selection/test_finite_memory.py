@@ -123,6 +123,16 @@ def test_an_order_is_worth_more_than_two_relaxations_in_white_and_in_coloured_no
 
 
 @pytest.mark.broad
+@pytest.mark.parametrize("seed", [0, 1])
+def test_relaxations_are_no_better_in_coloured_noise_by_what_a_step_misses_where_an_input_jumps(seed):
+    pulses = np.arange(COUNT) // 80 % 2.0
+    T = fractional_body(0.5, pulses)
+    fit = identify(problem_of(T + 0.02 * np.std(T) * noise(seed, 0.95), "line", pulses), fixed_step=False)
+    assert fit.claim == "fractional"
+    assert min(m.gain for m in fit.alternative.memories) > 20
+
+
+@pytest.mark.broad
 def test_a_springpot_in_the_place_of_a_spring_and_two_maxwell_elements_is_not_called_fractional():
     twins = module_of("benchmarks/own_models.py")
     twin = twins.answer("maxwell", 2, 0.03, "30 ms", 1)

@@ -10,6 +10,10 @@ of each output's residual (:mod:`fracid.signals.coloured`), the unknowns are fit
 Each model has a filter of its own: one that lacks something has its lack in the filter too, which helps it, and not the
 model that it is held against.
 
+The filter takes away the noise and leaves a solver's error where an input jumps, which least squares do not see: at a
+step that is short enough for these, three relaxations may come 64 below the order that made the recording, and 84 above
+it at a quarter of the step.  So steps are halved until that moves ε by no more than chance moves −2 log L.
+
 References
 ----------
 .. [1] D. Cochrane, G. Orcutt, J. American Statistical Association 44 (1949) 32.
@@ -18,6 +22,8 @@ References
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -36,6 +42,12 @@ RUNS = 12
 
 FAR = 1e6
 """Residuals of a run that fails."""
+
+MOVED = 0.1
+"""Σ (Δε/σ)² that a halved step may make: −2 log L moves by twice its root."""
+
+FINEST = 64
+"""Steps a sample, at most."""
 
 Filters = list[list[FloatArray]]
 """Of each recording and output."""
@@ -79,6 +91,7 @@ def criterion(problem: Problem, x: FloatArray, parameters: int) -> float | None:
         return None
     for _ in range(ROUNDS):
         filters = [[whitening_filter(e)[0] for e in recording.T] for recording in errors]
+        problem, errors = _stepped(problem, x, errors, filters)
         x = _fitted(problem, x, errors, filters)
         errors = problem.errors(x)
         assert not isinstance(errors, Failure)  # else least squares would not have come here
@@ -90,6 +103,26 @@ def criterion(problem: Problem, x: FloatArray, parameters: int) -> float | None:
 def _innovations(signals: list[FloatArray], filters: Filters) -> list[list[FloatArray]]:
     """ε of each recording and output, or its derivatives."""
     return [[whitened(s[:, o], φ) for o, φ in enumerate(own)] for s, own in zip(signals, filters, strict=True)]
+
+
+def _stepped(
+    problem: Problem, x: FloatArray, errors: list[FloatArray], filters: Filters
+) -> tuple[Problem, list[FloatArray]]:
+    """The problem in steps that ε does not see, and its errors."""
+    while problem.substeps < FINEST:
+        finer = replace(problem, substeps=2 * problem.substeps, memo=None)
+        found = finer.errors(x)
+        if isinstance(found, Failure) or _moved(errors, found, filters) < MOVED:
+            break
+        problem, errors = finer, found
+    return problem, errors
+
+
+def _moved(errors: list[FloatArray], found: list[FloatArray], filters: Filters) -> float:
+    """Σ (Δε/σ)² between the errors of two steps."""
+    moved = _innovations([b - a for a, b in zip(errors, found, strict=True)], filters)
+    pairs = zip(chain.from_iterable(moved), chain.from_iterable(_innovations(found, filters)), strict=True)
+    return sum(float(d @ d) / float(np.mean(ε**2)) for d, ε in pairs)
 
 
 def _fitted(problem: Problem, x: FloatArray, errors: list[FloatArray], filters: Filters) -> FloatArray:
