@@ -190,7 +190,7 @@ def taken(folder):
 def test_a_second_thread_on_a_folder_is_refused_and_has_it_afterwards(tmp_path):
     with ThreadPoolExecutor(1) as other:
         with FolderLock(tmp_path):
-            assert "Another thread of this process is at work in" in other.submit(taken, tmp_path).result()
+            assert "This process is at work in" in other.submit(taken, tmp_path).result()
         assert other.submit(taken, tmp_path).result() == ""
 
 
@@ -206,9 +206,10 @@ def test_a_process_that_is_forked_off_has_no_hold_and_takes_none_away(tmp_path):
     assert taken(tmp_path) == ""
 
 
-def test_one_process_may_open_several_journals_in_a_folder(tmp_path):
-    with FolderLock(tmp_path), Journal(tmp_path / "a.jsonl", STUDY), Journal(tmp_path / "b.jsonl", STUDY):
+def test_the_lock_names_who_has_it_and_no_one_afterwards(tmp_path):
+    with Journal(tmp_path / "a.jsonl", STUDY):
         assert (tmp_path / ".lock").read_text()
+        assert "This process is at work in" in taken(tmp_path)
     assert not (tmp_path / ".lock").read_text()
 
 

@@ -29,11 +29,24 @@ def refused():
     raise AssertionError("computed again")
 
 
+class Counting(Memo):
+    """One that counts what was not there."""
+
+    computed = 0
+
+    def get(self, key, compute):
+        def counted():
+            self.computed += 1
+            return compute()
+
+        return super().get(key, counted)
+
+
 @pytest.mark.parametrize("kept", [*ARRAYS.values(), DIVERGED], ids=[*ARRAYS, "reason"])
 def test_what_is_kept_comes_back_to_the_bit_and_in_its_order_in_memory(tmp_path, kept):
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         assert memo.get(KEY, lambda: kept) is kept
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         found = memo.get(KEY, refused)
         assert memo.computed == 0
     if isinstance(kept, Failure):
@@ -45,14 +58,14 @@ def test_what_is_kept_comes_back_to_the_bit_and_in_its_order_in_memory(tmp_path,
 
 def test_a_record_torn_at_any_byte_is_computed_again_and_no_other(tmp_path):
     path = tmp_path / "memo"
-    with Memo(path) as memo:
+    with Counting(path) as memo:
         memo.get(KEY, lambda: ARRAYS["by rows"])
         before = path.stat().st_size
         memo.get(OTHER, lambda: ARRAYS["one row"])
     whole = path.read_bytes()
     for end in range(before, len(whole)):
         path.write_bytes(whole[:end])
-        with Memo(path) as memo:
+        with Counting(path) as memo:
             assert np.array_equal(memo.get(KEY, refused), ARRAYS["by rows"])
             memo.get(OTHER, lambda: ARRAYS["one row"])
             assert memo.computed == 1
@@ -61,10 +74,9 @@ def test_a_record_torn_at_any_byte_is_computed_again_and_no_other(tmp_path):
 
 @pytest.mark.parametrize("content", [b"\xf2\xff no text", b"NO_SUCH_REASON diverged", b""])
 def test_a_reason_that_fracid_does_not_write_is_computed_again(tmp_path, content):
-    with Memo(tmp_path / "memo") as memo:
-        checked = simulation_cache._sum(KEY, b"T", 1, len(content), content)
-        memo._append(simulation_cache.RECORD.pack(KEY, b"T", 1, len(content), checked), content)
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
+        memo._append(simulation_cache.RECORD.pack(KEY, len(content), simulation_cache._sum(KEY, content)), content)
+    with Counting(tmp_path / "memo") as memo:
         assert memo.get(KEY, lambda: DIVERGED) == DIVERGED
         assert memo.computed == 1
 
@@ -72,28 +84,28 @@ def test_a_reason_that_fracid_does_not_write_is_computed_again(tmp_path, content
 @pytest.mark.broad
 def test_a_bit_that_turned_on_the_disk_is_computed_again(tmp_path):
     path = tmp_path / "memo"
-    with Memo(path) as memo:
+    with Counting(path) as memo:
         memo.get(KEY, lambda: ARRAYS["by rows"])
     whole = path.read_bytes()
     for at in range(16, len(whole)):  # behind the stamp
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 4]) + whole[at + 1 :])
-        with Memo(path) as memo:
+        with Counting(path) as memo:
             assert np.array_equal(memo.get(KEY, lambda: ARRAYS["by rows"]), ARRAYS["by rows"])
             assert memo.computed == 1
 
 
 def test_another_program_or_a_restarted_machine_begins_empty(tmp_path, monkeypatch):
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         memo.get(KEY, lambda: DIVERGED)
     monkeypatch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"another machine.")
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         assert memo.get(KEY, lambda: ENDED) is ENDED
 
 
 def test_where_there_is_no_room_the_run_goes_on_and_the_file_goes(tmp_path):
     resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
         try:
             for i in range(20):
@@ -144,7 +156,7 @@ VARIANTS = {
 @pytest.mark.parametrize("variant", VARIANTS.values(), ids=VARIANTS)
 def test_whatever_changes_a_simulation_is_another_one_to_the_memo(tmp_path, problem, variant):
     other = variant(problem)
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         for p in (problem, other):
             kept = replace(p, memo=memo)
             assert np.array_equal(kept.evaluate(p.start).residuals, p.evaluate(p.start).residuals)
@@ -155,7 +167,7 @@ def test_whatever_changes_a_simulation_is_another_one_to_the_memo(tmp_path, prob
 
 def test_what_changes_no_simulation_is_read_from_the_memo(tmp_path, problem):
     cheaper = replace(problem, cost_function=fracid.problem.costs.COSTS["itae"], weights="noise")
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         for p in (problem, cheaper):
             assert replace(p, memo=memo).cost(p.start) == p.cost(p.start)
         assert memo.computed == 1
@@ -164,10 +176,10 @@ def test_what_changes_no_simulation_is_read_from_the_memo(tmp_path, problem):
 @pytest.mark.broad
 def test_a_whole_identification_repeats_no_simulation_and_ends_the_same(tmp_path, problem):
     bare = fracid.identify(problem)
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         first = fracid.identify(replace(problem, memo=memo), jobs=2)
         assert memo.computed > 20
-    with Memo(tmp_path / "memo") as memo:
+    with Counting(tmp_path / "memo") as memo:
         again = fracid.identify(replace(problem, memo=memo))
         assert memo.computed == 0
     assert bare.to_json() == first.to_json() == again.to_json()
@@ -175,7 +187,7 @@ def test_a_whole_identification_repeats_no_simulation_and_ends_the_same(tmp_path
 
 def test_a_file_that_is_full_keeps_what_it_has_and_what_follows_stays_in_memory(tmp_path):
     path, rows = tmp_path / "memo", np.ones((100, 2))
-    with Memo(path, most=2000) as memo:
+    with Counting(path, most=2000) as memo:
         memo.get(KEY, lambda: rows)
         size = path.stat().st_size
         for key in (OTHER, b"p" * 16):
@@ -192,7 +204,7 @@ def test_a_file_takes_no_more_than_half_of_what_the_disk_has_left(tmp_path, monk
     usage = type("Usage", (), {"free": 3000})()
     monkeypatch.setattr(simulation_cache.shutil, "disk_usage", lambda _: usage)
     path = tmp_path / "memo"
-    with Memo(path) as memo:
+    with Counting(path) as memo:
         for key in (KEY, OTHER):
             memo.get(key, lambda: np.ones((60, 2)))
     assert 900 < path.stat().st_size <= 1500

@@ -163,7 +163,7 @@ def open_run(
             now = replace(now, options=before.options, code=both)  # where the project was, too: its journals go by that
         else:
             (folder / RUN).unlink(missing_ok=True)  # killed from here on, there is nothing to go on with
-            open_folder(folder, command)
+            _clear(folder, command)
             _write_state(folder, now)
         yield Run(folder, now, resume)
 
@@ -342,7 +342,14 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
     'first'
     """
     _refuse_strangers(folder)
-    with FolderLock(folder), writing(f"The folder {folder}"):
+    with FolderLock(folder):
+        _clear(folder, command)
+    return folder
+
+
+def _clear(folder: Path, command: Sequence[str]) -> None:
+    """Of an earlier run's own files, and say in environment.json what is done now."""
+    with writing(f"The folder {folder}"):
         for old in (EVALUATIONS, MEMO, "result.json", *LATER):
             (folder / old).unlink(missing_ok=True)
         for path in (*_figures(folder), *_halves(folder)):
@@ -351,7 +358,6 @@ def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
         typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
         environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), "code": code(), **typed})
         write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
-    return folder
 
 
 def discard(folder: Path) -> None:

@@ -1,9 +1,9 @@
 """A lock on a run folder: one thread of one process writes into it at a time.
 
 The operating system holds the lock on the file ``.lock`` for as long as it is open, so a process that is killed
-releases it; the file names the process and machine for the message of the next.  One thread may take it several times;
-a process that is forked off has none of it.  (``filelock``, a library for this, holds as much; it opens the file itself
-and not by the door, so it stays out: 15,700 lines for forty of these.)
+releases it; the file names the process and machine for the message of the next.  A process that is forked off has none
+of it.  (``filelock``, a library for this, holds as much; it opens the file itself and not by the door, so it stays out:
+15,700 lines for forty of these.)
 A folder with links in it is refused (:func:`refuse_links`), since writing there could overwrite a file elsewhere.
 """
 
@@ -14,10 +14,8 @@ import json
 import os
 import socket
 import sys
-import threading
 import time
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from io import RawIOBase
 from itertools import islice
 from pathlib import Path
@@ -50,8 +48,6 @@ LOCK = ".lock"
 class FolderLock(AbstractContextManager["FolderLock"]):
     """A folder for one thread alone, until :meth:`release` or the process's end, however it ends.
 
-    The same thread may take it again; it is free once each has been released.
-
     Raises
     ------
     InputError
@@ -68,25 +64,16 @@ class FolderLock(AbstractContextManager["FolderLock"]):
         """Take it."""
         refuse_links(folder)
         self.path = folder.resolve() / LOCK
-        with _GUARD:
-            hold = _HELD.get(self.path) or _Hold(_locked(self.path), threading.get_ident())
-            if hold.thread != threading.get_ident():
-                raise InputError(
-                    f"Another thread of this process is at work in {folder}. Wait for its end, or give another folder."
-                )
-            hold.times += 1
-            _HELD[self.path] = self._hold = hold
+        if self.path in _HELD:
+            raise InputError(f"This process is at work in {folder} already. Wait for its end, or give another folder.")
+        _HELD[self.path] = self._file = _locked(self.path)
 
     def release(self) -> None:
         """Let go of it; in a process that was forked off since there is nothing to let go of."""
-        with _GUARD:
-            if _HELD.get(self.path) is not self._hold:
-                return
-            self._hold.times -= 1
-            if not self._hold.times:
-                del _HELD[self.path]
-                self._hold.file.truncate(0)
-                self._hold.file.close()
+        if _HELD.get(self.path) is self._file:
+            del _HELD[self.path]
+            self._file.truncate(0)
+            self._file.close()
 
     def __exit__(self, *_: object) -> None:
         """Let go of it."""
@@ -147,27 +134,14 @@ MOST_ENTRIES = 100_000
 WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EINVAL}
 """What a file system without locks answers."""
 
-_GUARD = threading.Lock()
-
-
-@dataclass
-class _Hold:
-    """A lock of this process."""
-
-    file: RawIOBase
-    thread: int
-    times: int = 0
-
-
-_HELD: dict[Path, _Hold] = {}
+_HELD: dict[Path, RawIOBase] = {}
+"""The locks of this process: their files."""
 
 
 def _forget() -> None:
     """In a process that was forked off: the locks are its parent's, which has them for as long as any has the file."""
-    global _GUARD
-    _GUARD = threading.Lock()
-    for hold in _HELD.values():
-        hold.file.close()
+    for file in _HELD.values():
+        file.close()
     _HELD.clear()
 
 

@@ -8,7 +8,7 @@ being the same to the bit, so is the way there, and the result.
 
 ::
 
-    stamp  ·  key, kind, length, check sum, numbers or reason  ·  key, kind, length, check sum, …
+    stamp  ·  key, length, check sum, array or reason  ·  key, length, check sum, …
 
 Records are handed to the operating system as they end, so they outlive the process.  They are not forced to the disk:
 after a power cut, on another machine and after a change of the program the stamp differs, and the file
@@ -27,21 +27,21 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import partial
+from io import BytesIO
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from numpy.lib.format import MAGIC_PREFIX, read_array, write_array
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, FailureReason
 from fracid.safety.door import descriptor, text_of
 
-RECORD = struct.Struct("<16scQQI")
-"""Key, kind, rows, columns, and the check sum of all that with what follows.
+RECORD = struct.Struct("<16sQI")
+"""Key, length, and the check sum of both with what follows: an array as NumPy writes it, or why there is none.
 
-The kind is the order in memory, ``C`` or ``F``, on which a sum's last bits depend; or it is ``T``, a failure's reason
-and text in so many bytes."""
+NumPy writes the order in memory too, on which a sum's last bits depend."""
 
 
 MOST = 256 << 20
@@ -76,8 +76,6 @@ class Memo(AbstractContextManager["Memo"]):
 
     possible = hasattr(os, "pwritev")
     """Whether this system can; where it cannot, a run that was killed begins from its start."""
-    computed: int = 0
-    """How many results were not there."""
     emptied: bool = False
     """Whether there was something that could not be used: another program's, or from before the machine's restart."""
 
@@ -117,57 +115,49 @@ class Memo(AbstractContextManager["Memo"]):
         if place is not None and (hit := self._at(key, *place)) is not None:
             return hit
         if self._full:
-            return self._overflow.get(key, partial(self._counted, compute))
-        outputs = self._counted(compute)
-        self._keep(key, outputs)
+            return self._overflow.get(key, compute)
+        outputs = compute()
+        self._keep(key, _content(outputs))
         return outputs
 
     def __contains__(self, key: bytes) -> bool:
         """Whether there are outputs of this key."""
         return key in self._places or key in self._overflow
 
-    def _counted(self, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
-        outputs = compute()
-        self.computed += 1
-        return outputs
-
-    def _keep(self, key: bytes, outputs: FloatArray | Failure) -> None:
-        kind, rows, columns = b"T", 1, 0
-        if isinstance(outputs, Failure):
-            content: bytes | memoryview = f"{outputs.reason.name} {outputs.detail}".encode()
-            columns = len(content)
-        else:
-            kind, (rows, columns) = b"C" if outputs.flags.c_contiguous else b"F", outputs.shape
-            flat = np.ascontiguousarray(outputs if kind == b"C" else outputs.T).reshape(-1)
-            content = flat.view(np.uint8).data
+    def _keep(self, key: bytes, content: bytes) -> None:
         try:
             with self._lock:
                 offset = self._end + RECORD.size
                 self._full = self._full or offset + len(content) > self._most
                 if self._file >= 0 and not self._full:
-                    checked = _sum(key, kind, rows, columns, content)
-                    self._append(RECORD.pack(key, kind, rows, columns, checked), content)
-                    self._places[key] = offset, len(content), kind, rows, columns, checked
+                    checked = _sum(key, content)
+                    self._append(RECORD.pack(key, len(content), checked), content)
+                    self._places[key] = offset, len(content), checked
         except OSError:  # no room: the run goes on without
             self.remove()
 
-    def _append(self, *parts: bytes | memoryview) -> None:
+    def _append(self, *parts: bytes) -> None:
         size = sum(len(part) for part in parts)
         if os.pwritev(self._file, parts, self._end) < size:
             raise OSError("no room")
         self._end += size
 
-    def _at(
-        self, key: bytes, offset: int, size: int, kind: bytes, rows: int, columns: int, checked: int
-    ) -> FloatArray | Failure | None:
+    def _at(self, key: bytes, offset: int, size: int, checked: int) -> FloatArray | Failure | None:
         content = os.pread(self._file, size, offset)
-        if _sum(key, kind, rows, columns, content) != checked:
+        if _sum(key, content) != checked:
             return None  # a bit has turned on the disk: it is simulated again
-        if kind == b"T":
-            reason, _, detail = content.decode(errors="replace").partition(" ")
-            cause = FailureReason.__members__.get(reason)
-            return None if cause is None else Failure(cause, detail)  # another's file: it is simulated again
-        return np.frombuffer(bytearray(content)).reshape((rows, columns), order="C" if kind == b"C" else "F")
+        if content.startswith(MAGIC_PREFIX):
+            return np.asarray(read_array(BytesIO(content)))
+        reason, _, detail = content.decode(errors="replace").partition(" ")
+        cause = FailureReason.__members__.get(reason)
+        return None if cause is None else Failure(cause, detail)  # another's file: it is simulated again
+
+
+def _content(outputs: FloatArray | Failure) -> bytes:
+    if isinstance(outputs, Failure):
+        return f"{outputs.reason.name} {outputs.detail}".encode()
+    write_array(content := BytesIO(), outputs)
+    return content.getvalue()
 
 
 def _stamp() -> bytes:
@@ -182,8 +172,8 @@ def _stamp() -> bytes:
     return blake2b(repr((since, np.__version__, files)).encode(), digest_size=16).digest()
 
 
-def _sum(key: bytes, kind: bytes, rows: int, columns: int, content: bytes | memoryview) -> int:
-    return crc32(content, crc32(RECORD.pack(key, kind, rows, columns, 0)))
+def _sum(key: bytes, content: bytes) -> int:
+    return crc32(content, crc32(RECORD.pack(key, len(content), 0)))
 
 
 class Recent:
@@ -216,9 +206,9 @@ class Recent:
         with self._lock:
             if key not in self._outputs:
                 self._outputs[key] = outputs
-                self._size += _bytes(outputs)
+                self._size += getattr(outputs, "nbytes", 0)
             while self._size > self._most:
-                self._size -= _bytes(self._outputs.popitem(last=False)[1])
+                self._size -= getattr(self._outputs.popitem(last=False)[1], "nbytes", 0)
         return outputs
 
     def __contains__(self, key: bytes) -> bool:
@@ -227,12 +217,8 @@ class Recent:
             return key in self._outputs
 
 
-def _bytes(outputs: FloatArray | Failure) -> int:
-    return 0 if isinstance(outputs, Failure) else outputs.nbytes
-
-
-Place = tuple[int, int, bytes, int, int, int]
-"""Offset and size [bytes], kind, rows, columns, check sum."""
+Place = tuple[int, int, int]
+"""Offset and size [bytes], check sum."""
 
 
 def _read(file: int) -> tuple[dict[bytes, Place], int]:
@@ -242,10 +228,10 @@ def _read(file: int) -> tuple[dict[bytes, Place], int]:
         return {}, 0
     places, end = dict[bytes, Place](), len(stamp)
     while len(header := os.pread(file, RECORD.size, end)) == RECORD.size:
-        key, kind, rows, columns, checked = RECORD.unpack(header)
-        offset, length = end + RECORD.size, rows * columns * (1 if kind == b"T" else 8)
+        key, length, checked = RECORD.unpack(header)
+        offset = end + RECORD.size
         if offset + length > size:
             break
-        places[key] = offset, length, kind, rows, columns, checked
+        places[key] = offset, length, checked
         end = offset + length
     return places, end
