@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, stretches
 from fracid.findings import Finding, Words
+from fracid.signals.noise import white_noise
 from fracid.signals.resolution import encoder_lattice, resolution
 from fracid.units import with_unit
 
@@ -203,5 +204,4 @@ def _goes_on(x: FloatArray, a: int, b: int) -> bool:
     part = x[a:b][np.isfinite(x[a:b])]
     if part.size < LONG:
         return False
-    noise = math.sqrt(float(np.mean(np.diff(part, 3) ** 2)) / 20)
-    return bool(np.ptp(part) > FAR * max(resolution(part) or 0.0, noise))
+    return bool(np.ptp(part) > FAR * max(resolution(part) or 0.0, white_noise(part)))

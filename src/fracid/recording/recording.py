@@ -125,11 +125,7 @@ class Recording(CardDisplay):
         if inside.sum() < 2:
             span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else "no time at all"
             raise InputError(SAYS("few-samples", name=self.name, low=low, high=high, count=inside.sum(), span=span))
-        part = self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()}, self.report.resampled)
-        release, found = self.report.release, part.report.release
-        if found is not None or release is None or not part.time[0] - slack <= release <= part.time[-1]:
-            return part  # the plateau before it tells the release, and may be cut off
-        return replace(part, report=replace(part.report, release=release, release_reason=self.report.release_reason))
+        return self._with(self.time[inside], {n: x[inside] for n, x in self.signals.items()})
 
     def _start(self, start: float | str | None) -> float:
         if start is None:
@@ -187,7 +183,7 @@ class Recording(CardDisplay):
         slack = 1e-3 * h  # its two ends were measured
         gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
         bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
-        new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, how)
+        new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, resampled=how)
         # a line between two encoder steps lies on no lattice: what was measured before still holds
         reports = tuple(
             replace(s, resolution=r.resolution, counts_per_turn=r.counts_per_turn, noise=r.noise)
@@ -211,12 +207,12 @@ class Recording(CardDisplay):
         if not counts:
             return self
         time, signals = between_edges(self.time, self.signals, counts)
-        new = self._with(time, signals, self.report.resampled)
         note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),
                     "edges")  # fmt: skip
+        new = self._with(time, signals, note)
         known = {n: count for n, count in counts.items() if n in self.assumed}  # its unit is guessed from it
         reports = tuple(replace(s, resolution=known.get(s.name, s.resolution)) for s in new.report.signals)
-        return replace(new, report=replace(new.report, reading=(*new.report.reading, note), signals=reports))
+        return replace(new, report=replace(new.report, signals=reports))
 
     def bridge_blanks(self) -> Recording:
         """Return the recording with its few missing samples interpolated, of which none is scored.
@@ -240,12 +236,8 @@ class Recording(CardDisplay):
         runs = tuple((float(time[a]) - half, float(time[b - 1]) + half) for a, b in stretches(blank[part]))
         steps = {s.name: s.resolution for s in self.report.signals}
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
-        new = replace(self, bridged=(*self.bridged, *runs))._with(time, signals, self.report.resampled)
         note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
-        report = replace(new.report, reading=(*new.report.reading, Note(note, "interpolated")))
-        if report.release is None and self.report.release is not None and self.report.release >= time[0]:
-            report = replace(report, release=self.report.release, release_reason=self.report.release_reason)
-        return replace(new, report=report)
+        return replace(self, bridged=(*self.bridged, *runs))._with(time, signals, Note(note, "interpolated"))
 
     def _at(self, name: str, grid: FloatArray) -> FloatArray:
         x = self.signals[name]
@@ -269,13 +261,20 @@ class Recording(CardDisplay):
         """
         return self.trim(None, float(np.nextafter(at, -np.inf)) - 2e-6 * self.report.clock.step), self.trim(at)
 
-    def _with(self, time: FloatArray, signals: Mapping[str, FloatArray], resampled: str | None) -> Recording:
+    def _with(
+        self, time: FloatArray, signals: Mapping[str, FloatArray], *notes: Note, resampled: str | None = None
+    ) -> Recording:
+        """Measured again; a release that was found stays, for the plateau that tells it may be cut off."""
+        old, resampled = self.report, resampled or self.report.resampled
         report = measure(
-            time, signals, self.units, self.report.reading, resampled, self.bridged,
+            time, signals, self.units, (*old.reading, *notes), resampled, self.bridged,
             uneven=self.uneven and resampled is None,
         )  # fmt: skip
-        of_the_file = tuple(f for f in self.report.findings if f.where == "time")
+        of_the_file = tuple(f for f in old.findings if f.where == "time")
         report = replace(report, findings=(*of_the_file, *report.findings))
+        slack = 1e-6 * np.ptp(time) / max(1, len(time) - 1)
+        if report.release is None and old.release is not None and time[0] - slack <= old.release <= time[-1]:
+            report = replace(report, release=old.release, release_reason=old.release_reason)
         return replace(self, time=read_only(time), signals={n: read_only(x) for n, x in signals.items()}, report=report)
 
     @classmethod

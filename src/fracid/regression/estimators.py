@@ -12,6 +12,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.regression.rows import Blocks, Rows, System
+from fracid.signals.correlation import bartlett_long_run
 
 Estimator = Literal["ols", "huber", "tukey", "tls", "iv"]
 
@@ -182,10 +183,7 @@ def sandwich(
     scores = Z * (weights * residual)[:, None]
     omega = np.zeros((A.shape[1], A.shape[1]))
     for part in np.split(scores, np.cumsum([len(W) for W in system.W])[:-1]):
-        omega += part.T @ part
-        for lag in range(1, min(lags, len(part))):
-            cross = part[lag:].T @ part[:-lag]
-            omega += (1.0 - lag / lags) * (cross + cross.T)
+        omega += bartlett_long_run(part, lags - 1)
     inverse = np.linalg.pinv((Z * weights[:, None]).T @ A)
     return np.asarray(inverse @ omega @ inverse.T / np.outer(units, units))
 
