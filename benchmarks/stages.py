@@ -64,7 +64,7 @@ def bare_run(problem: Problem, x: np.ndarray) -> float:
     """Seconds of the right-hand side alone, over all recordings."""
     rhs, seconds = compile_rhs(problem.model.rhs), 0.0
     for e in problem.experiments:
-        states = np.ascontiguousarray(problem.simulator.trajectory(x, e).states)
+        states = np.ascontiguousarray(problem.simulate(x, e).states)
         u, p = problem.simulator.inputs(x, e).before[0], problem.unpack(x, e)[1]
         times = []
         for _ in range(9):

@@ -291,7 +291,7 @@ class _Made:
 
     def _filter(self, drive: float) -> Filter:
         problem, model, e = self.problem, self.problem.model, self.problem.experiments[0]
-        orders, p, start = (v.copy() for v in problem.unpack(self.x, e))
+        orders, p, start = (v.copy() for v in problem.unpack(self.x, e)[:3])
         h = e.step / problem.substeps
         names = [str(q.parameter) if isinstance(q, Complement) else q for q in model.orders]
         lowest = SLOWEST / max(e.steps * e.step, 100 * h)

@@ -769,7 +769,7 @@ def _recording(problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate
     e = problem.experiments[problem.recordings[name][1]][0]
     begun = zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True)
     initial = {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in begun}
-    own = {n: estimates[f"{n} [{name}]"] for n in problem.parametrisation.own_parameters}
+    own = {n: estimates[f"{n} [{name}]"] for n in problem.own_parameters}
     return fit_of(problem, x, name, use, initial, own | _release(estimates, e))
 
 
@@ -823,7 +823,7 @@ def _estimates(
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(values.get(problem.ties.get(n, n)), Free)}  # fmt: skip
     free = {u.name: _estimate(u, x, i, precision, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
-    return fixed | free | {name: free[to] for name, to in problem.parametrisation.aliases.items()}
+    return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 
 
 def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failure, verdict: Verdict | None) -> Estimate:

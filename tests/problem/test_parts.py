@@ -24,7 +24,7 @@ def problem(*experiments, **options):
 
 
 def test_every_unknown_comes_back_from_the_values_that_the_parametrisation_unpacks():
-    parametrisation = problem(still("a"), still("b", release_time=Free(0.0, -0.02, 0.02))).parametrisation
+    parametrisation = problem(still("a"), still("b", release_time=Free(0.0, -0.02, 0.02)))
     x = np.linspace(parametrisation.space.lower, parametrisation.space.upper, 5)[1]
     back = dict.fromkeys(parametrisation.names)
     for e in parametrisation.experiments:
@@ -42,14 +42,14 @@ def test_every_unknown_comes_back_from_the_values_that_the_parametrisation_unpac
 
 def test_the_simulator_runs_what_simulate_does_to_the_bit():
     (e,) = (p := problem(still("a"), method="gl", substeps=2)).experiments
-    orders, constants, initial, _ = p.parametrisation.unpack(p.start, e)
+    orders, constants, initial, _ = p.unpack(p.start, e)
     run = fracid.simulate(
         RIG.with_parameters(**dict(zip(RIG.parameter_names, constants.tolist(), strict=True))),
         orders={"lambda": orders[0], "mu": orders[2]}, initial=dict(zip(RIG.states, initial.tolist(), strict=True)),
         step=STEP / 2, end=49 * STEP, method="gl", memory=p.memory,
     )  # fmt: skip
-    assert np.array_equal(p.simulator.trajectory(p.start, e).states, run.states)
-    assert np.array_equal(p.simulator.outputs(p.start, e), run.states[::2, [0, 2]])
+    assert np.array_equal(p.simulate(p.start, e).states, run.states)
+    assert np.array_equal(p.fitted(p.start, e), run.states[::2, [0, 2]])
 
 
 @pytest.mark.parametrize(("z", "cost"), [(0.0, 5.0), (2.0, 5.0 * np.sqrt(1 + 4 / 200))])

@@ -75,7 +75,7 @@ def test_unpack_puts_each_unknown_in_its_place_and_only_there():
     x = p.start + 1e-4 * np.arange(1, len(p.names) + 1)
     value = dict(zip(p.names, x, strict=True))
     for e in p.experiments:
-        orders, constants, initial = p.unpack(x, e)
+        orders, constants, initial, _ = p.unpack(x, e)
         assert orders.tolist() == [value["lambda"]] * 2 + [value["mu"]] * 2
         assert initial.tolist() == [value[f"{state}(0) [{e.name}]"] for state in RIG.states]
         wanted = {"theta_rest": value[f"theta_rest [{e.name}]"], "C1": value["C1"], "C4": 0.19}
@@ -160,7 +160,7 @@ def test_a_joint_that_slides_at_the_start_resists_by_its_sliding_friction():
     moving = replace(swing, measured=swing.measured[60:])
     p = Problem(rig, (moving,), {"lambda": 1.0, "mu": 1.0}, {"presliding_alpha": Free(delta, 1e-3, 0.1)})
     assert not any(n.startswith("z_alpha") for n in p.names)
-    *_, x0 = p.unpack(p.start, moving)
+    x0 = p.unpack(p.start, moving).initial
     g = f + s * math.exp(-((x0[3] / v_st) ** 2))
     assert x0[4] == pytest.approx(math.copysign(delta * g / (f + s), x0[3]))
 
@@ -209,13 +209,13 @@ def test_a_tied_value_follows_the_other_through_every_link():
         },
     )
     assert p.names == ("lambda", "coulomb_theta")
-    orders, constants, _ = p.unpack(np.array([0.8, 3e-3]), p.experiments[0])
+    orders, constants, *_ = p.unpack(np.array([0.8, 3e-3]), p.experiments[0])
     value = dict(zip(RIG.parameter_names, constants, strict=True))
     assert orders.tolist() == [0.8] * 4
     assert (value["coulomb_alpha"], value["coulomb_theta"]) == (3e-3, 3e-3)
     assert (value["drag_alpha"], value["drag_theta"]) == (2e-3, 2e-3)
     assert value["alpha_rest"] == RIG.parameter("theta_rest").value
-    assert p.parametrisation.aliases == {"mu": "lambda", "coulomb_alpha": "coulomb_theta"}
+    assert p.aliases == {"mu": "lambda", "coulomb_alpha": "coulomb_theta"}
     chain = problem(parameters={"b_alpha": Free(1e-3, 0.0, 1.0), "b_theta": Tied("b_alpha")})
     assert chain.unpack(np.array([1.0, 1.0, 5e-3]), chain.experiments[0])[1][5:7].tolist() == [5e-3, 5e-3]
 
@@ -230,8 +230,8 @@ def test_what_is_tied_to_a_recordings_own_is_its_own_too():
         twin("a"), twin("b"), orders=TRUE, per_recording=("theta_rest",),
         parameters={"theta_rest": Free(0.0, -1.0, 1.0), "alpha_rest": Tied("theta_rest")},
     )  # fmt: skip
-    assert p.parametrisation.own_parameters == ("theta_rest", "alpha_rest")
-    assert p.parametrisation.aliases == {"alpha_rest [a]": "theta_rest [a]", "alpha_rest [b]": "theta_rest [b]"}
+    assert p.own_parameters == ("theta_rest", "alpha_rest")
+    assert p.aliases == {"alpha_rest [a]": "theta_rest [a]", "alpha_rest [b]": "theta_rest [b]"}
     at = [RIG.parameter_names.index(n) for n in ("theta_rest", "alpha_rest")]
     assert [p.unpack(np.array([0.1, 0.2]), e)[1][at].tolist() for e in p.experiments] == [[0.1, 0.1], [0.2, 0.2]]
     other = p.with_shared(np.array([0.1, 0.2]), (twin("c"),))
@@ -488,7 +488,7 @@ def test_an_outputs_unit_does_not_matter_where_it_counts_by_its_noise():
         e = Experiment("a", STEP, shape + np.random.default_rng(1).standard_normal(shape.shape) * [0.01, 0.03 * c],
                        np.zeros((1, 0)), initial={"a": 1.0, "b": c})  # fmt: skip
         free = {"k": Free(9.0, 5.0, 15.0)}
-        return [Problem(model, (e,), {"q": 1.0}, free, (), COSTS["rmse"], ("a", "b"), "held", weights=w)
+        return [Problem(model, (e,), {"q": 1.0}, free, outputs=("a", "b"), initial_state="held", weights=w)
                 for w in ("equal", "noise")]  # fmt: skip
 
     (equal, by_noise), (equal_mm, by_noise_mm) = scaled(1.0, positions_first), scaled(1000.0, positions_first)

@@ -72,7 +72,7 @@ def test_a_model_with_one_relaxation_is_a_body_with_a_second_lump():
     (twin,) = problem_of(T).experiments
     values = {"share0_q": 1 - rest, "share1_q": rest, "ln_tau1_q": -np.log(fade)}
     relaxed = Problem(with_relaxations(MODEL, {"q": [0]}, 1), (twin,), {}, values, initial_state="held", substeps=10)
-    assert np.max(np.abs(relaxed.simulator.outputs(relaxed.start, twin)[:, 0] - T)) < 0.01
+    assert np.max(np.abs(relaxed.fitted(relaxed.start, twin)[:, 0] - T)) < 0.01
 
 
 def test_a_body_with_a_weak_second_lump_is_not_called_fractional():

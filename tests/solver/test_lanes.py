@@ -45,7 +45,7 @@ def test_runs_together_are_the_runs_one_by_one(parameters, count, monkeypatch):
     assert stepped
     assert all(states is not None for states in stepped)
     for run, x in zip(together, points, strict=True):
-        alone = p.simulator.trajectory(x, e)
+        alone = p.simulate(x, e)
         assert abs(run.states - alone.states).max() < 1e-11
         assert run.outcome is alone.outcome
         assert np.array_equal(run.time, alone.time)
@@ -67,12 +67,12 @@ def test_runs_that_part_or_end_early_go_one_by_one(monkeypatch):
     e = p.experiments[0]
     points = scattered(p.start)
     points[3][p.names.index("stiction_theta")] = 0.02  # the others have none, and its curve is not asked for
-    kept = [p.simulator.trajectory(x, e) for x in points]
+    kept = [p.simulate(x, e) for x in points]
     together = p.simulator.trajectories(points, e)
     assert all(np.array_equal(a.states, b.states) for a, b in zip(kept, together, strict=True))
     points[3][p.names.index("C6")] = 1e3  # det M
     ends = [run.outcome for run in p.simulator.trajectories(points, e)]
-    assert ends == [p.simulator.trajectory(x, e).outcome for x in points]
+    assert ends == [p.simulate(x, e).outcome for x in points]
 
 
 def test_what_lanes_have_not_and_what_is_a_users_own_goes_alone():

@@ -109,7 +109,7 @@ def posterior(
     refuse_unknown("method", METHODS, method)
     at_least("jobs", jobs, 1)
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
-    if x is not None and not problem.parametrisation.priors:  # with priors its point is not the data's minimum
+    if x is not None and not problem.priors:  # with priors its point is not the data's minimum
         rise = -likelihood.log_likelihood(vector("x", x))
         notes += (SAYS("not-at-minimum", rise=rise),) if rise > SAME else ()
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])

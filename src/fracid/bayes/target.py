@@ -212,12 +212,12 @@ def joint_prior(problem: Problem) -> BoxPrior:
     >>> prior.unbounded, np.exp(prior.log_density(np.array([0.6, 0.9]))).round(2).item()  # 2 × 39.9
     ((), 79.79)
     """
-    return BoxPrior(problem.space.lower, problem.space.upper, dict(problem.parametrisation.priors))
+    return BoxPrior(problem.space.lower, problem.space.upper, dict(problem.priors))
 
 
 def likelihood_problem(problem: Problem) -> Problem:
     """The same problem without its priors, whose cost is the data's alone."""
-    if not problem.parametrisation.priors:
+    if not problem.priors:
         return problem
 
     def bare(values: Mapping[str, Any]) -> Any:

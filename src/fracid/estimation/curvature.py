@@ -201,7 +201,7 @@ def _covariance(problem: Problem, initial_indices: list[int], noise: dict[str, F
     model, experiments = problem.model, {e.name: e for e in problem.experiments}
     indices = model.output_states
     outputs = {model.states[indices[o]]: k for k, o in enumerate(problem.outputs) if o in indices}
-    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.parametrisation.rates.items()}
+    rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.rates.items()}
     sources, functionals = [], []
     for u in (problem.unknowns[i] for i in initial_indices):
         assert u.experiment is not None

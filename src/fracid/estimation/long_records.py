@@ -183,7 +183,7 @@ def corrected(
 def _with_defect(problem: Problem, fine: Problem, x: FloatArray) -> Problem | Failure:
     experiments = []
     for e in problem.experiments:
-        exact, coarse = (p.simulator.outputs(x, e) for p in (fine, problem))
+        exact, coarse = (p.fitted(x, e) for p in (fine, problem))
         if isinstance(exact, Failure) or isinstance(coarse, Failure):
             return exact if isinstance(exact, Failure) else Failure(FailureReason.RUN, str(coarse))
         experiments.append(replace(e, measured=means(e.sampled.measured, e.means) - (exact - coarse)))
@@ -335,7 +335,7 @@ def _differ(problem: Problem) -> bool:
     """Whether half the step changes what is simulated from the start."""
     half = replace(problem, substeps=2 * problem.substeps)
     for e in problem.experiments:
-        part, twice = problem.simulator.outputs(problem.start, e), half.simulator.outputs(problem.start, e)
+        part, twice = problem.fitted(problem.start, e), half.fitted(problem.start, e)
         if isinstance(part, Failure) or isinstance(twice, Failure):
             return True
         if np.any(np.sqrt(np.mean((part - twice) ** 2, axis=0)) > DIFFERENT * np.std(e.measured, axis=0)):

@@ -39,7 +39,7 @@ def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: 
     None where a prior pulls, the cost has a corner, an order lies at its bound, a bound stops a step, or the
     derivatives do not lead there: then a search does.
     """
-    if problem.parametrisation.priors or not (_smooth(problem) and _smooth(other)):
+    if problem.priors or not (_smooth(problem) and _smooth(other)):
         return None
     inside = np.flatnonzero((x > problem.space.lower) & (x < problem.space.upper))
     if not len(inside) or not np.all(np.isin(problem.order_indices, inside)):

@@ -168,7 +168,7 @@ def _growth(problem: Problem) -> tuple[float, float, float]:
     reach = _reach(e)
     rate = np.std((e.measured[reach:, seen] - e.measured[:-reach, seen]) / (reach * e.step), axis=0)
     offsets = {problem.model.states[i]: s for i, s in zip(columns, size, strict=True)}
-    offsets |= {problem.model.states[j]: rate[columns.index(i)] for i, j in problem.parametrisation.rates.items()}
+    offsets |= {problem.model.states[j]: rate[columns.index(i)] for i, j in problem.rates.items()}
     run = problem.simulate(x, e)
     growth = np.zeros(len(run.time))
     for k, u in enumerate(problem.unknowns):
@@ -267,7 +267,7 @@ def prediction_of(problem: Problem, x: FloatArray) -> Prediction:
 
 def can_be_windowed(problem: Problem) -> bool:
     """Whether its recordings can be fitted in windows: whether what a window begins with is measured."""
-    model, rates = problem.model, problem.parametrisation.rates
+    model, rates = problem.model, problem.rates
     known = {model.states[i] for pair in rates.items() for i in pair} | {*model.relaxing, *model.follows}
     known |= {model.states[model.output_states[n]] for n in problem.outputs if n in model.output_states}
     plain = all(e.times is None and e.source is None and e.past is None and not e.initial for e in problem.experiments)

@@ -183,7 +183,7 @@ def orders_alone(
 
 def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
     """Order → the rig on which it alone is off its integer."""
-    orders, integers = subject.problem.parametrisation.order_starts, integer_values(subject.problem)
+    orders, integers = subject.problem.order_starts, integer_values(subject.problem)
     off = [n for n, v in integers.items()
            if n in orders and not (isinstance(v, float | int) and abs(v - orders[n]) < CLOSE)]  # fmt: skip
     if not off:

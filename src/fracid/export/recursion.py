@@ -72,10 +72,10 @@ class Case:
     @classmethod
     def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
         """As :meth:`Problem.simulate` takes it."""
-        simulator, values = problem.simulator, problem.parametrisation.unpack(x, e)
+        simulator, values = problem.simulator, problem.unpack(x, e)
         history, inputs = simulator.history(x, e), simulator.inputs(x, e).mean
         past = values.initial[None] if history is None else np.vstack([history, values.initial])
-        step, steps = e.step / simulator.substeps, simulator.steps(e)
+        step, steps = e.step / problem.substeps, simulator.steps(e)
         return cls(e.name, past, inputs, values.parameters, step, steps, values.release)
 
 
@@ -194,12 +194,12 @@ class Recursion:
         """
         if steps is not None:
             at_least("steps", steps, 1)
-        own, first = problem.parametrisation.own_parameters, problem.experiments[0]
+        own, first = problem.own_parameters, problem.experiments[0]
         for order in (problem.model.parameter_names[k] for _, k in problem.model.complements):
             if order in own and len(problem.experiments) > 1:
                 raise InputError(SAYS("own-order", order=order))
         cases = [Case.of(problem, x, e) for e in problem.experiments]
-        orders, parameters, _ = problem.unpack(x, first)
+        orders, parameters, *_ = problem.unpack(x, first)
         longest = max(steps or max(c.steps + len(c.past) for c in cases), SHORTEST)
         memory = compressed(TIGHT) if problem.memory.name == "full" else problem.memory
         distinct = list(dict.fromkeys(orders.tolist()))

@@ -524,7 +524,7 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     True
     """
     problem, values = (run, run.start if x is None else x) if isinstance(run, Problem) else (run.problem, run.x)
-    orders, parameters, _ = problem.unpack(values, problem.experiments[0])
+    orders, parameters, *_ = problem.unpack(values, problem.experiments[0])
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     operators = {q: positive_sum(q, band) for q in set(orders.tolist())}

@@ -43,23 +43,20 @@ def check_parametrisation(p: Parametrisation) -> None:
 
 def check_simulator(simulator: Simulator) -> None:
     """A method that there is, and a whole number of substeps."""
+    p = simulator.parametrisation
     refuse_unknown("method", METHODS, simulator.method)
-    if not isinstance(simulator.substeps, int) or simulator.substeps < 1:
-        raise InputError(f"substeps = {simulator.substeps!r}; expected a whole number, 1 or more.")
-    for e in simulator.parametrisation.experiments:
+    if not isinstance(p.substeps, int) or p.substeps < 1:
+        raise InputError(f"substeps = {p.substeps!r}; expected a whole number, 1 or more.")
+    for e in p.experiments:
         if simulator.steps(e) > MOST_STEPS:
-            raise InputError(SAYS("many-steps", e=e, samples=len(e.measured), simulator=simulator,
+            raise InputError(SAYS("many-steps", e=e, samples=len(e.measured), substeps=p.substeps,
                                   steps=simulator.steps(e), MOST_STEPS=MOST_STEPS))  # fmt: skip
 
 
 def check_criterion(criterion: Criterion) -> None:
     """Weights that there are; levels and priors need the errors' likelihood, which a user's own cost does not tell."""
     refuse_unknown("weights", get_args(Weights), criterion.weights)
-    p = criterion.parametrisation
-    ranges = [*p.orders.values(), *p.parameters.values(), *(e.release_time for e in p.experiments)]
-    ranges += [v for e in p.experiments for v in e.initial.values()]
-    prior = any(isinstance(v, Free) and v.prior is not None for v in ranges)
-    what = "a prior" if prior else 'weights = "noise"' if criterion.weights == "noise" else ""
+    what = "a prior" if criterion.priors else 'weights = "noise"' if criterion.weights == "noise" else ""
     if what and criterion.cost_function.loss is None:
         raise InputError(SAYS("own-cost", what=what, criterion=criterion, costs=", ".join(COSTS)))
 

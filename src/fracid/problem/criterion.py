@@ -30,6 +30,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -40,7 +41,6 @@ from fracid.arrays import FloatArray
 from fracid.optimise import Evaluation
 from fracid.problem.costs import Cost
 from fracid.problem.experiment import Experiment
-from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.unknowns import Prior, Weights
 from fracid.signals.resolution import resolution
 
@@ -63,7 +63,11 @@ class Criterion:
     0.1
     """
 
-    parametrisation: Parametrisation
+    experiments: tuple[Experiment, ...]
+    """The recordings, in the order of the errors."""
+    outputs: tuple[str, ...]
+    priors: Mapping[int, Prior]
+    """Unknown → its prior, of those that have one."""
     cost_function: Cost
     weights: Weights
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
@@ -86,11 +90,6 @@ class Criterion:
         return float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
 
     # --- recordings --------------------------------------------------------------------------------
-
-    @property
-    def experiments(self) -> tuple[Experiment, ...]:
-        """The recordings, in the order of the errors."""
-        return self.parametrisation.experiments
 
     def _pairs(self, errors: list[FloatArray]) -> list[tuple[Experiment, FloatArray]]:
         return list(zip(self.experiments, errors, strict=True))
@@ -115,7 +114,7 @@ class Criterion:
         """By what the squares of each output count, shape (n_outputs,): 1, but (G/C_o)² with ``weights = "noise"``."""
         levels = self._costs_by_output(errors)
         if levels is None:
-            return np.ones(len(self.parametrisation.outputs))
+            return np.ones(len(self.outputs))
         relative = np.exp(np.mean(np.log(levels))) / levels
         return np.asarray(relative**2 if self.cost_function.root else relative)
 
@@ -130,7 +129,7 @@ class Criterion:
         means = [np.sum(r**2, axis=0) / e.samples for e, r in self._pairs(errors)]
         squares = sum(s**2 * mean for s, mean in zip(self.shares(), means, strict=True))
         whole = sum(s**2 for s in self.shares())
-        return dict(zip(self.parametrisation.outputs, np.sqrt(squares / whole).tolist(), strict=True))
+        return dict(zip(self.outputs, np.sqrt(squares / whole).tolist(), strict=True))
 
     def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray | None:
         """C_o of each output alone, at least that of its encoder's rounding; None where all count the same."""
@@ -138,14 +137,14 @@ class Criterion:
             return None
         costs = [
             self._joined([self.cost_function.value(e.time, r[:, [o]], e.scored) for e, r in self._pairs(errors)])
-            for o in range(len(self.parametrisation.outputs))
+            for o in range(len(self.outputs))
         ]
         return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
 
     @cached_property
     def _floor(self) -> FloatArray:
         """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
-        outputs = range(len(self.parametrisation.outputs))
+        outputs = range(len(self.outputs))
         steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
         return np.array([
@@ -173,11 +172,6 @@ class Criterion:
         return np.concatenate(rows)
 
     # --- priors ------------------------------------------------------------------------------------
-
-    @property
-    def priors(self) -> dict[int, Prior]:
-        """Unknown → its prior, of those that have one."""
-        return self.parametrisation.priors
 
     def prior_residuals(self, x: FloatArray) -> FloatArray:
         """z = (x − mean)/sd of the unknowns that have a prior, shape (n_priors,)."""

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -47,6 +47,9 @@ from fracid.solver.right_hand_side import compile_rhs
 
 SOON = 10
 """A joint that goes further than its δ in so many samples slides from the start: what it had given is forgotten."""
+
+EVERY = ("every output",)
+"""In place of the outputs that are scored: all that the model has."""
 
 TURNS = 100.0
 """No angle goes beyond this [rad]: what does is in another unit, whatever is said of it."""
@@ -76,24 +79,24 @@ class Parametrisation:
     >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
     >>> orders = {"lambda": Free(0.9, 0.5, 1.2), "mu": Tied("lambda")}
     >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), orders, initial_state="held")
-    >>> unknowns = problem.parametrisation
-    >>> unknowns.names, unknowns.aliases, unknowns.unpack(np.array([0.8]), still).orders.tolist()
+    >>> problem.names, problem.aliases, problem.unpack(np.array([0.8]), still).orders.tolist()
     (('lambda',), {'mu': 'lambda'}, [0.8, 0.8, 0.8, 0.8])
     """
 
     model: Model
     experiments: tuple[Experiment, ...]
     orders: Mapping[str, Value]
-    """One per order's name."""
-    parameters: Mapping[str, Value]
-    """Those that differ from the model's own values."""
-    per_recording: tuple[str, ...]
+    """One per order's name: a number is fixed."""
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    """Those that differ from the model's own values: a number is fixed."""
+    per_recording: tuple[str, ...] = ()
     """Names of free parameters that each recording has for itself."""
-    outputs: tuple[str, ...]
-    """Which outputs are scored: the columns of what was measured."""
-    initial_state: InitialState
-    pasts: Mapping[str, Past]
-    """Of the recordings that start in motion and have one, by name."""
+    _: KW_ONLY
+    outputs: tuple[str, ...] = EVERY
+    """Which are scored: the columns of what was measured."""
+    initial_state: InitialState = "estimate"
+    substeps: int = 1
+    """Steps per sample of the recording."""
 
     # --- x and its space ---------------------------------------------------------------------------
 
@@ -159,6 +162,12 @@ class Parametrisation:
         return {i: u.range.prior for i, u in enumerate(self.unknowns) if u.range.prior is not None}
 
     # --- from x to a run ---------------------------------------------------------------------------
+
+    @cached_property
+    def pasts(self) -> dict[str, Past]:
+        """Of the recordings that start in motion and have one, by name."""
+        begun = [e for e in self.experiments if e.past is not None]
+        return {e.name: Past(e, self.model, self.outputs, self.substeps) for e in begun}
 
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""

@@ -12,7 +12,8 @@ part                     from → to
 :mod:`.criterion`        errors → cost and rows, with the `cost_function`, `weights` and priors
 =======================  ======================================================================================
 
-A :class:`Problem` holds what the three are made of, checks it once (:mod:`.checks`), and is what estimation asks.
+A :class:`Problem` is a parametrisation with the other two, checks once that all fits together (:mod:`.checks`), and is
+what estimation asks.
 Residuals are measured minus simulated [rad].  A run that diverges has an infinite cost and its reason, never a NaN.
 """
 
@@ -26,7 +27,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
@@ -38,11 +38,10 @@ from fracid.problem.checks import check_criterion, check_parametrisation, check_
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
-from fracid.problem.parametrisation import Parametrisation
-from fracid.problem.past import Past
+from fracid.problem.parametrisation import EVERY, Parametrisation
 from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, InitialState, Tied, Unknown, Value, Weights, Windows, start_of
+from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, start_of
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
@@ -51,12 +50,9 @@ from fracid.units import GREEK
 MANY = 100
 """Unknowns that belong to one recording each, from which on their structure is used."""
 
-EVERY = ("every output",)
-"""In place of the outputs that are scored: all that the model has."""
 
-
-@dataclass(frozen=True, repr=False)
-class Problem(CardDisplay):
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Problem(Parametrisation, CardDisplay):
     """What :func:`fracid.identify` solves.
 
     Examples
@@ -75,21 +71,9 @@ class Problem(CardDisplay):
     True
     """
 
-    model: Model
-    experiments: tuple[Experiment, ...]
-    orders: Mapping[str, Value]
-    """One per order's name: a number is fixed."""
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-    """Those that differ from the model's own values: a number is fixed."""
-    per_recording: tuple[str, ...] = ()
-    """Names of free parameters that each recording has for itself."""
     cost_function: Cost = COSTS["rmse"]
-    outputs: tuple[str, ...] = EVERY
-    initial_state: InitialState = "estimate"
     method: str = "pi2"
     memory: Memory = compressed()  # noqa: RUF009 (frozen)
-    substeps: int = 1
-    """Steps per sample of the recording."""
     weights: Weights = "equal"
     """``equal``: a radian of error counts the same in every output; ``noise``: against its output's own level."""
     windows: Windows = "auto"
@@ -107,7 +91,7 @@ class Problem(CardDisplay):
         if self.outputs is EVERY:
             object.__setattr__(self, "outputs", tuple(self.model.outputs))
         self._add_sensors()
-        check_parametrisation(self.parametrisation)
+        check_parametrisation(self)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
 
@@ -133,27 +117,17 @@ class Problem(CardDisplay):
         parts = {f.name: getattr(self, f.name) for f in fields(self)}
         return partial(Problem, **parts | {"memo": None}), ()
 
-    # --- the three parts ---------------------------------------------------------------------------
-
-    @cached_property
-    def parametrisation(self) -> Parametrisation:
-        """From x to orders, parameters, initial state and release of each recording."""
-        begun = [e for e in self.experiments if e.past is not None]
-        pasts = {e.name: Past(e, self.model, self.outputs, self.substeps) for e in begun}
-        return Parametrisation(
-            self.model, self.experiments, self.orders, self.parameters, self.per_recording, self.outputs,
-            self.initial_state, pasts,
-        )  # fmt: skip
+    # --- the other two parts -----------------------------------------------------------------------
 
     @cached_property
     def simulator(self) -> Simulator:
-        """From those to trajectories, outputs and errors."""
-        return Simulator(self.parametrisation, self.method, self.memory, self.substeps, self.memo)
+        """From the unknowns to trajectories, outputs and errors."""
+        return Simulator(self, self.method, self.memory, self.memo)
 
     @cached_property
     def criterion(self) -> Criterion:
         """From errors to the cost and its rows."""
-        return Criterion(self.parametrisation, self.cost_function, self.weights)
+        return Criterion(self.experiments, self.outputs, self.priors, self.cost_function, self.weights)
 
     # --- the cost of a point -----------------------------------------------------------------------
 
@@ -188,7 +162,7 @@ class Problem(CardDisplay):
 
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
-        return self.simulator.errors(x)
+        return self.simulator.all_errors([x])[0]
 
     def levels(self, x: FloatArray) -> dict[str, float]:
         """The level of each output's residual, rms [rad]; infinite where a run fails."""
@@ -197,45 +171,21 @@ class Problem(CardDisplay):
 
     # --- what the parts say ------------------------------------------------------------------------
 
-    @property
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """The entries of x, in order."""
-        return self.parametrisation.unknowns
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the unknowns."""
-        return self.parametrisation.names
-
     def named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
         return dict(zip(self.names, np.asarray(x).tolist(), strict=True))
-
-    @property
-    def order_indices(self) -> tuple[int, ...]:
-        """Which of the unknowns are orders."""
-        return self.parametrisation.order_indices
 
     @property
     def free_orders(self) -> dict[str, int]:
         """Each free order with which of the unknowns it is."""
         return {self.unknowns[i].target: i for i in self.order_indices}
 
-    @property
-    def start(self) -> FloatArray:
-        """Where the search starts, shape (n_unknowns,)."""
-        return self.parametrisation.start
-
-    @property
+    @cached_property
     def space(self) -> Space:
         """The unknowns with their bounds, for an optimiser; their blocks, where no prior ties the rows together."""
-        space = self.parametrisation.space
-        whole = self.criterion.priors or self.cost_function.loss is None
+        space = super().space
+        whole = self.priors or self.cost_function.loss is None
         return space if whole else replace(space, blocks=self.blocks)
-
-    def absent(self, x: FloatArray) -> NDArray[np.bool_]:
-        """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,)."""
-        return self.parametrisation.absent(x)
 
     @property
     def in_windows(self) -> bool:
@@ -267,36 +217,13 @@ class Problem(CardDisplay):
         """The point at which derivatives of many recordings were asked for last, by which unknowns, and those."""
         return {}
 
-    @property
-    def ties(self) -> dict[str, str]:
-        """Each tied order and parameter with the one that it follows in the end, which is tied to none."""
-        return self.parametrisation.ties
-
-    @property
-    def order_starts(self) -> dict[str, float]:
-        """Every order where the search starts, fixed and tied ones too."""
-        return self.parametrisation.order_starts
-
-    @property
-    def parameter_starts(self) -> dict[str, float]:
-        """Each of `parameters` where the search starts, fixed and tied ones too [SI]."""
-        return self.parametrisation.parameter_starts
-
-    def unpack(self, x: FloatArray, e: Experiment) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Orders per state, parameters and initial state of one recording, for the unknowns x."""
-        return self.parametrisation.unpack(x, e)[:3]
-
-    def release(self, x: FloatArray, e: Experiment) -> float:
-        """When the motion of one recording begins [s]."""
-        return self.parametrisation.unpack(x, e).release
-
     def simulate(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording with the unknowns x, from its release on, on its grid divided by `substeps`."""
-        return self.simulator.trajectory(x, e)
+        return self.simulator.trajectories([x], e)[0]
 
     def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
-        return self.simulator.outputs(x, e)
+        return self.simulator.all_outputs([x], e)[0]
 
     def followed(self, x: FloatArray, name: str) -> FloatArray | Failure:
         """Simulated outputs of a whole recording, shape (n_samples, n_outputs); NaN between windows that lie apart."""

@@ -453,11 +453,11 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     of_channels = {n for table in ({**e.sensors, **e.actuators} for e in experiments) for c, s in table.items()
                    for n in s.free(c)}  # fmt: skip
     parameters |= _freed_by_recording([n for n in fit.per_recording if n not in of_channels], parameters, model)
+    cost = cost_from_name(str(path.parent / fit.cost) if ".py:" in fit.cost else fit.cost)
     problem = Problem(
-        model, fitted, orders, parameters, tuple(fit.per_recording),
-        cost_from_name(str(path.parent / fit.cost) if ".py:" in fit.cost else fit.cost), outputs, fit.initial_state,  # type: ignore[arg-type]
-        fit.method, memory_from_name(fit.memory, fit.tolerance), fit.substeps or 1, fit.weights,  # type: ignore[arg-type]
-        fit.windows,
+        model, fitted, orders, parameters, tuple(fit.per_recording), outputs=outputs, cost_function=cost,
+        initial_state=fit.initial_state, method=fit.method, memory=memory_from_name(fit.memory, fit.tolerance),  # type: ignore[arg-type]
+        substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
     notes += [f"{r.name}: {note}" for r in recordings for note in with_code(r.report.reading, "interpolated")]

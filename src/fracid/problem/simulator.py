@@ -62,15 +62,13 @@ class Simulator:
     >>> from fracid.problem import Problem
     >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum("srv02-rotpen"), (still,), {"lambda": 0.9, "mu": 0.9})
-    >>> problem.simulator.outputs(problem.start, still).shape
+    >>> problem.simulator.all_outputs([problem.start], still)[0].shape
     (9, 2)
     """
 
     parametrisation: Parametrisation
     method: str
     memory: Memory
-    substeps: int
-    """Steps per sample of the recording."""
     memo: Memo | Recent | None
     """Has what was simulated before, and keeps what will be."""
 
@@ -88,15 +86,12 @@ class Simulator:
         worth = steps >= WORTH and RUNS * size <= MOST
         return RUNS if worth and go_together(p.model.rhs, self.method) else 1
 
-    def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
+    def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
 
-        In standard deviations where the recording knows these; 0 where a sample is not scored.
+        At each of several points, whose runs go together where they can.  In standard deviations where the recording
+        knows these; 0 where a sample is not scored.
         """
-        return self.all_errors([x])[0]
-
-    def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
-        """The same at several points, whose runs go together where they can."""
         errors: list[list[FloatArray] | Failure] = [[] for _ in points]
         for e in self.parametrisation.experiments:
             left = [k for k, found in enumerate(errors) if not isinstance(found, Failure)]
@@ -109,12 +104,8 @@ class Simulator:
                     found.append(error if e.scored is None else np.where(e.scored[:, None], error, 0.0))
         return errors
 
-    def outputs(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
-        """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""
-        return self.all_outputs([x], e)[0]
-
     def all_outputs(self, points: Sequence[FloatArray], e: Experiment) -> list[FloatArray | Failure]:
-        """The same at several points, whose runs go together where they can."""
+        """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none, at each of several points."""
         if self.memo is None:
             return [self._outputs(x, e, run) for x, run in zip(points, self.trajectories(points, e), strict=True)]
         keys = [self._key(x, e) for x in points]
@@ -122,14 +113,15 @@ class Simulator:
         runs = dict(zip(missing, self.trajectories([*missing.values()], e), strict=True)) if missing else {}
 
         def compute(key: bytes, x: FloatArray) -> FloatArray | Failure:
-            return self._outputs(x, e, runs[key] if key in runs else self.trajectory(x, e))
+            return self._outputs(x, e, runs[key] if key in runs else self.trajectories([x], e)[0])
 
         return [self.memo.get(key, partial(compute, key, x)) for key, x in zip(keys, points, strict=True)]
 
     def _outputs(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray | Failure:
         if e.means > 1:
             outputs = self._fine._outputs(x, self._steps_of[e.name], run)
-            return outputs if isinstance(outputs, Failure) else means(outputs, min(self.substeps, e.means))
+            steps = min(self.parametrisation.substeps, e.means)
+            return outputs if isinstance(outputs, Failure) else means(outputs, steps)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
         model, names = self.parametrisation.model, self.parametrisation.outputs
@@ -144,7 +136,7 @@ class Simulator:
             ])  # fmt: skip
         columns = [model.output_states[n] for n in names]
         if e.release_time == 0.0:
-            return run.states[:: self.substeps, columns]
+            return run.states[:: self.parametrisation.substeps, columns]
         moving = e.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
         return np.vstack([initial, run.at(e.time[moving])[:, columns]])
@@ -175,24 +167,18 @@ class Simulator:
                 values = radius * values + gravity * np.sin(angle)
         return replace(run, states=values[:, None], orders=np.ones(1))
 
-    def trajectory(self, x: FloatArray, e: Experiment) -> Trajectory:
-        """Simulate one recording from its release on, on its grid divided by `substeps`."""
-        return self.trajectories([x], e)[0]
-
     def trajectories(self, points: Sequence[FloatArray], e: Experiment) -> list[Trajectory]:
-        """The same at several points, whose runs go together where they can."""
+        """The runs of one recording from its release on, on its grid divided by `substeps`, one for each point."""
         if e.means > 1:
             return self._fine.trajectories(points, self._steps_of[e.name])
         posed = [self._posed(x, e) for x in points]
         options = Options(self.method, self.memory, limit=self._limits[e.name])
         equations, initials = [equation for equation, _ in posed], [initial for _, initial in posed]
-        return integrate_all(equations, initials, e.step / self.substeps, self.steps(e), options)
+        return integrate_all(equations, initials, e.step / self.parametrisation.substeps, self.steps(e), options)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
-        model, (orders, parameters, initial, release) = self.parametrisation.model, self.parametrisation.unpack(x, e)
-        past = self.parametrisation.pasts.get(e.name)
-        history = None if past is None else past.states(orders, parameters)[:-1]
-        u = self.inputs(x, e)
+        orders, parameters, initial, release = self.parametrisation.unpack(x, e)
+        model, history, u = self.parametrisation.model, self.history(x, e), self.inputs(x, e)
         fading = tuple(_relaxations(m, parameters.tolist(), initial.tolist()) for m in model.memories)
         if fading:  # what relaxations hold at the start stands behind the states that are simulated
             n = min(i for m in model.memories for i in m.held)
@@ -209,14 +195,15 @@ class Simulator:
     def _steps_of(self) -> dict[str, Experiment]:
         """Each coarser recording as the run goes through it: a sample a step, or all of its source."""
         p = self.parametrisation
-        return {e.name: stepped(e, self.substeps, p.model.inputs) for e in p.experiments}
+        return {e.name: stepped(e, p.substeps, p.model.inputs) for e in p.experiments}
 
     @cached_property
     def _fine(self) -> Simulator:
         """The simulator of those."""
-        most = max(e.means for e in self.parametrisation.experiments)
-        fine = replace(self.parametrisation, experiments=tuple(self._steps_of.values()))
-        return replace(self, parametrisation=fine, substeps=max(1, self.substeps // most), memo=None)
+        p = self.parametrisation
+        steps = max(1, p.substeps // max(e.means for e in p.experiments))
+        fine = replace(p, experiments=tuple(self._steps_of.values()), substeps=steps)
+        return replace(self, parametrisation=fine, memo=None)
 
     # --- the grid of a run -------------------------------------------------------------------------
 
@@ -224,7 +211,7 @@ class Simulator:
         """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
         earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
         early = max(0.0, -earliest) + max((s.earliest for s in e.sensors.values()), default=0.0)
-        return e.steps * self.substeps + math.ceil(early * self.substeps / e.step)
+        return e.steps * self.parametrisation.substeps + math.ceil(early * self.parametrisation.substeps / e.step)
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
@@ -251,50 +238,27 @@ class Simulator:
 
     def _driven(self, e: Experiment, release: float, actuators: Mapping[str, Reading]) -> Driven:
         """The inputs as actuators make them of those recorded, a column each, or one row for all."""
-        u, count = e.all_inputs, self.steps(e) + 1
-        columns = list(zip(self.parametrisation.model.inputs, u.T, strict=True))
-        kinds = {n: e.between.get(n, "line") for n, _ in columns}
-        if not actuators and all(kind == "line" for kind in kinds.values()):
-            lines = self._lines(e, release, count)
-            return Driven(lines, lines)
-        first, spacing = self._first(e) / self.substeps + release / e.step, 1 / self.substeps
-        count += 0 if e.past is None else round(len(e.past) * self.substeps - self._first(e))
+        p, u, begun = self.parametrisation, e.all_inputs, self._first(e)
+        if len(u) == 1 and not actuators:
+            return Driven(u, u)
+        count = self.steps(e) + 1 + (0 if e.past is None else len(e.past) * p.substeps - begun)
+        first, spacing = begun / p.substeps + release / e.step, 1 / p.substeps
         driven = []
-        for name, column in columns:
+        for name, column in zip(p.model.inputs, u.T, strict=True):
             delay, gain, bias, lowpass, _ = actuators.get(name, Reading())
             if len(u) == 1:
                 driven.append(Driven(gain * column + bias, gain * column + bias))
             else:
-                moved = between_samples(column, kinds[name], first - delay / e.step, spacing, count)
+                kind = e.between.get(name, "line")
+                moved = between_samples(column, kind, first - delay / e.step, spacing, count)
                 filtered = low_passed_steps(moved, e.step * spacing, lowpass)
                 driven.append(Driven(*(gain * v + bias for v in filtered)))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
-    def _lines(self, e: Experiment, release: float, count: int) -> FloatArray:
-        """The inputs as straight lines between the samples."""
-        u = self._inputs[e.name]
-        if len(u) == 1:
-            return u
-        if e.release_time != 0.0:
-            return _at(u, release * self.substeps / e.step + np.arange(float(count)))
-        more = e.steps * self.substeps + 1
-        return u if count == more else np.vstack([u, np.repeat(u[-1:], count - more, axis=0)])
-
-    @cached_property
-    def _inputs(self) -> dict[str, FloatArray]:
-        """Each recording's inputs on the grid of its steps from the release in its past on, linear between samples."""
-
-        def refined(u: FloatArray) -> FloatArray:
-            if self.substeps == 1 or len(u) == 1:
-                return np.ascontiguousarray(u)
-            return _at(u, np.arange((len(u) - 1.0) * self.substeps + 1) / self.substeps)
-
-        return {e.name: refined(e.all_inputs)[self._first(e) :] for e in self.parametrisation.experiments}
-
     def _first(self, e: Experiment) -> int:
         """The step of the past with which the memory begins."""
         past = self.parametrisation.pasts.get(e.name)
-        return 0 if past is None or len(e.all_inputs) == 1 else past.release * self.substeps
+        return 0 if past is None or len(e.all_inputs) == 1 else past.release * self.parametrisation.substeps
 
     @cached_property
     def _limits(self) -> dict[str, float]:
@@ -319,12 +283,12 @@ class Simulator:
         p = self.parametrisation
         model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
         how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
-               p.outputs, self.method, self.memory.name, self.substeps, p.initial_state)  # fmt: skip
+               p.outputs, self.method, self.memory.name, self.parametrisation.substeps, p.initial_state)  # fmt: skip
         functions = (getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int))
         how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
-            arrays = [self._inputs[e.name] if e.source is None else e.source.inputs,
+            arrays = [e.sampled.all_inputs,
                       *([] if e.past is None else [e.past, e.measured])]  # fmt: skip
             digests[e.name] = blake2b(repr((how, [a.shape for a in arrays])).encode(), digest_size=16)
             for array in arrays:
@@ -371,9 +335,3 @@ def _evenly(y: FloatArray, times: FloatArray, run: Trajectory) -> tuple[slice, F
     count = max(0, min(count, len(times) - begin))
     values = sum(w * y[first + k :: every][:count] for k, w in enumerate(weights))
     return slice(begin, begin + count), np.asarray(values)
-
-
-def _at(u: FloatArray, at: FloatArray) -> FloatArray:
-    """Inputs between their samples, in straight lines; of no inputs none."""
-    columns = [np.interp(at, np.arange(len(u)), column) for column in u.T]
-    return np.ascontiguousarray(np.array(columns).reshape(-1, len(at)).T)

@@ -125,7 +125,7 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
         yield model.states[i], residual
     functions = {n: h for n, h in model.outputs.items() if n in problem.outputs and not isinstance(h, int)}
     if functions and not known:
-        run = problem.simulator.trajectory(problem.start, e)
+        run = problem.simulate(problem.start, e)
         if not run.completed or model.program.constants & {*sought}:
             names = ", ".join(sorted(model.program.constants & {*sought}))
             raise InputError(SAYS("unmeasured", names=names or "no solution here"))

@@ -131,7 +131,7 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
 def _frictions(material: Material) -> Iterator[dict[str, Any]]:
     """A slider for each friction that is there, and for the Coulomb friction that might be."""
     problem, values = material.problem, material.result["parameters"]
-    own = {*problem.parametrisation.own_parameters, *problem.ties}
+    own = {*problem.own_parameters, *problem.ties}
     for name, kind in problem.model.friction.items():
         e = values.get(name)
         if e is None or name in own or e["value"] is None:
@@ -200,11 +200,11 @@ def _output(material: Material, name: str) -> dict[str, Any]:
 
 def _recording(material: Material, problem: Problem, x: FloatArray, e: Experiment) -> dict[str, Any]:
     """One recording as ``Fracid.simulate`` takes it, and what it is held against."""
-    values, driven = problem.parametrisation.unpack(x, e), problem.simulator.inputs(x, e)
+    values, driven = problem.unpack(x, e), problem.simulator.inputs(x, e)
     samples = min(len(e.measured), budget(len(material.fit.recordings)))
     rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
-    sizes = problem.parametrisation.sizes(e)
+    sizes = problem.sizes(e)
     return {
         "name": e.name,
         "use": material.fit.recordings[e.name].use,
@@ -256,7 +256,7 @@ def _unknowns(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[s
 
 def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
     """Of each presliding joint its state, its δ, and which share of it is given at the start; None where it slides."""
-    model, values = problem.model, problem.parametrisation.unpack(x, e)
+    model, values = problem.model, problem.unpack(x, e)
     if problem.initial_state != "estimate":
         return
     for state, delta in model.relaxing.items():

@@ -306,7 +306,7 @@ def _piece(
     (first, last), (orders, parameters) = span, _window_values(problem, x, e, errors)
     inputs = e.inputs if len(e.inputs) == 1 else e.inputs[first:last]
     part = replace(e, measured=e.measured[first:last], inputs=inputs, start=e.start + first * e.step,
-                   release_time=problem.release(x, e))  # fmt: skip
+                   release_time=problem.unpack(x, e).release)  # fmt: skip
     state = problem.initial_state
     if first > 0:
         before = e.measured[:first] if e.past is None else np.vstack([e.past, e.measured[:first]])
@@ -323,7 +323,7 @@ def _window_values(
     problem: Problem, x: FloatArray, e: Experiment, errors: Mapping[str, float]
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
-    order_values, values, _ = problem.unpack(x, e)
+    order_values, values, *_ = problem.unpack(x, e)
     at = dict(zip(problem.model.orders, order_values.tolist(), strict=True))
     any_free = any(isinstance(v, Free) for v in problem.orders.values())
     orders: dict[str, Value] = {}

@@ -188,7 +188,7 @@ class Twin(CardDisplay):
         model: Model = problem.model
         if experiment.sensors or experiment.actuators:
             raise InputError(SAYS("sensor", experiment=experiment))
-        orders, values, initial = problem.unpack(x, experiment)
+        orders, values, initial, release = problem.unpack(x, experiment)
         inputs: dict[str, tuple[FloatArray, FloatArray]] | None = None
         if len(u := experiment.all_inputs) > 1:  # from the first sample of the past on
             past = 0 if experiment.past is None else len(experiment.past)
@@ -197,7 +197,7 @@ class Twin(CardDisplay):
         return cls(
             experiment.name, model, model.named_orders(orders), _by_name(model.parameter_names, values),
             _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
-            problem.release(x, experiment), problem.method, problem.memory, problem.substeps, inputs,
+            release, problem.method, problem.memory, problem.substeps, inputs,
             experiment.between, problem.simulator.history(x, experiment),
         )  # fmt: skip
 

@@ -130,7 +130,7 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
     for e in problem.experiments:
         run = problem.simulate(x, e)
         if not run.completed:
-            orders, values, _ = problem.unpack(x, e)
+            orders, values, *_ = problem.unpack(x, e)
             gain = step_gain(run.step, orders, time_scale(problem.model, values))
             u = e.inputs if problem.substeps == 1 else e.inputs[:1]
             fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, values)

@@ -269,7 +269,7 @@ def _before_the_input(e: Experiment, y: FloatArray) -> float | None:
 
 def _long_steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     """How far the step is beyond what the method follows along the motion, by the start's model."""
-    method, substeps, (orders, values, _) = problem.method, problem.substeps, problem.unpack(problem.start, e)
+    method, substeps, (orders, values, *_) = problem.method, problem.substeps, problem.unpack(problem.start, e)
     gain, rhs = step_gain(e.step / substeps, orders, time_scale(problem.model, values)), compile_rhs(problem.model.rhs)
     with np.errstate(all="ignore"):
         linear = [linearised(rhs, t, x, u, values) for t, x, u in _measured_states(problem, e)]
