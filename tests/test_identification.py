@@ -295,7 +295,7 @@ def test_a_validation_recording_that_no_run_reaches_the_end_of_is_told():
 
 
 def test_recordings_of_one_name_are_refused():
-    with pytest.raises(InputError, match="Two recordings are named 'swing'"):
+    with pytest.raises(InputError, match="2 recordings are named 'swing'"):
         identify(problem(), validation=(twin(),))
 
 

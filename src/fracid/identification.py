@@ -198,7 +198,7 @@ def identify(
     seed = 1 if seed is None else seed
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more, and less than 2^63.")
-    refuse_twins([*problem.experiments, *validation])
+    refuse_twins(e.name for e in (*problem.experiments, *validation))
     executor_from_name(executor)
     entry = optimiser_from_name(optimiser or "multistart")
     fixed_step = (project is None or project.fixed_step) if fixed_step is None else fixed_step

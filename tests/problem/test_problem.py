@@ -719,7 +719,7 @@ def test_with_shared_fixes_what_is_shared_and_leaves_a_recording_its_own():
         ({"method": "pi4"}, "unknown method 'pi4': did you mean pi3 or pi2"),
         ({"substeps": 0}, "substeps = 0; expected a whole number, 1 or more"),
         ({"experiments": ()}, "needs at least one recording"),
-        ({"experiments": (twin(), twin())}, "Two recordings are named 'swing'"),
+        ({"experiments": (twin(), twin())}, "2 recordings are named 'swing'"),
         ({"experiments": (replace(twin(), measured=np.zeros((2, 2))),)}, "expected at least 3 samples of 2 outputs"),
         ({"experiments": (replace(twin(), measured=np.full((9, 2), np.nan)),)}, "swing: a sample is not a finite"),
     ],

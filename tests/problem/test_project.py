@@ -342,7 +342,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "initial = { alfa = 0.1 }", "unknown state in initial of swing 'alfa': did you mean alpha"),
         (ONE + 'initial = { alpha = "10 deg" }', "initial: alpha = '10 deg'; expected a number"),
         (ONE + 'resample = "yes"', "resample = 'yes'; expected true or false or a number or 'needed'"),
-        (ONE + ONE, "two recordings are named 'swing'"),
+        (ONE + ONE, "2 recordings are named 'swing'"),
         ('[[recording]]\nfile = "swing.csv"\nvoltage = { column = "volts" }', "share none of the outputs theta, alpha"),
     ],
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from typing import get_args
 
 import numpy as np
@@ -61,20 +61,21 @@ def check_criterion(criterion: Criterion) -> None:
         raise InputError(SAYS("own-cost", what=what, criterion=criterion, costs=", ".join(COSTS)))
 
 
-def refuse_twins(experiments: Sequence[Experiment]) -> None:
-    """Refuse two recordings of one name: results go by it.
+def refuse_twins(names: Iterable[str]) -> None:
+    """Refuse recordings of one name: results go by it.
 
     Raises
     ------
     InputError
-        Naming the first that comes twice.
+        Naming the one that comes most often.
 
     Examples
     --------
     >>> refuse_twins([])
     """
-    if name := _twice([e.name for e in experiments]):
-        raise InputError(f"Two recordings are named {name!r}; give each its own name.")
+    for name, count in Counter(names).most_common(1):
+        if count > 1:
+            raise InputError(f"{count:,} recordings are named {name!r}; give each its own name.")
 
 
 def require_free(names: Collection[str]) -> None:
@@ -144,7 +145,7 @@ def _check_experiments(p: Parametrisation) -> None:
     """At least one, each with its own name, a column an output, and enough samples."""
     if not p.experiments:
         raise InputError("A problem needs at least one recording.")
-    refuse_twins(p.experiments)
+    refuse_twins(e.name for e in p.experiments)
     for e in p.experiments:
         if e.measured.ndim != 2 or e.measured.shape[1] != len(p.outputs) or len(e.measured) < 3:
             raise InputError(SAYS("measured-shape", e=e, count=len(p.outputs), outputs=", ".join(p.outputs)))

@@ -87,17 +87,9 @@ def _smooth_abs(e: FloatArray) -> FloatArray:
     return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
 
 
-def _twice(e: FloatArray) -> FloatArray:
-    return 2 * e
-
-
-def _two(_: FloatArray) -> float:
-    return 2.0
-
-
-def _abs_curvature(e: FloatArray) -> float:
-    """Of normal residuals of the same variance: a density from the sample would see an encoder's lattice."""
-    return 2 * (1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12)))
+def _normal_density(e: FloatArray) -> float:
+    """At zero, of normal residuals of the same variance: a density from the sample would see an encoder's lattice."""
+    return 1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12))
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -107,20 +99,11 @@ def _huber(e: FloatArray) -> FloatArray:
     return np.asarray(small * (2 * size - small))
 
 
-def _huber_psi(e: FloatArray) -> FloatArray:
-    return np.asarray(2 * np.clip(e, -HUBER, HUBER))
+SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
 
+ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _normal_density(e), _smooth_abs, "median", 2)
 
-def _huber_curvature(e: FloatArray) -> float:
-    return 2 * float(np.mean(np.abs(e) <= HUBER))
-
-
-# functions with names alone: with a lambda no problem would go to another process
-SQUARE = Loss(np.square, _twice, _two, np.square)
-
-ABSOLUTE = Loss(np.abs, np.sign, _abs_curvature, _smooth_abs, "median", 2)
-
-HUBERS = Loss(_huber, _huber_psi, _huber_curvature, _huber)
+HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
 
 
 @dataclass(frozen=True)
@@ -148,7 +131,9 @@ class Cost:
     """A user's own, in place of weight and loss: (time, residual of shape (n, n_outputs)) → cost."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For pickle: the fields, but no code of a file of one's own, which other processes do not have."""
+        """For pickle: its name, or the fields; no code of a file of one's own, which other processes do not have."""
+        if COSTS.get(self.name) is self:
+            return cost_from_name, (self.name,)
         if str(getattr(self.function, "__module__", "")).startswith(OF_A_FILE):
             raise InputError(SAYS("cost-of-a-file", cost=self))
         return Cost, tuple(getattr(self, f.name) for f in fields(self))
@@ -204,7 +189,7 @@ class Cost:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
         if self.loss is None or self.weight is None:
             return None
-        if self.loss == SQUARE:  # another process has a copy
+        if self.loss is SQUARE:
             return np.asarray((np.sqrt(self.weights(time, scored))[:, None] * residual).ravel())
         squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
@@ -232,16 +217,12 @@ def _equal(time: FloatArray) -> FloatArray:
     return np.full(len(time), 1 / len(time))
 
 
-def _times_time(time: FloatArray) -> FloatArray:
-    return np.asarray(time * _widths(time))
-
-
 COSTS = {
     "rmse": Cost("rmse", _equal, SQUARE, "rad", root=True),
     "ise": Cost("ise", _widths, SQUARE, "rad² s"),
-    "itse": Cost("itse", _times_time, SQUARE, "rad² s²"),
+    "itse": Cost("itse", lambda time: time * _widths(time), SQUARE, "rad² s²"),
     "iae": Cost("iae", _widths, ABSOLUTE, "rad s"),
-    "itae": Cost("itae", _times_time, ABSOLUTE, "rad s²"),
+    "itae": Cost("itae", lambda time: time * _widths(time), ABSOLUTE, "rad s²"),
     "huber": Cost("huber", _equal, HUBERS, "rad²"),
 }
 """By name; see the module's table.  A new one is a row here, with a loss of its own where none of these is its."""

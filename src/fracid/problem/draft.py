@@ -121,9 +121,6 @@ LIKE = 1.5
 TOP = math.radians(150)
 """Beyond this it is near upright, where a hair decides how it falls."""
 
-AT_REST = 0.05
-"""A pendulum that swings by less than this part of its largest swing is at rest."""
-
 QUICK, COUNTS = 5e-3, 8
 """Small swings that are quicker by this part show a joint that gives; those below so many of the encoder's steps show
 nothing."""
@@ -543,14 +540,7 @@ class _Page:
     @cached_property
     def _inertia(self) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
-        from scipy.fft import next_fast_len
-
-        step, swing = self.recording.report.clock.step, self._swing
-        moves = np.flatnonzero(np.abs(swing) > AT_REST * np.abs(swing).max())
-        swing = swing[: moves[-1] + 1 if moves.size else None]  # an hour of rest is louder than the swings before it
-        samples = next_fast_len(8 * len(swing), real=True)  # else it may take several times the memory
-        spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), samples))
-        omega = 2 * math.pi * float(np.argmax(spectrum)) / (samples * step)
+        omega = 2 * math.pi / (self.recording.report.clock.step * swing_period(self._swing))
         return self.own["C4"] / omega**2 if omega > 0 else self.own["C1"]
 
     @cached_property

@@ -42,7 +42,6 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -60,6 +59,7 @@ from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, model_of
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
+from fracid.problem.checks import refuse_twins
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
@@ -75,7 +75,7 @@ from fracid.safety.paths import path_of, refuse_mistaken
 from fracid.safety.schema import EXPECTED, expected, faults_by_place
 from fracid.safety.text import printable, refuse_unseen
 from fracid.safety.user_code import is_own, refuse_untrusted
-from fracid.solver.inputs import BETWEEN, Between
+from fracid.solver.inputs import Between
 from fracid.solver.memory import memory_from_name
 from fracid.solver.methods import METHODS
 
@@ -426,7 +426,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     model = with_rates(model, (n for r in content.recording for n in r.model_extra or {}))
     orders = _orders(content.model.orders, model)
     pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
-    _refuse_twins(content.recording)
+    refuse_twins(map(_name, content.recording))  # before any is loaded: a thousand copies of one table are a slip, too
     channels = [_channels(r, model) for r in content.recording]
     each = zip(content.recording, channels, pasts, strict=True)
     pairs = [_load(r, c, model, path.parent, past, _whence(text)) for r, c, past in each]
@@ -581,7 +581,6 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
             except InputError as error:
                 raise InputError(f"[[recording]] {spec.name or spec.file}: {name}: {error}") from None
             if "between" in table:
-                refuse_unknown(f"between of {name}", BETWEEN, table["between"])
                 channels.between[name] = table["between"]
     return channels
 
@@ -677,14 +676,6 @@ def _constants(recording: str, spec: _Recording, model: Model) -> dict[str, floa
 
 def _name(spec: _Recording) -> str:
     return refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
-
-
-def _refuse_twins(specs: list[_Recording]) -> None:
-    """Before any is loaded: a thousand copies of one table are a slip, too."""
-    name, count = Counter(map(_name, specs)).most_common(1)[0]
-    if count > 1:
-        number = "two" if count == 2 else f"{count:,}"
-        raise InputError(f"{number} recordings are named {name!r}; give each its own name.")
 
 
 def _shared(recordings: tuple[Recording, ...]) -> list[str]:
