@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import fracid
 from fracid.cli.app import main
-from fracid.cli.comparison import _columns, _scores
+from fracid.cli.comparison import _errors
 from fracid.selection.amplitude import Drift, Window
 from fracid.selection.comparison_records import Comparison, Row, Score
 from fracid.workflows.records import csv_text
@@ -179,10 +179,9 @@ def test_table_terminal_card_figure_and_json_take_outputs_of_any_units(units):
     for line in table:
         own = units[line["output"]]
         assert line["rmse_deg" if own == "rad" else "rmse"] == repr(math.degrees(0.5) if own == "rad" else 0.5)
-    assert ("ITAE" in _columns(found)) is (len({*units.values()}) == 1)
-    cells = _scores(found, [*found.rows[0].in_sample.values()])
-    assert len(cells) == len(_columns(found))
-    assert "28.6° 90.0 %" in cells if "rad" in units.values() else "0.5 N 90.0 %" in cells
+    cells = _errors(found, [*found.rows[0].in_sample.values()])
+    assert [*cells] == [*units]
+    assert "28.6° 90.0 %" in cells.values() if "rad" in units.values() else "0.5 N 90.0 %" in cells.values()
     shown = [f"{name} {'29°' if unit == 'rad' else '29°/s' if unit == 'rad/s' else f'0.5 {unit}'.removesuffix(' 1')}"
              for name, unit in units.items()]  # fmt: skip
     assert f"held out {', '.join(shown)}" in str(found)

@@ -70,6 +70,8 @@ app = typer.Typer(
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Found = TypeVar("Found")
+Tables = Mapping[str, Sequence[Mapping[str, str]]]
+"""Caption → rows, heading → cell."""
 
 
 WORDS: dict[str, Any] = tomllib.loads(own_text("cli/commands.toml"))
@@ -105,6 +107,10 @@ class How(SimpleNamespace):
             echo_json(result)
         else:
             show(new_console())
+
+    def tell(self, finished: Any, *steps: tuple[str, str], **more: Any) -> None:
+        """Print what a study found, and what to type next; see :func:`print_found`."""
+        self.answer(finished.result, lambda console: print_found(console, finished, *steps, **more))
 
 
 def command(function: Command) -> Command:
@@ -398,8 +404,10 @@ def print_study(console: Any, finished: Any, *steps: tuple[str, str], **more: Pa
     say_next(console, *steps)
 
 
-def print_found(console: Any, finished: Any, *steps: tuple[str, str], **more: Path | None) -> None:
-    """Print what a study found, in the words of its page, where it left that, and what to type next."""
+def print_found(
+    console: Any, finished: Any, *steps: tuple[str, str], tables: Tables | None = None, **more: Path | None
+) -> None:
+    """Print what a study found, in the words of its page, after `tables` of its own, and where that is."""
     from rich.markup import escape
 
     from fracid.report.sentences import digits, interval
@@ -408,7 +416,7 @@ def print_found(console: Any, finished: Any, *steps: tuple[str, str], **more: Pa
     found = read_study(finished.folder, finished.FILE)[1]
     say(console, f"[bold]{escape(found.answer)}[/bold]", "" if found.good else "[yellow]![/yellow] ")
     warn(console, *found.said, mark="")
-    for caption, rows in found.tables.items():
+    for caption, rows in {**(tables or {}), **found.tables}.items():
         say(console, f"[bold]{escape(caption)}[/bold]")
         print_table(console, [*rows[0]], ([*row.values()] for row in rows), fold=[*rows[0]][:1])
     for caption, values in found.values.items():
@@ -432,7 +440,7 @@ def warn(console: Any, *sentences: str, mark: str = "[yellow]![/yellow] ") -> No
         say(console, escape(sentence), mark)
 
 
-def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str] | None = None) -> None:
+def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mapping[str, str]) -> None:
     """Print what is claimed of the rig, what speaks against it, and why; green only where nothing does."""
     from rich.markup import escape
 
@@ -440,7 +448,7 @@ def print_claim(console: Any, claim: str, reasons: Sequence[str], against: Mappi
 
     colour = "yellow" if claim == "undecided" or against else "green"
     lines = reasons if console.is_terminal else [" ".join(reasons)]  # one line where programs read
-    say(console, f"[bold {colour}]claim: {escape(claimed(claim, against or {}))}[/]. {escape(' '.join(lines[:1]))}")
+    say(console, f"[bold {colour}]claim: {escape(claimed(claim, against))}[/]. {escape(' '.join(lines[:1]))}")
     warn(console, *lines[1:], mark="  ")
 
 

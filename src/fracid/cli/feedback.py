@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import How, assigned, command, print_found, typed
+from fracid.cli.app import How, assigned, command, typed
 
 
 @command
@@ -23,4 +23,4 @@ def control(run: Path, how: How) -> None:
         off=assigned("--off", how.off, "alpha=0.2"), within=assigned("--within", how.within, "alpha=0.6"),
     )  # fmt: skip
     after = typed("export", run, "--to", "c", trust=how.trust), "the model as C"
-    how.answer(finished.result, lambda at: print_found(at, finished, after, code=finished.folder / "controller.c"))
+    how.tell(finished, after, code=finished.folder / "controller.c")

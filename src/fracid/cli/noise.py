@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import How, command, numbers, print_found, typed
+from fracid.cli.app import How, command, numbers, typed
 from fracid.errors import InputError
 from fracid.words import Sentences
 
@@ -30,4 +30,4 @@ def noise(source: Path, how: How) -> None:
     finished = how.done(run_noise_study, source, levels=sizes, resolutions=turns, angles=True)
     verb, what = ("profile", "profile likelihood") if source.is_dir() else ("fit", "the fit")
     after = typed(verb, source, trust=how.trust), f"{what} of the measured data"
-    how.answer(finished.result, lambda at: print_found(at, finished, after, table=finished.table))
+    how.tell(finished, after, table=finished.table)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fracid.cli.app import How, assigned, command, numbers, print_found, typed
+from fracid.cli.app import How, assigned, command, numbers, typed
 from fracid.errors import InputError
 
 SWING = (5.0, 150.0)
@@ -39,7 +39,7 @@ def design(source: str, how: How) -> None:
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
     after = typed("fit", project, trust=how.trust), "when the recordings are there"
-    how.answer(finished.result, lambda at: print_found(at, finished, after, sheet=finished.folder / "sheet.txt"))
+    how.tell(finished, after, sheet=finished.folder / "sheet.txt")
 
 
 # ------------------------------------------------------------------ from text to a space

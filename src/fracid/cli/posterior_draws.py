@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import How, command, print_found, typed
+from fracid.cli.app import How, command, typed
 
 
 @command
@@ -25,4 +25,4 @@ def posterior(run: Path, how: How) -> None:
     else:
         again = typed("posterior", run, "--method", "nested", trust=how.trust)
         after = [(again, "draws from the whole prior; minutes")] * (how.method == "laplace")
-    how.answer(finished.result, lambda at: print_found(at, finished, *after, draws=finished.draws))
+    how.tell(finished, *after, draws=finished.draws)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import How, command, print_found, typed
+from fracid.cli.app import How, command, typed
 from fracid.errors import InputError
 
 
@@ -24,7 +24,7 @@ def profile(source: Path, how: How) -> None:
         after = typed("report", source, "--open", trust=how.trust), what
     else:
         after = typed("fit", source, trust=how.trust), "the whole result, with a page"
-    how.answer(finished.result, lambda at: print_found(at, finished, after))
+    how.tell(finished, after)
 
 
 def _pair(joint: str | None) -> tuple[str, str] | None:

@@ -95,11 +95,12 @@ def _compared(record: Mapping[str, Any]) -> Found:
                 "integer": "Integer: no evidence of fractional dynamics.",
                 "undecided": "Undecided whether it is fractional."}[comparison.claim]  # fmt: skip
     reasons = dict.fromkeys((*comparison.claim_reasons, comparison.verdict))
+    drifts = (f"{name}: {sentence}" for name, test in comparison.amplitude.items() for sentence in test.sentences)
     best = comparison.best(fractional=comparison.claim == "fractional")
     return Found(
         " ".join((sentence, *(f"But {why}." for why in against))), comparison.claim != "undecided" and not against,
         comparison.claim, rmse=f"{held_out_errors(best, comparison.units)} held out" * bool(best.held_out),
-        said=tuple(reasons), notes=comparison.notes,
+        said=tuple(reasons), notes=(*comparison.notes, *drifts),
         facts=(f"{len(comparison.rows)} structures", f"cost {comparison.cost_name}", f"seed {comparison.seed}"),
         tables={"What an order is worth": relaxations} if relaxations else {},
     )  # fmt: skip
