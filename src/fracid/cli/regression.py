@@ -61,7 +61,7 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
         for heading, text in _lines(results, f):
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         warn(console, *filter(None, (f.belief, *f.warnings)))
-    for note in results.asked.notes:
+    for note in results.notes:
         console.print(f"  • {escape(note)}", soft_wrap=True)
     if out is not None:
         console.print(f"result   {escape(str(out / 'regression.json'))}", soft_wrap=True)
@@ -92,7 +92,7 @@ def _lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
     fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in f.fit_percent.items())
     lines = [*together, ("orders", orders), ("fit", "; ".join(filter(None, (fit, f.left_over)))),
              ("low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}")]  # fmt: skip
-    if results.asked.problem is not None:
+    if results.problem is not None:
         changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
         lines.append(("start", ", ".join(changes) or "the project's own: nothing that it frees was identified"))
     return lines

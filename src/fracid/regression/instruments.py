@@ -96,8 +96,7 @@ def _response(s: Swing, model: Model, orders: Mapping[str, float]) -> FloatArray
     angles, rates = s.initial
     drive = None if s.drive is None else s.drive[s.start :]
     run = simulate(
-        model if s.volts or drive is None else model.with_parameters(**{model.drive: 1.0}),
-        orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
+        model, orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
         end=(len(s.angles) - 1 - s.start) * s.step, inputs=drive, limit=1e4,
     )  # fmt: skip
     return run.states[:, [0, 2]] if run.completed else None

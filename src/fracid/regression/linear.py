@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -38,13 +38,11 @@ from fracid.regression.rows import (
     Rows,
     Swing,
     System,
-    make_swing,
     own_values,
     swing_of,
     terms_of,
 )
 from fracid.safety.schema import UNREAD, Beside, Block, Listed, Number, OpenInterval, Record, Unknown, computed
-from fracid.signals.resolution import resolution
 
 SAYS = Words("regression/linear.toml")
 
@@ -59,6 +57,9 @@ LOUDEST = 25.0
 
 WIDE = 0.1
 """An interval of an order wider than this says nothing about it."""
+
+SEARCHED = Free(1.0, 0.5, 1.2)
+"""In which range an order is sought of which nothing is said."""
 
 POOR = 85.0
 """An equation that fits by less [%] does not fit."""
@@ -253,49 +254,86 @@ def regress(
     >>> found.parameters["C1"].verdict, abs(found.parameters["C1"].value / rig.parameter("C1").value - 1) < 0.02
     ('identified', True)
     """
-    terms_of(model)
-    several = isinstance(recordings, Sequence)
+    lumped, several = terms_of(model).lumped, isinstance(recordings, Sequence)
     records = [recordings] if isinstance(recordings, Recording) else [*recordings] if several else []
     if not records or not all(isinstance(r, Recording) for r in records):
         raise InputError(SAYS("no-recordings", recordings=recordings))
-    refuse_unknown("estimator", get_args(Estimator), estimator)
-    swings = [swing_of(r, model) for r in records]
-    order_range = Free(1.0, 0.5, 1.2)
-    order_specs = {"lambda": order_range, "mu": order_range} if isinstance(orders, str) else dict(orders)
     if isinstance(orders, str) and orders != "search":
         raise InputError(f'orders = {orders!r}: expected "search", or for example {{"lambda": 1.0, "mu": 1.0}}.')
-    return _regress(swings, model, order_specs, dict(known or {}), terms, estimator, cutoff)
+    orders = dict.fromkeys(model.order_names, SEARCHED) if isinstance(orders, str) else orders
+    asked = Asked(model, orders, tuple(lumped if terms is None else terms), known or {})
+    return asked.of([swing_of(r, model) for r in records], estimator, cutoff)
 
 
-def _regress(
-    swings: Sequence[Swing], model: Model, orders: Mapping[str, float | Free], fixed_values: dict[str, float],
-    terms: Sequence[str] | None, estimator: Estimator, cutoff: float | None,
-) -> Regression:  # fmt: skip
-    orders = {n.rstrip("_"): v for n, v in orders.items()}
-    if not any(s.arm for s in swings):
-        orders |= {"lambda": 1.0}  # nothing sees it
-    for side in ("lower", "upper"):
-        model.state_orders({n: getattr(v, side) if isinstance(v, Free) else v for n, v in orders.items()})
-    names, fixed_values = _terms(swings, model, fixed_values, terms)
-    hertz, reason = _cutoff(swings, cutoff)
-    window = WINDOW / min(s.frequency for s in swings)
-    rows = [Rows(s, model, names, hertz, window) for s in swings]
-    if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
-        raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
-                              constants=len(names)))  # fmt: skip
-    fixed = np.array([fixed_values.get(n, 0.0) for n in names])
-    gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
-    data = Data.of(rows)
-    at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
-    intervals: dict[str, tuple[float, float]] = {}
-    spread = np.zeros(len(names))
-    if any(isinstance(v, Free) for v in orders.values()):
-        basic = _independent(data.system(at), gauge, data.own)[0]
-        intervals, at, spread = search_orders(data, basic, orders)
-    searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
-    how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
-    regression = _at(data, gauge, at, estimator, spread, **how)
-    return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
+@dataclass(frozen=True)
+class Asked:
+    """What is to be found."""
+
+    model: Model
+    orders: Mapping[str, float | Free]
+    terms: tuple[str, ...]
+    known: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def by(cls, problem: Problem) -> Asked:
+        """What a problem leaves free, each by itself; what it fixes is known."""
+        free = {u.target for u in problem.unknowns if u.kind == "parameter"}
+        ties = {n: root for n, root in problem.ties.items() if root in free or n in problem.orders}
+        given = {n: problem.orders[ties.get(n, n)] for n in problem.orders}
+        orders = {n: v if isinstance(v, Free) else problem.order_starts[n] for n, v in given.items()}
+        terms = tuple(n for n in terms_of(problem.model).names if n in free | {*ties})
+        note = (SAYS("ties", names=", ".join(sorted(ties))),) if ties else ()
+        return cls(problem.model.with_parameters(**problem.parameter_starts), orders, terms, notes=note)
+
+    def settled(self, swings: Sequence[Swing], owner: str) -> Asked:
+        """With what these swings do not tell taken as it is.
+
+        Orders, where one starts in motion: what its memory misses would pass for an order.  Where all is looked for,
+        one constant: a common factor of all of them changes no motion.
+        """
+        linear, model, notes = terms_of(self.model), self.model, [*self.notes]
+        orders, known = dict(self.orders), self.known
+        moving = [s.name for s in swings if s.in_motion]
+        if moving and (searched := {n: v.start for n, v in orders.items() if isinstance(v, Free)}):
+            notes.append(SAYS("in-motion", moving=", ".join(moving), searched=" and ".join(searched)))
+            orders |= searched
+        driven = any(s.drive is not None for s in swings) and model.drive not in self.terms
+        fixed = any(model.parameter(n).value for n in linear.lumped if n not in self.terms)
+        if not (known or driven or fixed):
+            gauge = model.parameter(linear.gauge)
+            notes.append(SAYS("gauge", gauge=gauge, owner=owner))
+            known = {gauge.name: gauge.value}
+        return replace(self, orders=orders, known=known, notes=tuple(notes))
+
+    def of(self, swings: Sequence[Swing], estimator: str, cutoff: float | None = None) -> Regression:
+        """Find it in swings."""
+        refuse_unknown("estimator", get_args(Estimator), estimator)
+        model, orders = self.model, {n.rstrip("_"): v for n, v in self.orders.items()}
+        if not any(s.arm for s in swings):
+            orders |= {"lambda": 1.0}  # nothing sees it
+        for side in ("lower", "upper"):
+            model.state_orders({n: getattr(v, side) if isinstance(v, Free) else v for n, v in orders.items()})
+        names, fixed_values = _terms(swings, self)
+        hertz, reason = _cutoff(swings, cutoff)
+        window = WINDOW / min(s.frequency for s in swings)
+        rows = [Rows(s, model, names, hertz, window) for s in swings]
+        if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
+            raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
+                                  constants=len(names)))  # fmt: skip
+        fixed = np.array([fixed_values.get(n, 0.0) for n in names])
+        gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
+        data = Data.of(rows)
+        at = {n: v.start if isinstance(v, Free) else float(v) for n, v in orders.items()}
+        intervals: dict[str, tuple[float, float]] = {}
+        spread = np.zeros(len(names))
+        if any(isinstance(v, Free) for v in orders.values()):
+            basic = _independent(data.system(at), gauge, data.own)[0]
+            intervals, at, spread = search_orders(data, basic, orders)
+        searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
+        how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
+        regression = _at(data, gauge, at, estimator, spread, **how)
+        return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
 def _at(
@@ -351,30 +389,24 @@ def estimated(
     )  # fmt: skip
 
 
-def _terms(
-    swings: Sequence[Swing], model: Model, fixed_values: Mapping[str, float], terms: Sequence[str] | None
-) -> tuple[tuple[str, ...], dict[str, float]]:
+def _terms(swings: Sequence[Swing], asked: Asked) -> tuple[tuple[str, ...], dict[str, float]]:
     """Names of the columns, and those that are known: what is not looked for is as the model has it."""
-    linear = terms_of(model)
+    model, linear, fixed_values = asked.model, terms_of(asked.model), dict(asked.known)
     every = linear.names
-    refuse_unknown("constant", every, *fixed_values, *(terms or ()))
+    refuse_unknown("constant", every, *fixed_values, *asked.terms)
     for name, value in fixed_values.items():
         if not math.isfinite(value):
             raise InputError(f"known[{name!r}] = {value!r}: expected a finite number.")
     candidates = set(every if any(s.arm for s in swings) else linear.pendulum)
-    looked = (set(linear.lumped if terms is None else terms) - set(fixed_values)) & candidates
+    looked = (set(asked.terms) - set(fixed_values)) & candidates
     if "cable_stiffness" in looked:
         looked.add("cable_offset")
-    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | dict(fixed_values)
-    units = {s.volts for s in swings if s.drive is not None}
-    if len(units) == 2:
-        raise InputError("One recording has a torque and another a voltage: give all of them the same.")
-    if units:
-        own[model.drive] = own[model.drive] if units == {True} else 1.0
-        looked |= {model.drive} if own[model.drive] == 0.0 else set()
-    else:
+    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | fixed_values
+    if all(s.drive is None for s in swings):
         candidates.discard(model.drive)
         looked.discard(model.drive)
+    elif own[model.drive] == 0.0:
+        looked.add(model.drive)
     constants = {n: own[n] for n in every if n in candidates - looked and (own[n] != 0.0 or n in fixed_values)}
     if not looked:
         raise InputError("Every constant is known, so nothing is to be found: leave some out of known.")
@@ -488,7 +520,7 @@ def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[
     return messages
 
 
-def doubted(regression: Regression, late: bool, estimator: Estimator) -> Regression:
+def doubted(regression: Regression, late: bool, estimator: str) -> Regression:
     """Take back the verdicts of constants whose orders are not seen, or whose equations do not fit.
 
     ``late`` is a search in a record that starts in motion: what is missing from the memory passes for an order.
@@ -549,20 +581,11 @@ def start_values(problem: Problem, *, estimator: Estimator = "iv") -> tuple[Floa
     >>> bool(abs(x[0] / rig.parameter("C1").value - 1) < 0.01)
     True
     """
-    linear = terms_of(problem.model)
-    shared = {n: u for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
-    free = [n for n, u in shared.items() if u.kind == "parameter" and n in linear.names]
-    if not free:
-        raise InputError(f"None of the free constants is one of the regression's: {', '.join(linear.names)}.")
-    start = problem.parameter_starts
-    model = problem.model.with_parameters(**start)
-    swings = [_experiment_swing(e, problem) for e in problem.experiments]
-    free_response = all(s.drive is None for s in swings) and set(linear.lumped) <= set(free)
-    fixed_values = {linear.gauge: model.parameter(linear.gauge).value} if free_response else {}
-    late = any(s.in_motion for s in swings)
-    at = problem.order_starts  # what is tied too; it is not searched
-    orders = {n: v if isinstance(v, Free) and not late else at[n] for n, v in problem.orders.items()}
-    regression = _regress(swings, model, orders, fixed_values, free, estimator, None)
+    asked = Asked.by(problem)
+    if not asked.terms:
+        raise InputError(SAYS("none-free", names=", ".join(terms_of(problem.model).names)))
+    swings = [swing_of(_recording(e, problem), asked.model) for e in problem.experiments]
+    regression = asked.settled(swings, "project").of(swings, estimator)
     return start_of(problem, regression), regression
 
 
@@ -590,14 +613,9 @@ def start_of(problem: Problem, regression: Regression) -> FloatArray:
     return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
 
 
-def _experiment_swing(e: Experiment, problem: Problem) -> Swing:
-    """An experiment's columns by the problem's names; it starts at its release."""
-    column = dict(zip(problem.outputs, e.measured.T, strict=True))
-    if "alpha" not in column:
-        raise InputError(f"{e.name}: alpha is not among the outputs {', '.join(problem.outputs)}; score it.")
-    driven = problem.model.inputs and np.any(e.inputs)
-    steps = tuple(resolution(column[n]) or 0.0 if n in column else 0.0 for n in ("theta", "alpha"))
-    return make_swing(
-        e.name, e.step, column.get("theta"), column["alpha"], e.inputs[:, 0] if driven else None,
-        problem.model.inputs == ("voltage",), 0, (steps[0], steps[1]),
-    )  # fmt: skip
+def _recording(e: Experiment, problem: Problem) -> Recording:
+    """An experiment's angles and inputs by the problem's names."""
+    model, inputs = problem.model, np.broadcast_to(e.inputs, (len(e.measured), e.inputs.shape[1]))
+    angles = {n: y for n, y in zip(problem.outputs, e.measured.T, strict=True) if n in model.angles}
+    driven = {n: u for n, u in zip(model.inputs, inputs.T, strict=True)}
+    return Recording.of(e.name, e.time, angles | driven, {n: model.input_unit(n) for n in driven})

@@ -132,8 +132,6 @@ class Swing:
     """Sample of the release; 0 if it is the first."""
     drive: FloatArray | None
     """What torque_per_volt multiplies, shape (n_samples,)."""
-    volts: bool
-    """Whether the drive is in volts, not N m."""
     noise: FloatArray
     """Of both angles, rms [rad], shape (2,)."""
     arm: bool
@@ -176,51 +174,37 @@ class Swing:
 
 
 def swing_of(recording: Recording, model: Model) -> Swing:
-    """Take what is needed out of a recording.
+    """Take what is needed out of a recording, and measure its noise.
 
     Raises
     ------
     InputError
-        If α is missing, the samples lie on no uniform grid, or the drive is not what the model takes.
+        If α is missing or stands still, the samples are few, not all finite or on no uniform grid, or what drives the
+        rig is not what the model takes.
     """
-    if "alpha" not in recording.signals:
-        raise InputError(SAYS("no-alpha", recording=recording, signals=", ".join(recording.signals)))
+    name, signals = recording.name, recording.signals
+    if "alpha" not in signals:
+        raise InputError(SAYS("no-alpha", recording=recording, signals=", ".join(signals)))
     if recording.step is None:
-        raise InputError(f"{recording.name} is not on a uniform grid; type recording.resample() first.")
-    drive, volts = _drive(recording, model)
-    steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
+        raise InputError(f"{name} is not on a uniform grid; type recording.resample() first.")
+    (taken,) = model.inputs
+    for other in {"torque", "voltage"} - {taken}:
+        if np.any(signals.get(other, 0.0)):
+            raise InputError(SAYS("other-input", name=name, other=other, taken=taken))
+    drive, alpha = signals.get(taken), signals["alpha"]
+    drive = drive if np.any(drive) else None
     release = recording.report.release if drive is None else None
-    return make_swing(
-        recording.name, recording.step, recording.signals.get("theta"), recording.signals["alpha"], drive, volts,
-        0 if release is None else round((release - recording.time[0]) / recording.step),
-        (steps.get("theta", 0.0), steps["alpha"]),
-    )  # fmt: skip
-
-
-def _drive(recording: Recording, model: Model) -> tuple[FloatArray | None, bool]:
-    """What torque_per_volt multiplies, and whether it is in volts; None where nothing drives."""
-    drives = {n: recording.signals[n] for n in ("torque", "voltage") if np.any(recording.signals.get(n, 0.0))}
-    if "torque" in drives:
-        return drives["torque"], False
-    if "voltage" in drives and "voltage" not in model.inputs:
-        raise InputError(SAYS("voltage", recording=recording))
-    return drives.get("voltage"), "voltage" in drives
-
-
-def make_swing(
-    name: str, step: float, theta: FloatArray | None, alpha: FloatArray, drive: FloatArray | None, volts: bool,
-    start: int, resolution: tuple[float, float],
-) -> Swing:  # fmt: skip
-    """Check the angles and measure their noise; θ is None where it was not recorded."""
-    angles = np.column_stack([np.zeros_like(alpha) if theta is None else theta, alpha])
+    start = 0 if release is None else round((release - recording.time[0]) / recording.step)
+    angles = np.column_stack([signals.get("theta", np.zeros_like(alpha)), alpha])
     if len(angles) - start < 100:
         raise InputError(f"{name}: {len(angles) - start} samples after the release; a regression needs at least 100.")
     if not np.all(np.isfinite(angles)):
         raise InputError(f"{name}: a sample is not a finite number; leave such samples out or fill them.")
     if np.ptp(alpha) == 0.0:
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
-    noise = np.array([noise_level(x, q) for x, q in zip(angles[start:].T, resolution, strict=True)])
-    return Swing(name, step, angles, start, drive, volts, noise, theta is not None and float(np.ptp(theta)) > 0.0)
+    steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
+    noise = [noise_level(x, steps.get(n, 0.0)) for n, x in zip(("theta", "alpha"), angles[start:].T, strict=True)]
+    return Swing(name, recording.step, angles, start, drive, np.array(noise), float(np.ptp(angles[:, 0])) > 0.0)
 
 
 # --- rows: filtered, decimated, borders and standstill left out ---------------------------------------
