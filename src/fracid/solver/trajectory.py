@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -102,13 +103,15 @@ class Trajectory(CardDisplay):
 def _between(run: Trajectory, times: FloatArray) -> FloatArray:
     """Interpolate through the nearest four samples (or all, if fewer)."""
     nodes = min(4, len(run.time))
-    first = np.clip(np.searchsorted(run.time, times) - nodes // 2, 0, len(run.time) - nodes)
-    grid = run.time[first[:, None] + np.arange(nodes)]
-    weights = np.ones_like(grid)  # Lagrange's
-    for k in range(nodes):
-        for other in set(range(nodes)) - {k}:
-            weights[:, k] *= (times - grid[:, other]) / (grid[:, k] - grid[:, other])
-    values: FloatArray = np.einsum("tk,tki->ti", weights, run.states[first[:, None] + np.arange(nodes)])
+    spacing = (run.time[-1] - run.time[0]) / max(len(run.time) - 1, 1) or 1.0
+    before = ((times - run.time[0]) / spacing).astype(np.int64)
+    first = np.clip(before - (nodes // 2 - 1), 0, len(run.time) - nodes)
+    place = (times - run.time.take(first)) / spacing
+    off = [place - j for j in range(nodes)]
+    values = np.zeros((len(times), run.states.shape[1]))
+    for k in range(nodes):  # Lagrange's polynomials
+        weight = math.prod((off[j] / (k - j) for j in range(nodes) if j != k), start=np.ones_like(place))
+        values += weight[:, None] * run.states.take(first + k, axis=0)
     for j in np.unique(first[first < 8]):  # where a solution begins like t^q: through 1, t, t^q, t^(1+q)
         here, near = first == j, run.time[j : j + nodes] - run.origin
         for i in np.flatnonzero((abs(run.orders - 1) > 0.05) & (run.orders > 1e-12)):
