@@ -65,20 +65,9 @@ class Style:
 
 STYLES = {
     "screen": Style(),
-    "journal": Style(
-        88,
-        180,
-        text=0.85,
-        least_text=8.0,
-        lines=0.8,
-        marks=0.65,
-        least_line=0.5,
-        heading=False,
-        letters=True,
-        brief=True,
-        dpi=600,
-    ),
-}
+    "journal": Style(88, 180, text=0.85, least_text=8.0, lines=0.8, marks=0.65, least_line=0.5, heading=False,
+                     letters=True, brief=True, dpi=600),
+}  # fmt: skip
 """The styles by name."""
 
 

@@ -11,9 +11,9 @@ import fracid
 from fracid.export.whole import written
 from fracid.models import Model, Parameter, pendulum
 from fracid.models.written.languages import Python
-from fracid.models.written.mathematics import LaTeX, MathML, constants_of, equalities
+from fracid.models.written.mathematics import LaTeX, MathML, equalities
 from fracid.models.written.reading import Untranslatable
-from fracid.models.written.tree import Entry, Name, Program
+from fracid.models.written.tree import Entry, Name, Program, parts
 from languages import GCC, in_c
 from own_models import own_models
 from scripts import module_of
@@ -27,6 +27,10 @@ RIGS = {
     "play": fracid.rotary_pendulum(play_theta=0.3, arm_damping=0.1, tilt_x=0.1),
     "an elastic arm": fracid.rotary_pendulum(arm_stiffness=30.0, arm_damping=0.1, drag_theta=0.1),
 }
+
+
+def constants_of(lines):
+    return {e.name for line in lines for e in parts((line.left, line.right)) if isinstance(e, Entry) and e.name}
 
 
 def by_the_lines(model, lines, x, u, p, out):

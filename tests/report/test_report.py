@@ -83,7 +83,7 @@ def fitted(tmp_path_factory):
     open_folder(folder / "run", ["fit", str(folder / "rig.toml"), "--out", "<run>"])
     fit = fracid.identify(project, jobs=2)
     write_result(folder / "run", fit, project, {"search": 1.0})
-    profiles = fracid.profile(fit, parameters=["mu"], joint=("lambda", "mu"), points=5, jobs=2)
+    profiles = fracid.profile(fit, parameters=["mu"], points=5, jobs=2)
     (folder / "run" / "profiles.json").write_text(json.dumps(profiles.to_json()), encoding="utf-8")
     (folder / "run" / "compare.json").write_text(json.dumps(comparison().to_json()), encoding="utf-8")
     return folder / "run", fit, project
@@ -204,6 +204,15 @@ def test_the_policy_allows_the_pages_own_scripts_and_styles_by_their_hashes_and_
     allowed = set(re.findall(r"'sha256-(.+?)'", policy))
     there = re.findall(r"<(?:script|style[^>]*)>(.*?)</(?:script|style)>", page, re.DOTALL)
     assert allowed == {base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in there}
+
+
+def test_the_figure_of_the_profiles_is_an_image_that_the_page_holds(material, tmp_path):
+    shutil.copytree(material.folder, tmp_path / "run")
+    (tmp_path / "run" / "figures").mkdir(exist_ok=True)
+    (tmp_path / "run" / "figures" / "profiles.svg").write_text("<svg/>", encoding="utf-8")
+    (image,) = (there := Parsed(report_page(replace(material, folder=tmp_path / "run")))).all("img")
+    assert image["src"] == f"data:image/svg+xml;base64,{base64.b64encode(b'<svg/>').decode()}"
+    assert "; img-src data:;" in policy_of(there)
 
 
 def test_a_hostile_name_is_text_wherever_it_stands(page, parsed):
@@ -369,17 +378,17 @@ LINES = {
     "given orders": ("Orders", {"orders": {"mu": estimate(1.0, free=False)}}, True, "They were given, not found"),
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
-    "all values known": ("Values", {}, True, "Both free values are identifiable"),
+    "all values known": ("Values", {}, True, "2 of 2 free values are identifiable"),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of 2 free values is identifiable; C1 is not",
     ),
     "where a joint began, which nobody misses": (
-        "Values", {"recordings": FORGOTTEN}, True, "Both free values are identifiable.",
+        "Values", {"recordings": FORGOTTEN}, True, "2 of 2 free values are identifiable.",
     ),
     "values that a held-out recording has for itself are counted apart": (
-        "Values", {"recordings": OWN}, True, "Both free values are identifiable. "
-        "The held-out recording has 2 more of its own; D^μ\N{NO-BREAK SPACE}α at the start is not identifiable.",
+        "Values", {"recordings": OWN}, True, "2 of 2 free values are identifiable. 1 of 2 values that held-out "
+        "recordings have for themselves is identifiable; D^μ\N{NO-BREAK SPACE}α at the start is not.",
     ),
     "values that nobody misses are in the tables and in no count": (
         "Values", {"recordings": FORGOTTEN}, True, "Not counted: 1 initial value of presliding joints.",
@@ -755,7 +764,7 @@ def test_the_page_opens_without_a_complaint_or_a_request_and_draws_every_curve(b
     assert browser.complaints == []
     assert browser.requests == [file.as_uri()]
     hosts = browser.run("Chart.all.filter(chart => !chart.host.closest('#explore')).length")
-    assert hosts == 2 + 4 + 4 * 3 + 1  # recordings, outputs and residuals, tests, profile
+    assert hosts == 2 + 4 + 4 * 3  # recordings, outputs and residuals, tests
     drawn = "document.querySelectorAll('.uplot canvas:not(.live)').length"  # at once: Explore adds more when near
     assert browser.run(f"Chart.rebuild(true), {drawn} === Chart.all.length")
     assert browser.run("window.hit") is None
@@ -956,7 +965,7 @@ SEEN = """[...document.querySelectorAll('svg.still')].filter(e => e.getClientRec
 def test_paper_gets_every_chart_as_a_drawing_and_every_note_in_light_colours(browser, file, page):
     browser.open(file, prefers_color_scheme="dark", **CALM)
     drawings = page.count('<svg class="still')
-    assert drawings == 2 + 4 * 2 + 4 * 3 + 1 + 2 + 1  # recorded, fit and residual, tests, profile, surfaces, the rig
+    assert drawings == 2 + 4 * 2 + 4 * 3 + 1 + 1  # recorded, fit and residual, tests, the surface, the rig
     assert browser.run(SEEN) == 0  # charts in their place
     browser.run("dispatchEvent(new Event('beforeprint'))")
     assert browser.run("document.querySelectorAll('details:not([open])').length") == 0

@@ -89,13 +89,9 @@ class FitPictures:
         return _one(self, recording).plot(style=style)
 
     def plot_residuals(
-        self,
-        recording: str | None = None,
-        output: str | None = None,
-        *,
-        tests: bool = False,
+        self, recording: str | None = None, output: str | None = None, *, tests: bool = False,
         style: str | Style = "screen",
-    ) -> Figure:
+    ) -> Figure:  # fmt: skip
         """What the fit leaves over; see :func:`fracid.plots.residual_plots`.
 
         Parameters

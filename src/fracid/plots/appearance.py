@@ -121,8 +121,7 @@ def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = ""
     )  # the title in its file's metadata
     if style.letters:
         _letter(panels)
-    _wrap_titles(figure, panels)
-    _wrap_labels(figure, panels)
+    _wrap(figure, panels)
     figure.align_labels(panels)
     _no_latex(figure)
     _bring_to(style, figure)
@@ -160,34 +159,29 @@ def text_width(text: str, size: float) -> float:
     return float(np.ptp(outline.vertices[outline.codes != Path.CLOSEPOLY, 0]))
 
 
-def _wrap_titles(figure: Figure, panels: list[Axes]) -> None:
-    """Break the titles of panels that are longer than their columns."""
-    style = style_of(figure)
-    for axes in panels:
-        place, where = axes.get_subplotspec(), axes.get_position()
-        if place is None:
-            continue
-        for loc in ("left", "center"):
-            text = axes.get_title(loc=loc)
-            room = 72 * where.width * figure.get_figwidth() * (1.1 if loc == "center" else 1.0)
-            length = text_width(text, text_size(style, MEDIUM))
-            if length > room:
-                lines = math.ceil(length / room)  # about as long as each other
-                axes.set_title(textwrap.fill(text, len(text) // lines + 6), loc=loc, fontsize=MEDIUM)
-
-
-def _wrap_labels(figure: Figure, panels: list[Axes]) -> None:
-    """Break the labels of axes that are longer than their panels: between words, and at the underscores of a name."""
+def _wrap(figure: Figure, panels: list[Axes]) -> None:
+    """Break the titles of panels that are longer than their columns, and the labels of axes."""
+    style, across, up = style_of(figure), 72 * figure.get_figwidth(), 72 * figure.get_figheight()
     for axes in panels:
         where = axes.get_position()
-        for axis, part in ((axes.xaxis, where.width * figure.get_figwidth()),
-                           (axes.yaxis, where.height * figure.get_figheight())):  # fmt: skip
-            text, size = axis.get_label_text(), text_size(style_of(figure), float(axis.label.get_fontsize()))
-            lines = 1 if "\n" in text else math.ceil(text_width(text, size) / (72 * 1.15 * part))
-            if lines > 1:
-                words = text if "$" in text else text.replace("_", "_ ")
-                broken = textwrap.wrap(words, len(text) // lines + 6)
-                axis.set_label_text("\n".join(words if "$" in text else words.replace("_ ", "_") for words in broken))
+        if axes.get_subplotspec() is not None:
+            sides: tuple[tuple[Literal["left", "center"], float], ...] = (("left", 1.0), ("center", 1.1))
+            for loc, more in sides:
+                room = more * across * where.width
+                title(axes, _lines(axes.get_title(loc=loc), text_size(style, MEDIUM), room), loc)
+        for axis, room in ((axes.xaxis, across * where.width), (axes.yaxis, up * where.height)):
+            size = text_size(style, float(axis.label.get_fontsize()))
+            axis.set_label_text(_lines(axis.get_label_text(), size, 1.15 * room))
+
+
+def _lines(text: str, size: float, room: float) -> str:
+    """A text in lines about as long as each other: broken between words, and at the underscores of a name."""
+    lines = 1 if "\n" in text else math.ceil(text_width(text, size) / room)
+    if lines < 2:
+        return text
+    if "$" in text:
+        return textwrap.fill(text, len(text) // lines + 6)
+    return textwrap.fill(text.replace("_", "_ "), len(text) // lines + 6).replace("_ ", "_")
 
 
 def _no_latex(figure: Figure) -> None:

@@ -41,10 +41,7 @@ SWINGS = 6
 
 
 def fitted_over_time(
-    recording: RecordingFit,
-    *,
-    resolution: Mapping[str, float | None] | None = None,
-    style: str | Style = "screen",
+    recording: RecordingFit, *, resolution: Mapping[str, float | None] | None = None, style: str | Style = "screen"
 ) -> Figure:
     """Draw the paper's Figure 2: measured and fitted over time, the residual in a strip below.
 

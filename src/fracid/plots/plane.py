@@ -17,7 +17,6 @@ from fracid.plots.appearance import (
     MARKS,
     MEDIUM,
     SMALL,
-    VERMILLION,
     cost_label,
     extent,
     finish,
@@ -41,21 +40,14 @@ ROOM = 0.06
 TICKS = 4
 """At the horizontal axis of one column: orders next to 1 have long numbers."""
 
-INSET = 0.27
-"""Of the plane's width and height, where the whole search is shown beside it."""
-
 
 def cost_plane(
-    plane: CostPlane,
-    *,
-    best: tuple[float, float] | None = None,
-    evaluations: ArrayLike | None = None,
-    cost_name: str = "cost",
-    style: str | Style = "screen",
-) -> Figure:
+    plane: CostPlane, *, best: tuple[float, float] | None = None, evaluations: ArrayLike | None = None,
+    cost_name: str = "cost", style: str | Style = "screen",
+) -> Figure:  # fmt: skip
     """Draw the cost over the plane of two orders: filled by the logarithm of its rise above the least, with lines.
 
-    Where the search went beyond the plane, a corner shows the whole of it, and the plane as a frame in it.
+    Where the search went beyond the plane, the legend says from where to where.
 
     Parameters
     ----------
@@ -84,7 +76,8 @@ def cost_plane(
     ['order $\\\\mu$ [–]', 'ITAE relative to its least [–]']
     """
     first, second, names = plane.first, plane.second, plane.names
-    figure = new(7, 5.8, style)
+    figure, place = new(7, 5.8, style), ""
+    brief = style_of(figure).brief
     axes = figure.subplots()
     if not np.isfinite(plane.cost).all():
         grey = {"fc": "0.88", "ec": "0.6", "hatch": "///", "lw": 0, "zorder": 0}
@@ -93,9 +86,8 @@ def cost_plane(
         _filled(figure, axes, plane, cost_name)
     else:
         note(axes, "every simulation diverges", 0.93)
-    _search(figure, axes, evaluations, plane, best)
+    _search(axes, evaluations, plane, brief)
     _integers(axes, first, second)
-    brief, place = style_of(figure).brief, ""
     if best is not None:
         digits = [max(4, 2 - math.floor(math.log10(x[-1] - x[0]))) for x in (first, second)]
         place = "best: " + ", ".join(f"{symbol(n)} = {v:.{d}f}" for n, v, d in zip(names, best, digits, strict=True))
@@ -151,47 +143,16 @@ def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping
         axes.plot([], [], color=INK, lw=0.7, label=legend)
 
 
-def _search(
-    figure: Figure, axes: Axes, evaluations: ArrayLike | None, plane: CostPlane, best: tuple[float, float] | None
-) -> None:
-    """Draw where the search has been: on the plane, and in a corner all of it where it went beyond."""
+def _search(axes: Axes, evaluations: ArrayLike | None, plane: CostPlane, brief: bool) -> None:
+    """Draw where on the plane the search has been."""
     points = np.asarray([] if evaluations is None else evaluations, float).reshape(-1, 2)
-    corners = np.transpose([axis[[0, -1]] for axis in (plane.first, plane.second)])
-    inside = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
+    low, high = np.transpose([axis[[0, -1]] for axis in (plane.first, plane.second)])
+    inside = ((points >= low) & (points <= high)).all(axis=1)
     if not points.size:
         return
-    count = f" ({len(points)})"
+    count = f"{len(points)}"
     if not inside.all():
-        low, high = points.min(axis=0), points.max(axis=0)
-        spans = (f"{symbol(n)} {a:.2f}–{b:.2f}" for n, a, b in zip(plane.names, low, high, strict=True))
-        count = f" ({np.count_nonzero(inside)} of {len(points)} in this window; the corner: {', '.join(spans)})"
-        _whole_search(axes, points, corners, plane.cost, best)
-    name = "evaluations" if style_of(figure).brief else f"evaluations{count}"
-    axes.plot(*points[inside].T, ls="", rasterized=bool(len(points) > CLOUD), label=name, **MARKS["tried"])
-
-
-def _whole_search(
-    axes: Axes, points: FloatArray, corners: FloatArray, values: FloatArray, best: tuple[float, float] | None
-) -> None:
-    """The path of the search in the corner where the cost is highest, and where in it the plane lies."""
-    from matplotlib.transforms import Bbox
-
-    third = [max(1, n // 3) for n in values.shape]
-    costs = np.where(np.isfinite(values), values, np.nanmax(np.where(np.isfinite(values), values, np.nan), initial=0.0))
-    corner = {(i, j): costs[:: 1 - 2 * i, :: 1 - 2 * j][: third[0], : third[1]].mean() for i in (0, 1) for j in (0, 1)}
-    i, j = max(corner, key=lambda place: corner[place])
-    edge = 0.015
-    inset_at = (i * (1 - INSET - 2 * edge) + edge, j * (1 - INSET - 2 * edge) + edge, INSET, INSET)
-    inset = axes.inset_axes(inset_at)
-    inset.set(xticks=[], yticks=[], facecolor="white")
-    below = Bbox.from_bounds(*inset_at).padded(0.04)
-    for text in axes.texts:  # a line's number that would be cut
-        at = axes.transAxes.inverted().transform(axes.transData.transform(text.get_position()))
-        text.set_visible(not below.contains(*at))
-    inset.plot(*points.T, color="0.6", lw=0.5, rasterized=bool(len(points) > CLOUD))
-    inset.plot(*points.T, ls="", rasterized=bool(len(points) > CLOUD), **MARKS["tried"])
-    (left, bottom), (right, top) = corners
-    inset.plot([left, right, right, left, left], [bottom, bottom, top, top, bottom], color=VERMILLION, lw=1)
-    if best is not None:
-        inset.plot(*best, ls="", **{**MARKS["best"], "ms": 7})
-    inset.margins(0.08)
+        spans = (f"{symbol(n)} {p.min():.2f}–{p.max():.2f}" for n, p in zip(plane.names, points.T, strict=True))
+        count = f"{np.count_nonzero(inside)} of {len(points)} in this window; all: {', '.join(spans)}"
+    axes.plot(*points[inside].T, ls="", rasterized=bool(len(points) > CLOUD),
+              label="evaluations" if brief else f"evaluations ({count})", **MARKS["tried"])  # fmt: skip

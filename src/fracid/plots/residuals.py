@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,14 +38,12 @@ from fracid.plots.appearance import (
     line,
     new,
     note,
-    outline,
     plain,
     symbol,
     title,
 )
-from fracid.signals.correlation import autocorrelation, longest_stretch, power_spectrum
 from fracid.units import shown_unit, with_unit
-from fracid.validation.residual_curves import log_bins
+from fracid.validation.residual_curves import ResidualCurves, residual_curves
 from fracid.validation.residual_records import ResidualAnalysis
 from fracid.validation.residual_sentences import DRIFT
 from fracid.validation.residual_tests import normal_probability
@@ -58,16 +56,11 @@ if TYPE_CHECKING:
     from fracid.estimation.records import RecordingFit
     from fracid.figures import Style
 
-FAILED = "no residual: the simulation failed"
-
 
 def residual_plots(
-    recording: RecordingFit,
-    output: str,
-    *,
-    resolution: Mapping[str, float | None] | None = None,
+    recording: RecordingFit, output: str, *, resolution: Mapping[str, float | None] | None = None,
     style: str | Style = "screen",
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the paper's Figure 3: what the fit leaves over, in four panels.
 
     Over time (is it bounded?), against the fitted value (does it bend?), its distribution beside the
@@ -105,21 +98,15 @@ def residual_plots(
     """
     if output not in recording.measured:
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
-    step = encoder_step(resolution, output)
     figure = new(9.5, 7, style)
-    _panels(figure.subplots(2, 2).flat, recording, output, step)
-    _blank(() if np.isfinite(recording.residual(output)).any() else figure.axes, FAILED)
-    return finish(figure, _headline(recording, output, step))
+    return _figure_3(figure, figure.subplot_mosaic([["time", "fitted"], ["normal", "probability"]]), recording, output,
+                     encoder_step(resolution, output))  # fmt: skip
 
 
 def residual_diagnostics(
-    recording: RecordingFit,
-    output: str,
-    *,
-    resolution: Mapping[str, float | None] | None = None,
-    analysis: ResidualAnalysis | None = None,
-    style: str | Style = "screen",
-) -> Figure:
+    recording: RecordingFit, output: str, *, resolution: Mapping[str, float | None] | None = None,
+    analysis: ResidualAnalysis | None = None, style: str | Style = "screen",
+) -> Figure:  # fmt: skip
     """Draw Figure 3 with all that the tests of :func:`fracid.residual_analysis` look at, in seven panels.
 
     Beside those of :func:`residual_plots`: against the fitted speed; the autocorrelation with the band in which 95 % of
@@ -157,48 +144,51 @@ def residual_diagnostics(
     >>> [axes.get_title() for axes in residual_diagnostics(twin, "alpha").axes[5:]]
     ['autocorrelation: all of 20,000 samples count', 'spectrum: no frequency stands out']
     """
-    diagnosis = residual_analysis(recording, output, resolution) if analysis is None else analysis
-    step = encoder_step(resolution, output)
-    whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
-    unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
+    a = residual_analysis(recording, output, resolution) if analysis is None else analysis
+    step, residual = encoder_step(resolution, output), recording.residual(output)
     figure = new(9.5, 13, style)
     rows = [["time", "time"], ["fitted", "speed"], ["normal", "probability"], ["lags", "spectrum"]]
     panels: dict[str, Axes] = figure.subplot_mosaic(rows)
-    _panels([panels[name] for name in ("time", "fitted", "normal", "probability")], recording, output, step)
-    if mask.any():
-        _over_fitted(panels["speed"], factor * _speed(recording, output)[mask], factor * whole[mask], step, unit)
-        _in_time(panels["lags"], panels["spectrum"], factor * whole, factor, diagnosis)
+    unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
+    if (mask := np.isfinite(residual)).any():
+        speed = np.asarray(np.gradient(recording.fitted[output], recording.time))
+        _over_fitted(panels["speed"], factor * speed[mask], factor * residual[mask], step, unit)
+        _in_time(panels["lags"], panels["spectrum"], residual_curves(recording, a), factor, a)
     name = symbol(output)
-    speed, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
-    label(panels["speed"], "against the fitted speed", speed, value)
-    label(panels["lags"], _of_lags(diagnosis), "lag [s]", "autocorrelation [–]", None)
+    speeds, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
+    label(panels["speed"], "against the fitted speed", speeds, value)
+    label(panels["lags"], _of_lags(a), "lag [s]", "autocorrelation [–]", None)
     density = f"density of the power [{'1' if display_unit == '–' else f'{display_unit}²'}/Hz]"
-    label(panels["spectrum"], _of_spectrum(diagnosis), "frequency [Hz]", density, None)
-    _blank(() if mask.any() else figure.axes, FAILED)
-    return finish(figure, _headline(recording, output, step))
+    label(panels["spectrum"], _of_spectrum(a), "frequency [Hz]", density, None)
+    return _figure_3(figure, panels, recording, output, step)
 
 
-def _panels(panels: Iterable[Axes], recording: RecordingFit, output: str, step: float | None) -> None:
-    """The four of Figure 3: over time, against the fitted value, the distribution, the probability plot."""
-    over_time, over_fitted, distribution, probability = panels
+def _figure_3(
+    figure: Figure, panels: Mapping[str, Axes], recording: RecordingFit, output: str, step: float | None
+) -> Figure:
+    """Over time, against the fitted value, the distribution, the probability plot; gives the figure, finished."""
     whole, mask = recording.residual(output), np.isfinite(recording.residual(output))
     unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
     residual, fitted = factor * whole[mask], factor * recording.fitted[output][mask]
     if residual.size:
         ends = recording.time[[0, -1]]  # as long as the recording, the residual may end before
-        over_time.plot(ends, [0, 0], color="0.6", lw=0.8)
-        encoder_band(over_time, step, unit)
-        line(over_time, recording.time, factor * whole, **RESIDUAL)
-        _over_fitted(over_fitted, fitted, residual, step, unit)
-        _distribution(distribution, residual, step, unit)
-        _normal_probability(probability, residual)
+        panels["time"].plot(ends, [0, 0], color="0.6", lw=0.8)
+        encoder_band(panels["time"], step, unit)
+        line(panels["time"], recording.time, factor * whole, **RESIDUAL)
+        _over_fitted(panels["fitted"], fitted, residual, step, unit)
+        _distribution(panels["normal"], residual, step, unit)
+        _normal_probability(panels["probability"], residual)
     left = f"residual of {symbol(output)} [{display_unit}]"
     value = f"fitted {angle_label(output, display_unit, recording.zero_of(output))}"
-    heading = probability.get_title() or "normal probability"
-    label(over_time, "over time", "time [s]", left)
-    label(over_fitted, "against the fitted value", value, left)
-    label(distribution, "distribution", left, f"density [{_per('1', display_unit)}]")
-    label(probability, heading, "standard normal quantile [–]", left)
+    heading = panels["probability"].get_title() or "normal probability"
+    label(panels["time"], "over time", "time [s]", left)
+    label(panels["fitted"], "against the fitted value", value, left)
+    label(panels["normal"], "distribution", left, f"density [{_per('1', display_unit)}]")
+    label(panels["probability"], heading, "standard normal quantile [–]", left)
+    _blank(() if residual.size else figure.axes, "no residual: the simulation failed")
+    use = ", validation" if recording.use == "validate" else ""
+    what = f"{plain(recording.name)}{use}: residual of {symbol(output)}"
+    return finish(figure, f"{what}; {goodness(recording, output, step)}")
 
 
 def _per(over: str, under: str) -> str:
@@ -212,61 +202,30 @@ def _blank(panels: Sequence[Axes], why: str) -> None:
         note(axes, why)
 
 
-def _headline(recording: RecordingFit, output: str, step: float | None) -> str:
-    use = ", validation" if recording.use == "validate" else ""
-    what = f"{plain(recording.name)}{use}: residual of {symbol(output)}"
-    return f"{what}; {goodness(recording, output, step)}"
-
-
-def _speed(recording: RecordingFit, output: str) -> FloatArray:
-    """Of the simulation [rad/s]; NaN where it has no value, and beside."""
-    return np.asarray(np.gradient(recording.fitted[output], recording.time))
-
-
-def _in_time(lags: Axes, spectrum: Axes, whole: FloatArray, factor: float, analysis: ResidualAnalysis) -> None:
-    """What shows in the order of the samples: on the stretch without a gap that was tested.
-
-    `factor` is from SI to the unit shown, in which `whole` is.
-    """
-    if not np.isfinite(analysis.whiteness.correlation_time):
+def _in_time(
+    lags: Axes, spectrum: Axes, curves: ResidualCurves | None, factor: float, analysis: ResidualAnalysis
+) -> None:
+    """What shows in the order of the samples, as on the page; `factor` is from SI to the unit shown."""
+    if curves is None:
         _blank((lags, spectrum), "nothing that can be tested")
         return
-    part = longest_stretch(np.isfinite(whole))
-    _autocorrelation(lags, whole[part], analysis)
-    if analysis.spectrum.sentence:
-        _spectrum(spectrum, whole[part], factor, analysis)
-    else:
+    whiteness, swing = analysis.whiteness, analysis.spectrum.swing
+    lags.axhspan(-curves.white, curves.white, color=BLUE, alpha=0.25, lw=0, label="95 % of white noise")
+    lags.axhline(0, color="0.6", lw=0.8)
+    line(lags, curves.lag, curves.correlation, color=INK, lw=1.0)
+    if not whiteness.white and whiteness.correlation_time <= curves.lag[-1]:
+        lags.axvline(whiteness.correlation_time, color=VERMILLION, lw=1.2, ls=":", label="correlation time")
+    f = curves.frequency
+    if not f.size:
         _blank((spectrum,), "uneven samples have none")
-
-
-def _autocorrelation(axes: Axes, residual: FloatArray, analysis: ResidualAnalysis) -> None:
-    """As far as it takes to see it fade, or to see four swings."""
-    w, step, ρ = analysis.whiteness, analysis.step, autocorrelation(residual)
-    reach = max(50 * step, 3 * w.correlation_time, 4 / analysis.spectrum.swing if analysis.spectrum.swing else 0.0)
-    n = min(ρ.size, round(reach / step) + 1)
-    band = 1.96 / np.sqrt(residual.size)
-    axes.axhspan(-band, band, color=BLUE, alpha=0.25, lw=0, label="95 % of white noise")
-    axes.axhline(0, color="0.6", lw=0.8)
-    line(axes, step * np.arange(n, dtype=np.float64), ρ[:n], color=INK, lw=1.0)
-    if not w.white and w.correlation_time <= (n - 1) * step:
-        axes.axvline(w.correlation_time, color=VERMILLION, lw=1.2, ls=":", label="correlation time")
-
-
-def _spectrum(axes: Axes, residual: FloatArray, factor: float, analysis: ResidualAnalysis) -> None:
-    """Every frequency pale, and the mean of some hundred bins that are even on the logarithmic axis."""
-    f, S = power_spectrum(residual, analysis.step)
-    f, S = f[1:], S[1:]
-    centre, mean = log_bins(f, S)
-    indices = outline(np.log(np.maximum(S, 1e-300)))
-    axes.plot(f[indices], S[indices], color="0.8", lw=0.5, rasterized=True)
-    axes.plot(centre, mean, color=INK, lw=1.2)
-    if analysis.level.encoder_step:
-        floor = (factor * analysis.level.floor) ** 2 / f[-1]  # spread evenly up to half the sampling rate
-        axes.axhline(floor, color=ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
-    for m in range(1, 4) if analysis.spectrum.swing else ():
-        axes.axvline(m * (analysis.spectrum.swing or 0.0), color=GREEN, lw=1.0, ls=":",
-                     label="the swing and its multiples" if m == 1 else None)  # fmt: skip
-    axes.set(xscale="log", yscale="log", ylim=(np.quantile(mean, 0.1) / 30, S.max() * 3))
+        return
+    spectrum.loglog(f, factor**2 * curves.power, color=INK, lw=1.2)
+    if analysis.level.encoder_step:  # spread evenly up to half the sampling rate
+        floor = 2 * analysis.step * (factor * analysis.level.floor) ** 2
+        spectrum.axhline(floor, color=ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")
+    for m in range(1, 4) if swing else ():
+        spectrum.axvline(m * (swing or 0.0), color=GREEN, lw=1.0, ls=":",
+                         label="the swing and its multiples" if m == 1 else None)  # fmt: skip
 
 
 def _of_lags(analysis: ResidualAnalysis) -> str:

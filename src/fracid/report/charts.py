@@ -234,21 +234,9 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
-    below, above = ([_band(b, x, y) for b in chart.bands if (b.kind == "band") == over] for over in (False, True))
-    lines = [*below, *(_path(chart.x, s, x, y, points) for s in chart.series), *above]
-    return drawn(
-        "chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP,
-        ylabel=fitting(chart.ylabel, chart.height), lines=Markup("".join(lines)),
-        steps=[(at, text) for at, text in chart.right if y.inside(at)],
-        marks=[_mark(m, x, y) for m in chart.marks if (x if m.axis == "x" else y).inside(m.at)],
-    )  # fmt: skip
-
-
-def _band(band: Band, x: Axis, y: Axis) -> str:
-    (left, right), (bottom, top) = ((axis.within(band.low), axis.within(band.high)) if name == band.axis
-                                    else (axis.start, axis.end) for name, axis in (("x", x), ("y", y)))  # fmt: skip
-    return (f'<rect class="{band.kind}" x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" '
-            f'height="{bottom - top:.1f}"/>')  # fmt: skip
+    lines = Markup("".join(_path(chart.x, s, x, y, points) for s in chart.series))
+    return drawn("chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP, lines=lines,
+                 ylabel=fitting(chart.ylabel, chart.height))  # fmt: skip
 
 
 def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
@@ -270,18 +258,3 @@ def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
         d.append(f"M{a} {b}l" if pen is None else f"{a - pen[0]} {b - pen[1]} ")
         pen = (a, b)
     return f'<path class="{series.kind}" transform="scale(.1)" d="{"".join(d).replace(" -", "-").strip()}"/>'
-
-
-def _mark(mark: Mark, x: Axis, y: Axis) -> dict[str, Any]:
-    """Its line, and where its word stands."""
-    axis = x if mark.axis == "x" else y
-    at = float(axis.at(mark.at))
-    left = mark.before and at > x.start + 60
-    late = left or at > x.end - 60  # the word stands before or after an upright line
-    if axis is x:
-        row = mark.before and not left
-        d, place = f"M{at:.1f} {y.start:g}V{y.end:g}", (at + (-4 if late else 4), y.end + 13 + 15 * row)
-    else:
-        d, place = f"M{x.start:g} {at:.1f}H{x.end:g}", (x.start + 0.6 * (x.end - x.start), at - 4)
-    anchor = "end" if late and axis is x else "start"
-    return {"kind": mark.kind, "d": d, "text": mark.text, "x": place[0], "y": place[1], "anchor": anchor}

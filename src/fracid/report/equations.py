@@ -11,7 +11,7 @@ from typing import Any
 
 from fracid.errors import InputError
 from fracid.models import Model
-from fracid.models.written.mathematics import Equality, LaTeX, Mathematics, MathML, constants_of, equalities
+from fracid.models.written.mathematics import Equality, LaTeX, Mathematics, MathML, equalities
 from fracid.models.written.tree import Call, Entry, Number
 from fracid.report.sentences import digits
 from fracid.units import number
@@ -55,24 +55,6 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
         return {"Its states": write(model, order=_written(result["orders"])).block(states)}
     found = write(model, _written(constants), _written(result["orders"]))
     return {"With symbols": write(model).block(lines), "With the fitted values": found.block(lines)}
-
-
-def named(model: Model, result: Mapping[str, Any], driven: bool) -> frozenset[str]:
-    """The constants that stand in the equations; of a right-hand side that has loops all of them.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> rig = fracid.rotary_pendulum(b_alpha=2e-4)
-    >>> result = {"orders": {n: {"value": 0.9, "free": True} for n in ("lambda", "mu")},
-    ...           "parameters": {p.name: {"value": p.value, "free": False} for p in rig.parameters},
-    ...           "recordings": {}}
-    >>> sorted(named(rig, result, driven=False))
-    ['C1', 'C3', 'C4', 'C6', 'J_theta', 'b_alpha', 'b_theta']
-    """
-    lines = _lines(model, _constants(result), driven)
-    exponents = {model.parameter_names[k] for _, k in model.complements}
-    return frozenset(model.parameter_names if lines is None else constants_of(lines) | exponents)
 
 
 def _lines(model: Model, constants: Mapping[str, Any], driven: bool) -> list[Equality] | None:

@@ -217,13 +217,6 @@ for (const host of document.querySelectorAll(".chart[data-chart]")) new Chart(ho
 // --- surfaces
 
 if (DATA.plane) new Plane(element("plane"), element("plane-said"), costOverOrders(DATA.plane));
-if (DATA.profiles && DATA.profiles.joint) {
-  const j = DATA.profiles.joint;
-  new Plane(element("joint"), element("joint-said"), {
-    ...j, height: j.rise.map(row => row.map(v => (v === null ? null : v + 0.3))), low: 0.3, high: 60, intervals: [],
-    levels: [[j.threshold + 0.3, "95 %"]], read: h => `rise ${round(h - 0.3, 3)}; the 95 % region ends at ${round(j.threshold, 3)}`,
-  });
-}
 
 // --- the rest
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,8 @@ from fracid.errors import writing
 from fracid.estimation.cost_plane import CostPlane, risen
 from fracid.fit import Fit
 from fracid.problem.project import Project
-from fracid.report.charts import RIGHT, Chart, Mark, Series, still
-from fracid.report.equations import equations, named
+from fracid.report.charts import RIGHT, Chart, still
+from fracid.report.equations import equations
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import rendered
 from fracid.report.index import (
@@ -35,15 +34,15 @@ from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
 from fracid.report.sentences import counted, described, half_width, joined, letter, state_letter
-from fracid.report.study import in_script, ladder_of, studies_of
-from fracid.report.surface import RISE, Surface, surface_still
+from fracid.report.study import STUDIES, figures_of, in_script, ladder_of, studies_of
+from fracid.report.surface import Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
-from fracid.units import number, typeset_unit
+from fracid.units import number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_analyses import Residuals
 
@@ -75,16 +74,9 @@ SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "planes.js",
 
 
 def write_report(
-    folder: str | Path,
-    fit: Fit | None = None,
-    project: Project | None = None,
-    *,
-    plane: CostPlane | None = None,
-    jobs: int = 1,
-    out: str | Path | None = None,
-    trust: bool = False,
-    residuals: Residuals | None = None,
-) -> Path:
+    folder: str | Path, fit: Fit | None = None, project: Project | None = None, *, plane: CostPlane | None = None,
+    jobs: int = 1, out: str | Path | None = None, trust: bool = False, residuals: Residuals | None = None,
+) -> Path:  # fmt: skip
     """Write the page of a run or of a study, one HTML file that opens offline; of a folder of runs, an index of them.
 
     Parameters
@@ -172,10 +164,12 @@ def report_page(material: Material) -> str:
         "plane": surface and vars(surface) | {
             "height": base64_floats(surface.height), "tried": np.round(surface.tried, 5), "search": surface.search,
         },
-        "profiles": _profiles(material), "explore": None if unexplored else explore(material),
+        "explore": None if unexplored else explore(material),
     }  # fmt: skip
     context = _context(material) | {"explore_reason": unexplored} | _stills(material, charts, surface)
-    return rendered("page.html.j2", scripts, **context, rig=rig, plane=surface, data=in_script(data))
+    figures = [*figures_of(material.folder, STUDIES["profiles.json"])] if context["profiles"] else []
+    return rendered("page.html.j2", scripts, images=bool(figures), **context, rig=rig, plane=surface,
+                    profile_figures=figures, data=in_script(data))  # fmt: skip
 
 
 # --- surfaces --------------------------------------------------------------------------------------
@@ -194,66 +188,34 @@ def _cost_surface(material: Material) -> Surface | None:
                    plane.names, least)  # fmt: skip
 
 
-def _profiles(material: Material) -> dict[str, Any] | None:
-    """The joint profile of ``fracid profile``, where it wrote one."""
-    joint = material.beside("profiles.json").get("joint")
-    return joint and {"joint": joint | {"names": [letter(n) for n in joint["names"]]}}
-
-
 # --- charts ----------------------------------------------------------------------------------------
 
 
 def _charts(material: Material) -> dict[str, Chart]:
-    """All that stand still, by name: as recorded, of the residuals, of the profiles."""
+    """All that stand still, by name: as recorded, and of the residuals."""
     charts: dict[str, Chart] = {}
     for i, (name, r) in enumerate(material.fit.recordings.items()):
         charts |= _numbered(f"whole-{i}", recorded_charts(material, material.as_recorded[name], r))
         for n, residual in material.residuals[name].items():
             charts |= _numbered(f"residual-{i}-{n}", residual_charts(residual, material.unit(n)[1]))
-    return charts | _numbered("profile", _profile_charts(material.beside("profiles.json")))
+    return charts
 
 
 def _numbered(name: str, charts: Iterator[Chart]) -> dict[str, Chart]:
     return {f"{name}-{k}": chart for k, chart in enumerate(charts)}
 
 
-def _profile_charts(content: Mapping[str, Any]) -> Iterator[Chart]:
-    """How far the cost rises where a value is held, beside the parabola of its interval."""
-    threshold = content.get("threshold") or 3.84
-    top = 2.5 * threshold
-    for name, p in content.get("profiles", {}).items():
-        x = np.array(p["values"], dtype=float)
-        rise = np.array([np.nan if v is None or v > 4 * top else v for v in p["rise"]])
-        series = [Series("rise", rise, "first")]
-        if p["wald95"] and None not in p["wald95"] and p["wald95"][1] > p["wald95"][0]:
-            half = (p["wald95"][1] - p["wald95"][0]) / 3.92
-            series.append(Series("parabola", ((x - p["value"]) / half) ** 2, "dashed"))
-        label = f"{letter(name)} [{typeset_unit(p['unit'])}]" if p["unit"] else letter(name)
-        marks = Mark("y", threshold, "95 %"), Mark("x", p["value"], "", "third")
-        yield Chart(letter(name), x, label, "rise of the cost", tuple(series), letter(name), marks=marks, height=200,
-                    yrange=(-0.04 * top, top))  # fmt: skip
-
-
 def _stills(material: Material, charts: Mapping[str, Chart], surface: Surface | None) -> dict[str, Any]:
     """Charts, fits, surfaces and the rig as SVG."""
     points = max(60, STILL_POINTS * STILL_RECORDINGS // max(STILL_RECORDINGS, len(material.fit.recordings)))
-    narrow = ("residual-", "profile-")
-    stills = {n: still(c, 290 if n.startswith(narrow) else 760, points) for n, c in charts.items()}
-    fits, joint = {name: [*fit_charts(material, r)] for name, r in material.fit.recordings.items()}, _profiles(material)
+    stills = {n: still(c, 290 if n.startswith("residual-") else 760, points) for n, c in charts.items()}
+    fits = {name: [*fit_charts(material, r)] for name, r in material.fit.recordings.items()}
     return {
         "charts": charts, "stills": stills, "rig_still": scene_still(material),
         "fit_stills": {name: [(c.title, still(c, 820, points, RIGHT if any(c.right for c in own) else 12.0))
                               for c in own] for name, own in fits.items()},
         "plane_still": surface_still(surface) if surface else "",
-        "joint_still": surface_still(_joint_surface(joint["joint"])) if joint else "",
     }  # fmt: skip
-
-
-def _joint_surface(joint: Mapping[str, Any]) -> Surface:
-    """The joint profile as ``page.js`` has it."""
-    rise, (first, second) = np.array(joint["rise"], dtype=float), (np.array(joint[key]) for key in ("first", "second"))
-    scale = replace(RISE, levels=((joint["threshold"] + RISE.low, "95 %"),))
-    return Surface(joint["names"], first, second, rise + RISE.low, scale, joint["best"], what="Rise", bar=False)
 
 
 # --- what the template says --------------------------------------------------------------------------
@@ -278,12 +240,12 @@ def _context(material: Material) -> dict[str, Any]:
         "equations": equations(model, result, _driven(material)),
         "latex": equations(model, result, _driven(material), "LaTeX"),
         "no_rival": _no_rival(result),
-        "rows": rows, "per_recording": own, "off": _off(material),
+        "rows": rows, "per_recording": own,
         "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.analyses.values())
                       for n, a in outputs.items()],
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),
-        "command": _command(environment),
+        "command": _command(environment), "profiles": material.beside("profiles.json"),
         "folder": _typed(material.folder, environment),
     }  # fmt: skip
 
@@ -353,14 +315,6 @@ def _wide(e: Mapping[str, Any]) -> str:
         return ""
     share = half / abs(e["value"])
     return f"its interval is ± {number(100 * share, '.2g')} % of its value" if share > WIDE else ""
-
-
-def _off(material: Material) -> list[str]:
-    """Constants that were given and stand in no equation, of elements that are off."""
-    model, constants = material.model, material.result["parameters"]
-    there = named(model, material.result, _driven(material))
-    acts = {"time_scale"} if constants.get("time_scale", {}).get("value", 1.0) != 1.0 else set()
-    return [n for n, e in constants.items() if n in model.parameter_names and not e["free"] and n not in there | acts]
 
 
 def _whose(model: Any, order: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from fracid.arrays import FloatArray
 from fracid.models import Model
-from fracid.models.scene import OPEN, Scene
+from fracid.models.scene import OPEN, Body, Scene
 from fracid.models.written.languages import JavaScript
 from fracid.report.drawing import drawn
 from fracid.report.material import Material
@@ -56,14 +56,8 @@ def scene_still(material: Material) -> Markup:
         return Markup("")
     constants = data["constants"][r.name]
     values = {n: float(np.nan_to_num(r.fitted[n][0])) for n in r.fitted}
-    bodies = model.scene.drawn(values, [constants[p.name] for p in model.parameters])
-    places = np.vstack([line for _, line in bodies])
-    if not np.isfinite(places).all():
-        return Markup("")
-    on_page = _frame(places)
-    lines = [("way" if body.shape in OPEN else "body moves" if body.moves else "body", on_page(line))
-             for body, line in bodies]  # fmt: skip
-    return drawn("scene.svg.j2", size=SIZE, lines=lines)
+    frame = dict(model.scene.drawn(values, [constants[p.name] for p in model.parameters]))
+    return _svg([frame]) if all(np.isfinite(line).all() for line in frame.values()) else Markup("")
 
 
 def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, FloatArray], seconds: float) -> str:
@@ -85,17 +79,15 @@ def scene_moving(scene: Scene, parameters: FloatArray, motion: Mapping[str, Floa
     >>> swing.count("<animate"), 'dur="2s"' in swing
     (2, True)
     """
-    frames, last = [], len(next(iter(motion.values()))) - 1
-    for k in np.linspace(0, last, min(last + 1, FRAMES)).astype(int):
-        bodies = scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist())
-        frames.append({id(body): line for body, line in bodies})
-    on_page = _frame(np.vstack([line for frame in frames for line in frame.values()]))
-    lines = [(6 if body.moves else 2, [on_page(frame[id(body)]) for frame in frames]) for body in scene.bodies]
-    return str(drawn("motion.svg.j2", size=SIZE, lines=lines, seconds=seconds))
+    last = len(next(iter(motion.values()))) - 1
+    frames = [dict(scene.drawn({n: float(v[k]) for n, v in motion.items()}, parameters.tolist()))
+              for k in np.linspace(0, last, min(last + 1, FRAMES)).astype(int)]  # fmt: skip
+    return str(_svg(frames, seconds))
 
 
-def _frame(places: FloatArray) -> Callable[[FloatArray], str]:
-    """What puts lines into a picture that all these places fill."""
+def _svg(frames: list[dict[Body, FloatArray]], seconds: float = 0.0) -> Markup:
+    """Bodies with their outlines in a picture that all frames fill; one frame has the colours of the page."""
+    places = np.vstack([line for frame in frames for line in frame.values()])
     low, high = places.min(axis=0), places.max(axis=0)
     scale = 0.9 * np.min(np.array(SIZE) / np.maximum(high - low, 1e-12))
 
@@ -103,4 +95,5 @@ def _frame(places: FloatArray) -> Callable[[FloatArray], str]:
         at = np.array(SIZE) / 2 + scale * (line - (low + high) / 2) * (1, -1)
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
 
-    return on_page
+    lines = [(body, [on_page(frame[body]) for frame in frames]) for body in frames[0]]
+    return drawn("scene.svg.j2", size=SIZE, lines=lines, seconds=seconds, open=OPEN)

@@ -314,7 +314,7 @@ def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> s
         title=f"{study.heading}, {folder.resolve().name}", heading=study.heading, name=folder.resolve().name,
         file=file, command=shlex.join(["fracid", *map(str, command)]), versions=environment.get("versions", {}),
         ladder=ladder, shown=_shown(record), curves=bool(data), data=in_script(data), **vars(found),
-        figures=list(_figures(folder, study.figures)), texts=dict(_texts(folder, study.texts)),
+        figures=list(figures_of(folder, study)), texts=dict(_texts(folder, study.texts)),
     )  # fmt: skip
 
 
@@ -345,9 +345,9 @@ def in_script(content: Any) -> Markup:
     return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
 
 
-def _figures(folder: Path, captions: Mapping[str, str]) -> Iterator[dict[str, str]]:
+def figures_of(folder: Path, study: Study) -> Iterator[dict[str, str]]:
     """The study's drawings as addresses that hold them: an image runs no script and loads nothing."""
-    for pattern, caption in captions.items():
+    for pattern, caption in study.figures.items():
         for path in sorted((folder / "figures").glob(f"{pattern}.svg")):
             for file, kind in ((path, "svg+xml"), (path.with_suffix(".png"), "png")):
                 with suppress(OSError, ValueError):

@@ -30,10 +30,6 @@ CIVIDIS = ("00224e", "123570", "3b496c", "575d6d", "707173", "8a8678", "a59c74",
 """As in ``planes.js``."""
 
 
-RISE = Scale(0.3, 60.0, ())
-"""Of a profile's rise, with 0.3 added."""
-
-
 @dataclass(frozen=True)
 class Surface:
     """What is drawn."""
@@ -57,9 +53,6 @@ class Surface:
     """What the orders are called in files."""
     least: float = 0.0
     """The cost that the height is a share of; 0 for none."""
-    what: str = "Cost"
-    bar: bool = True
-    """Whether the colours are explained at the side."""
 
     @property
     def search(self) -> list[tuple[float, float]]:
@@ -82,7 +75,7 @@ def surface_still(surface: Surface) -> Markup:
     >>> text.count('class="interval"'), 'class="tried"' in text, "order λ" in text
     (1, True, True)
     """
-    x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT if surface.bar else WIDTH - 10)
+    x = Axis(surface.first[0], surface.first[-1], LEFT, WIDTH - RIGHT)
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
     thick = (y.start - y.end) / BANDS
     shades = [(_colour((k + 0.5) / BANDS), y.start - (k + 1) * thick) for k in range(BANDS)]

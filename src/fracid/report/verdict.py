@@ -63,7 +63,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
         orders += f" ({_inside(list(inside), inside)})"
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
-    says = f"{CLAIMS['' if _no_fit(material.result) else claim]}: {reason}{doubt}."
+    says = f"{CLAIMS['' if does_not_fit(material.result['claim_codes']) else claim]}: {reason}{doubt}."
     return Line("Claim", says, claim != "undecided" and not against)
 
 
@@ -173,25 +173,30 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
 
     That an interval includes the integer is left to the reasons of the claim, where there are any.
     """
-    known = {letter(n): e["identifiable"] == "identifiable" and e["interval95"] for n, e in free.items()}
-    intervals, unknown = {n: ends for n, ends in known.items() if ends}, [n for n, ends in known.items() if not ends]
-    integer = {letter(n): e.get("integer", 1.0) for n, e in free.items()}
-    without = [n for n in intervals if integer[n] is None]
-    beyond = [n for n, ends in intervals.items() if n not in without and not ends[0] <= integer[n] <= ends[1]]
-    off = [n for n in beyond if abs(sum(intervals[n]) / 2 - integer[n]) > OFF]  # what is nearer is called integer
-    inside = [n for n in intervals if n not in (*beyond, *without)]
+    found: dict[str, dict[str, float]] = {}
+    for n, e in free.items():
+        found.setdefault(_where(e), {})[letter(n)] = e.get("integer", 1.0)
+    unknown, off, inside, without = ([*found.get(where, ())] for where in ("unknown", "off", "inside", "without"))
     says = [sentence]
     if unknown:
         says.append(f"{joined(unknown)} {_is(unknown)} not identifiable.")
     if off:
-        values = joined([*dict.fromkeys(number(integer[n]) for n in off)], "or")
+        values = joined([*dict.fromkeys(map(number, found["off"].values()))], "or")
         says.append(f"{joined(off)} {_is(off)} off {values}; no integer-order alternative was tried.")
     elif inside and not said_above:
-        says.append(f"{_inside(inside, integer)}: there is no evidence of fractional dynamics.")
+        says.append(f"{_inside(inside, found['inside'])}: there is no evidence of fractional dynamics.")
     if without:
         none = joined(without, "or")
         says.append(f"The model gives {none} no integer value, so it has no integer-order alternative.")
     return " ".join(says), not unknown and not off
+
+
+def _where(e: Mapping[str, Any]) -> str:
+    """Where a free order lies by its interval: what is off by next to nothing is neither inside nor off."""
+    integer, ends = e.get("integer", 1.0), e["identifiable"] == "identifiable" and e["interval95"]
+    if not ends or integer is None:
+        return "without" if ends else "unknown"
+    return "inside" if _holds_its_integer(e) else "off" if abs(sum(ends) / 2 - integer) > OFF else "near"
 
 
 def _inside(names: list[str], integer: Mapping[str, float]) -> str:
@@ -241,20 +246,24 @@ def _prediction(material: Material) -> Line:
 
 
 def _values(material: Material) -> Line:
-    kinds, moved = dict(_free_kinds(material, "fit")), [letter(n) for n in moved_by_the_step(material.result)]
-    own = " ".join(filter(None, (_held_out_values(material), _forgotten(material))))
-    unknown = _not_identifiable(kinds)
-    count = len(kinds) - len(unknown)
-    if not unknown:
-        every = {1: "The free value is", 2: "Both free values are"}.get(len(kinds), f"All {len(kinds)} free values are")
+    kinds, held_out = (dict(_free_kinds(material, use)) for use in ("fit", "validate"))
+    moved = [letter(n) for n in moved_by_the_step(material.result)]
+    sentence, all_known = _identifiable(kinds, "free values")
+    if kinds and {*kinds.values()} == {"unknown"}:
+        sentence = f"Of the {len(kinds)} free values there are no intervals"
+    if moved:
         its = "its interval" if len(moved) == 1 else "their intervals"
-        sentence = f"{every} identifiable{f', but the step moves {joined(moved)} by more than {its}' if moved else ''}."
-    elif all(kinds[name] == "unknown" for name in unknown) and not count:
-        sentence = f"Of the {len(kinds)} free values there are no intervals."
-    else:
-        sentence = f"{count} of {len(kinds)} free values {'is' if count == 1 else 'are'} identifiable; "
-        sentence += f"{_few(unknown)} {_is(unknown)} not."
-    return Line("Values", f"{sentence} {own}".rstrip(), not unknown and not moved)
+        sentence += f", but the step moves {joined(moved)} by more than {its}"
+    own = [_identifiable(held_out, "values that held-out recordings have for themselves")[0]] if held_out else []
+    return Line("Values", " ".join((f"{'. '.join((sentence, *own))}.", *_forgotten(material))), all_known and not moved)
+
+
+def _identifiable(kinds: Mapping[str, str], what: str) -> tuple[str, bool]:
+    """How many are identifiable and which are not, and whether all are."""
+    unknown = [name for name, kind in kinds.items() if kind != "identifiable"]
+    known = len(kinds) - len(unknown)
+    rest = f"; {_few(unknown)} {_is(unknown)} not" if unknown else ""
+    return f"{known} of {len(kinds)} {what} {'is' if known == 1 else 'are'} identifiable{rest}", not unknown
 
 
 def moved_by_the_step(result: Mapping[str, Any]) -> dict[str, float]:
@@ -274,26 +283,11 @@ def _few(names: list[str]) -> str:
     return joined(names if len(names) <= NAMED else [*names[: NAMED - 1], f"{len(names) - NAMED + 1} more"])
 
 
-def _not_identifiable(kinds: Mapping[str, str]) -> list[str]:
-    return [name for name, kind in kinds.items() if kind != "identifiable"]
-
-
-def _held_out_values(material: Material) -> str:
-    """How many values of their own were refitted to held-out recordings: they are in the tables, not in the model."""
-    kinds = dict(_free_kinds(material, "validate"))
-    if not kinds:
-        return ""
-    unknown = _not_identifiable(kinds)
-    whose = "Held-out recordings have" if len(material.used("validate")) > 1 else "The held-out recording has"
-    sentence = f"{whose} {len(kinds)} more of {'their' if whose.endswith('have') else 'its'} own"
-    return f"{sentence}; {_few(unknown)} {_is(unknown)} not identifiable." if unknown else f"{sentence}."
-
-
-def _forgotten(material: Material) -> str:
+def _forgotten(material: Material) -> Iterator[str]:
     """How many rows of the tables no count includes: where a presliding joint began, which its slide erases."""
     rows = [e for r in material.result["recordings"].values() for e in r["initial_state"].values() if e["free"]]
-    count = sum(e["identifiable"] == "forgotten" for e in rows)
-    return f"Not counted: {count} initial {'value' if count == 1 else 'values'} of presliding joints." if count else ""
+    if count := sum(e["identifiable"] == "forgotten" for e in rows):
+        yield f"Not counted: {count} initial {'value' if count == 1 else 'values'} of presliding joints."
 
 
 def _free_kinds(material: Material, use: str) -> Iterator[tuple[str, str]]:
@@ -312,13 +306,10 @@ def _free_kinds(material: Material, use: str) -> Iterator[tuple[str, str]]:
 
 
 def _checks(material: Material) -> Line:
-    findings = [*_search(material), *_step(material), *_left_over(material)]
-    return Line("Checks", " ".join(sentence for sentence, _ in findings), all(good for _, good in findings))
-
-
-def _search(material: Material) -> Iterator[tuple[str, bool]]:
     outcome = material.result["outcome"]
-    yield search_sentence(outcome), outcome == Outcome.CONVERGED
+    search = search_sentence(outcome), outcome == Outcome.CONVERGED
+    findings = [search, *_step(material), *_left_over(material)]
+    return Line("Checks", " ".join(sentence for sentence, _ in findings), all(good for _, good in findings))
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:

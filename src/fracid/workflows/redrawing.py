@@ -44,15 +44,9 @@ UNREAD = "{path} cannot be read: {error}."
 
 
 def redraw(
-    source: str,
-    *,
-    style: str = "journal",
-    formats: Sequence[str] = ("pdf",),
-    zero: str | None = None,
-    trust: bool = False,
-    out: Path | None = None,
-    jobs: int = 1,
-) -> tuple[Path, ...]:
+    source: str, *, style: str = "journal", formats: Sequence[str] = ("pdf",), zero: str | None = None,
+    trust: bool = False, out: Path | None = None, jobs: int = 1,
+) -> tuple[Path, ...]:  # fmt: skip
     """Draw the figures of a run, a comparison or a study of noise again, or a rig; gives what was written.
 
     Parameters

@@ -93,11 +93,6 @@ def equalities(model: Model, constants: Mapping[str, float | None], driven: bool
     return _Read(model, constants, driven).lines()
 
 
-def constants_of(lines: Sequence[Equality]) -> set[str]:
-    """The parameters in them."""
-    return {e.name for line in lines for e in parts((line.left, line.right)) if isinstance(e, Entry) and e.name}
-
-
 # --- what a tree says ----------------------------------------------------------------------------------
 
 
