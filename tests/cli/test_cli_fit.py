@@ -14,7 +14,6 @@ import pytest
 
 from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
-from fracid.estimation.records import Estimate
 from fracid.tasks.progress import Observer
 from program import DrawnSo, run
 from twins import write_release
@@ -435,15 +434,6 @@ def test_notes_that_differ_in_output_and_numbers_are_one():
     notes = ["low: theta: the residual is 0.22°, 8.5 steps.", "no fault", "low: alpha: the residual is 0.21°, 7 steps."]
     folded = cli_fit._folded(notes, ("theta", "alpha"))
     assert folded == ["low: theta: the residual is 0.22°, 8.5 steps. The same holds for alpha.", "no fault"]
-
-
-@pytest.mark.parametrize(
-    ("value", "half", "shown"),
-    [(0.914578, 0.00016, "0.91458"), (0.0045, 0.02, "0.004"), (2.0, 0.05, "2.000"), (-0.04423, 0.038, "-0.044")],
-)
-def test_a_value_has_the_digits_of_its_interval(value, half, shown):
-    e = Estimate(value, "", True, half / 2, (value - half, value + half))
-    assert cli_fit._digits(value, e) == shown
 
 
 # --- as a process -----------------------------------------------------------------------------------------

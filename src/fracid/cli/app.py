@@ -410,7 +410,6 @@ def print_found(
     """Print what a study found, in the words of its page, after `tables` of its own, and where that is."""
     from rich.markup import escape
 
-    from fracid.report.sentences import digits, interval
     from fracid.report.study import read_study
 
     found = read_study(finished.folder, finished.FILE)[1]
@@ -421,15 +420,19 @@ def print_found(
         print_table(console, [*rows[0]], ([*row.values()] for row in rows), fold=[*rows[0]][:1])
     for caption, values in found.values.items():
         say(console, f"[bold]{escape(caption)}[/bold]")
-        cells = ((e["name"], digits(e), interval(e), e["unit"], _aside(e)) for e in values)
-        print_table(console, ("name", "value", "95 % interval", "unit", ""), cells, fold=("name", ""))
+        print_values(console, values)
     say(console, f"[dim]{escape(' · '.join(found.facts))}[/dim]")
     warn(console, *found.notes)
     print_study(console, finished, *steps, **more)
 
 
-def _aside(e: Mapping[str, Any]) -> str:
-    return "; ".join(filter(None, (e["says"], e["reason"])))
+def print_values(console: Any, estimates: Sequence[Mapping[str, Any]]) -> None:
+    """Print values with their intervals, and what else is said of each, or why."""
+    from fracid.report.sentences import digits, interval
+
+    aside = ("; ".join(filter(None, (e["says"], e["reason"]))) for e in estimates)
+    cells = ((e["name"], digits(e), interval(e), e["unit"], text) for e, text in zip(estimates, aside, strict=True))
+    print_table(console, ("name", "value", "95 % interval", "unit", ""), cells, fold=("name", ""))
 
 
 def warn(console: Any, *sentences: str, mark: str = "[yellow]![/yellow] ") -> None:
@@ -481,28 +484,9 @@ def open_page(page: Path, choice: bool | None) -> bool:
 
 
 def print_table(
-    console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], *, fold: Collection[str] | None = None,
-    spare: int = 0,
-) -> bool:  # fmt: skip
-    """Print rows as they are; where the terminal is too narrow, without the `spare` last columns.
-
-    Returns
-    -------
-    bool
-        Whether all columns are there.
-    """
-    rows = [*rows]
-    whole = _filled(headings, rows, fold)
-    natural_width = console.measure(whole, options=console.options.update(width=10_000)).maximum
-    if spare and natural_width > console.width:
-        console.print(_filled(headings[:-spare], [row[:-spare] for row in rows], fold))
-        return False
-    console.print(whole)
-    return True
-
-
-def _filled(headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collection[str] | None) -> Any:
-    """A table without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
+    console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], *, fold: Collection[str] | None = None
+) -> None:
+    """Print rows without lines; only the columns in `fold` are broken where the terminal is narrow, None for all."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -511,7 +495,7 @@ def _filled(headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collec
         grid.add_column(escape(heading), overflow="fold", no_wrap=fold is not None and heading not in fold)
     for row in rows:
         grid.add_row(*map(escape, row))
-    return grid
+    console.print(grid)
 
 
 @app.callback(

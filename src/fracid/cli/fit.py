@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -22,6 +22,7 @@ from fracid.cli.app import (
     print_claim,
     print_figures,
     print_table,
+    print_values,
     say,
     say_next,
     typed,
@@ -30,14 +31,13 @@ from fracid.cli.app import (
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
-from fracid.units import half_of, interval_beside, to_second_digit, with_unit
+from fracid.units import with_unit
 from fracid.words import Sentences
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from fracid.estimation.records import Estimate
     from fracid.fit import Fit
     from fracid.tasks.progress import Observer
     from fracid.workflows.fit import FinishedRun
@@ -153,7 +153,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     zero, step = f", {p.model.zero}" if p.model.zero else "", 1e3 * p.experiments[0].step / p.substeps
     say(console, SAYS("fit", model=escape(p.model.name), zero=zero, p=p, step=step, fit=fit,
                       outcome=escape(fit.outcome), seconds=duration(run.seconds, fine=True)))  # fmt: skip
-    _print_estimates(console, fit)
+    print_values(console, [*_estimates(run.result)])
     _print_recordings(console, fit)
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ")
@@ -191,28 +191,20 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     return folded
 
 
-SAID = ("fixed", "unknown", "identifiable")
-"""Verdicts that the interval's column says already."""
+def _estimates(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """What was estimated, and the orders that were given; with what its interval does not say."""
+    from fracid.estimation.records import in_words
 
-
-def _print_estimates(console: Console, fit: Fit) -> None:
-    from rich.markup import escape
-
-    estimates = {**fit.orders, **{n: e for n, e in fit.parameters.items() if e.free}}
-    for recording in fit.recordings.values():
-        own = f" [{recording.name}]" if len(fit.recordings) > 1 else ""
-        estimates |= {f"{n}{own}": e for n, e in recording.parameters.items()}
-    verdicts = {name: "" if e.identifiable in SAID else e.verdict for name, e in estimates.items()}
-    rows = [(name, _digits(e.value, e), _interval(e), e.unit, verdicts[name]) for name, e in estimates.items()]
-    fits = print_table(console, ("", "value", "95 % interval", "unit", ""), rows, spare=1)
-    for verdict in dict.fromkeys(() if fits else verdicts.values()):
-        if verdict:
-            names = ", ".join(n for n, text in verdicts.items() if text == verdict)
-            say(console, escape(f"{verdict}: {names}"), "  ")
+    several = len(result["recordings"]) > 1
+    own = [(f" [{name}]" * several, r["parameters"]) for name, r in result["recordings"].items()]
+    free = {n: e for n, e in result["parameters"].items() if e["free"]}
+    for of, estimates in (("", result["orders"] | free), *own):
+        for n, e in estimates.items():
+            says = "" if e["identifiable"] in ("unknown", "identifiable") else in_words(e["identifiable"])
+            yield {**e, "name": f"{n}{of}", "says": says, "reason": ""}
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:
-
     outputs, cost = fit.problem.outputs, fit.problem.cost_function.name
     headings = ["recording", "use", *(f"{kind} {n}" for n in outputs for kind in ("RMSE", "fit")), f"cost ({cost})"]
     rows = []
@@ -228,24 +220,6 @@ def _percent(fit: float) -> str:
     if not isfinite(fit):
         return "none"
     return f"{fit:.2f} %" if fit > -100 else f"{fit:,.0f} %"
-
-
-def _digits(value: float, e: Estimate) -> str:
-    """The value to the second digit of its interval; the bound where it lies at one."""
-    if e.bound is not None:
-        return f"{e.bound:.6g}"
-    half = half_of(e.interval95)
-    if not half > 0 or value == 0:
-        return f"{value:.6g}" if not e.free else f"{value:.4g}"
-    return to_second_digit(value, half)
-
-
-def _interval(e: Estimate) -> str:
-    if not e.free:
-        return "fixed"
-    if e.interval95 is None:
-        return "none" if e.bound is None else "at its bound"
-    return interval_beside(e.value, *e.interval95)
 
 
 def _starts(fit: Fit) -> str:
