@@ -168,12 +168,6 @@ class Regression(CardDisplay, Record):
         known = math.isfinite(self.noise_ratio)
         return f"residual variance {self.noise_ratio:.3g} times what noise explains" if known else ""
 
-    @property
-    def values(self) -> dict[str, float]:
-        """All constants by name, ready as overrides of the model; the cable's offset as theta_rest."""
-        constants = {n: c.value for n, c in self.parameters.items() if n != "cable_offset"}
-        return constants | theta_rest_of({n: c.value for n, c in self.parameters.items()})
-
     def __str__(self) -> str:
         """Return a table of values, errors, bias and verdicts."""
         rows = [f"{'':16}{'value':>12}{'± 1 s.e.':>11}{'bias':>11}  verdict"]

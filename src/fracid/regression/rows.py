@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -275,29 +276,26 @@ class Rows:
         return (grid[moves[:, 0]] if s.arm else grid[:0]), grid[moves[:, 1]]
 
     @cached_property
-    def times(self) -> Pair:
+    def times(self) -> Blocks:
         """Of the rows, after the release [s]."""
         release = self.swing.start * self.swing.step
-        arm, pendulum = (np.asarray((k - self.past) * self.step - release, dtype=np.float64) for k in self.kept)
-        return arm, pendulum
+        return tuple(np.asarray((k - self.past) * self.step - release, dtype=np.float64) for k in self.kept)
 
-    def __call__(self, many: Sequence[FloatArray], orders: Mapping[str, float]) -> list[Pair]:
+    def __call__(self, many: Sequence[FloatArray], orders: Mapping[str, float]) -> list[Blocks]:
         """W of both equations, shapes (n_rows, n_terms), for each of many low-passed pairs of angles."""
         from scipy.signal import fftconvolve
 
         scale, terms = self.model.parameter("time_scale").value, terms_of(self.model)
         theta, alpha = np.stack(many, axis=-1).swapaxes(0, 1)
         both_rates = [_rates(x, orders[n], self.step, scale) for x, n in ((theta, "lambda"), (alpha, "mu"))]
-        pairs = []
+        found, nothing = [], np.zeros(len(theta))
         for i in range(len(many)):
-            arm_rates, rates = ((x[:, i], a[:, i]) for x, a in both_rates)
-            both = terms.columns(self.model, theta[:, i], alpha[:, i], arm_rates, rates, self.drive)
-            nothing = np.zeros(len(theta))
-            Ws = (np.column_stack([columns.get(n, nothing) for n in self.names]) for columns in both)
-            sides = zip(Ws, self.kept, strict=True)
-            arm, pendulum = (fftconvolve(W, self.hann, mode="same", axes=0)[rows] for W, rows in sides)
-            pairs.append((arm, pendulum))
-        return pairs
+            rates = ((x[:, i], a[:, i]) for x, a in both_rates)
+            both = terms.columns(self.model, theta[:, i], alpha[:, i], *rates, self.drive)
+            W = (np.column_stack([columns.get(n, nothing) for n in self.names]) for columns in both)
+            smooth = (fftconvolve(columns, self.hann, mode="same", axes=0) for columns in W)
+            found.append(only(smooth, self.kept))
+        return found
 
 
 @dataclass(frozen=True)
@@ -334,7 +332,7 @@ class Data:
         """The model's values of them, shape (n_terms,)."""
         return own_values(self.model, self.names)
 
-    def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Pair]:
+    def W(self, many: Sequence[Sequence[FloatArray]], orders: Mapping[str, float]) -> list[Blocks]:
         """Rows of all recordings, one below the other, for each of many sets of angles."""
         blocks = [r([angles[i] for angles in many], orders) for i, r in enumerate(self.rows)]
         return [_join([pairs[k] for pairs in blocks]) for k in range(len(many))]
@@ -345,10 +343,9 @@ class Data:
         return System(("arm", "pendulum"), measured, tuple(zip(noisy[::2], noisy[1::2], strict=True)))
 
     @cached_property
-    def times(self) -> Pair:
+    def times(self) -> Blocks:
         """Of the rows [s]."""
-        arm, pendulum = (np.concatenate([r.times[i] for r in self.rows]) for i in range(2))
-        return arm, pendulum
+        return _join([r.times for r in self.rows])
 
 
 @dataclass(frozen=True)
@@ -387,10 +384,10 @@ class System:
         return System(self.equations, only(self.W, keep), noisy)
 
 
-def _join(pairs: Sequence[Pair]) -> Pair:
-    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+def _join(parts: Sequence[Blocks]) -> Blocks:
+    return tuple(map(np.concatenate, zip(*parts, strict=True)))
 
 
-def only(blocks: Blocks, keep: Sequence[NDArray[np.bool_]]) -> Blocks:
+def only(blocks: Iterable[FloatArray], keep: Sequence[NDArray[Any]]) -> Blocks:
     """The rows to keep of each equation."""
     return tuple(W[rows] for W, rows in zip(blocks, keep, strict=True))

@@ -60,8 +60,7 @@ def envelope(swing: FloatArray, period: int) -> FloatArray:
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    width = period + 1 if period % 2 == 0 else period
-    return np.asarray(0.5 * (maximum_filter1d(swing, width) - minimum_filter1d(swing, width)))
+    return np.asarray(0.5 * (maximum_filter1d(swing, period | 1) - minimum_filter1d(swing, period | 1)))
 
 
 def half_swings(signal: FloatArray) -> NDArray[np.intp]:
