@@ -22,6 +22,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.models.joints import Complement
+from fracid.solver.operators import gl_weights
 
 SAMPLES = 160
 """At which the equations are compared."""
@@ -109,6 +110,15 @@ def smoothing(measured: FloatArray, step: float) -> float:
     return max(1.5, 0.03 / step / max(_highest(x, step) for x in measured.T))
 
 
+def along(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
+    """A right-hand side, not compiled, at states and inputs, shape (n_samples, n_states)."""
+    rates = np.zeros(x.shape)
+    with np.errstate(all="ignore"):  # an equation beside the one that is looked at may divide by what is 0 here
+        for out, state, inputs in zip(rates, x.tolist(), u.tolist(), strict=True):
+            f(0.0, state, inputs, p, out)
+    return rates
+
+
 class _Equations:
     """The residuals of the equations at some samples of a recording."""
 
@@ -160,14 +170,10 @@ class _Equations:
         """In parts of the scatter of what each equation is to explain."""
         rhs, p = self.model.rhs.py_func, self.model.parameter_vector(values)  # type: ignore[attr-defined]
         x = self._with_simulated(rhs, p) if self.simulated else self.x
-        out = np.zeros(len(self.model.states))
         rows = []
         pick = slice(None, None, max(1, len(x) // SAMPLES))
         if self.slopes:
-            f = np.empty_like(x[pick])
-            for k, (state, u) in enumerate(zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)):
-                rhs(0.0, state, u, p, out)
-                f[k] = out
+            f = along(rhs, x[pick], self.u[pick], p)
             rows = [(s[pick] - f[:, i]) / _size(s[pick]) for i, s in self.slopes.items()]
         for h, y in self.outputs.items():
             found = [h(0.0, state, u, p) for state, u in zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)]  # type: ignore[operator]
@@ -181,7 +187,7 @@ class _Equations:
         x, n, out, own = self.x.copy(), len(self.x), np.zeros(len(self.model.states)), self.simulated
         first = np.array([self.start.get(i, 0.0) for i in own])
         gain = np.array([self.step ** self.orders[i] for i in own])
-        weights = np.column_stack([_weights(self.orders[i], n) for i in own])
+        weights = np.column_stack([gl_weights(self.orders[i], n + 1) for i in own])
         moved = np.zeros((n, len(own)))
         x[:, own] = first
         for k in range(1, n):
@@ -203,11 +209,6 @@ class _Equations:
             if 1e-9 < slope < np.inf and p.lower < p.upper:
                 found[n] = float(1.0 / slope)
         return found
-
-
-def _weights(q: float, n: int) -> FloatArray:
-    """(1 − z)^q = Σ w_k z^k."""
-    return np.cumprod(np.concatenate([[1.0], 1.0 - (q + 1.0) / np.arange(1, n + 1)]))
 
 
 def _size(x: FloatArray) -> float:

@@ -31,7 +31,7 @@ from fracid.models import Model
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Assign, Entry, Number, Operation
 from fracid.problem import Experiment, Problem
-from fracid.problem.first_values import smoothing
+from fracid.problem.first_values import along, smoothing
 from fracid.regression.estimators import Gauge, sandwich, solve
 from fracid.regression.linear import Regression, SearchedOrder, constants_of, doubted, estimated
 from fracid.regression.rows import System, from_rest
@@ -71,16 +71,6 @@ def _equation(model: Model, i: int) -> tuple[Any, Any]:
     return made(over), made(under)
 
 
-def _along(f: Any, i: int, x: Sequence[Sequence[float]], u: Any, p: FloatArray) -> FloatArray:
-    """A right-hand side's rate of one state, along states and inputs."""
-    out, values = np.zeros(2 * max(map(len, x), default=0)), np.empty(len(x))
-    with np.errstate(all="ignore"):  # an equation beside this one may divide by what is 0 here
-        for k, (state, v) in enumerate(zip(x, u, strict=True)):
-            f(0.0, state, v, p, out)
-            values[k] = out[i]
-    return values
-
-
 def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float) -> Iterator[Equation]:
     """The equations that a recording has all signals of."""
     from scipy.ndimage import gaussian_filter1d
@@ -99,28 +89,26 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
     edge, every = int(4 * width) + 1, max(1, n // ROWS)
     at = np.arange(edge, n - edge, every)
     inputs = np.broadcast_to(e.inputs, (n, e.inputs.shape[1])) if len(e.inputs) == 1 else e.inputs[:n]
-    u = inputs[at].tolist()
+    u, nothing = inputs[at], np.zeros(n)
 
     def filtered(values: FloatArray) -> FloatArray:
         return np.asarray(gaussian_filter1d(values, max(width / every, 0.5), mode="nearest"))
 
-    def states_of(columns: Mapping[int, FloatArray]) -> list[list[float]]:
-        x = np.column_stack([columns.get(i, np.zeros(n))[at] for i in range(len(model.states))])
-        return [[float(v) for v in row] for row in x]
+    def rate(f: Any, i: int, p: FloatArray, more: Mapping[int, FloatArray] | None = None) -> FloatArray:
+        columns = known | dict(more or {})
+        x = np.column_stack([columns.get(k, nothing)[at] for k in range(len(model.states))])
+        return along(f, x, u, p)[:, i]
 
     start = model.with_parameters(**problem.parameter_starts).parameter_vector()
     for i in (i for i in rates if model.rates.get(i) not in known):
         over, under = _equation(model, i)
-        x = states_of(known)
-        here = _along(over, i, x, u, start)
-        others = {k: states_of(known | {k: np.ones(n)}) for k in range(len(model.states)) if k not in known}
-        missing = [model.states[k] for k, other in others.items()
-                   if not np.array_equal(_along(over, i, other, u, start), here)]  # fmt: skip
-        if missing:
+        here = rate(over, i, start)
+        moved = {k: rate(over, i, start, {k: nothing + 1.0}) for k in range(len(model.states)) if k not in known}
+        if missing := [model.states[k] for k, there in moved.items() if not np.array_equal(there, here)]:
             raise InputError(SAYS("missing", state=model.states[i], missing=", ".join(missing)))
 
-        def residual(p: FloatArray, i: int = i, over: Any = over, under: Any = under, x: Any = x) -> FloatArray:
-            return filtered(_along(under, i, x, u, p) * rates[i][at] - _along(over, i, x, u, p))
+        def residual(p: FloatArray, i: int = i, over: Any = over, under: Any = under) -> FloatArray:
+            return filtered(rate(under, i, p) * rates[i][at] - rate(over, i, p))
 
         yield model.states[i], residual
     functions = {n: h for n, h in model.outputs.items() if n in problem.outputs and not isinstance(h, int)}
@@ -129,12 +117,12 @@ def _rows(problem: Problem, e: Experiment, sought: Sequence[str], window: float)
         if not run.completed or model.program.constants & {*sought}:
             names = ", ".join(sorted(model.program.constants & {*sought}))
             raise InputError(SAYS("unmeasured", names=names or "no solution here"))
-        states = run.states[:: problem.substeps][at].tolist()
+        pairs = [*zip(run.states[:: problem.substeps][at].tolist(), u.tolist(), strict=True)]
         for name, h in functions.items():
             y, f = e.measured[at, problem.outputs.index(name)], getattr(h, "py_func", h)
 
             def shown(p: FloatArray, y: FloatArray = y, f: Any = f) -> FloatArray:
-                return filtered(y - np.array([f(0.0, state, v, p) for state, v in zip(states, u, strict=True)]))
+                return filtered(y - np.array([f(0.0, state, v, p) for state, v in pairs]))
 
             yield name, shown
 
