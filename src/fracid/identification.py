@@ -36,19 +36,20 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import listed
-from fracid.errors import SMALLEST, Failure, FailureReason, InputError, brief
+from fracid.errors import SMALLEST, Failure, FailureReason, InputError, at_least, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
-from fracid.estimation.horizons import Watch, growing, minimised, refined, uninterrupted
+from fracid.estimation.horizons import Watch, from_start, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     coarse_problem,
@@ -69,7 +70,7 @@ from fracid.estimation.tangent import Tangent, tangent
 from fracid.estimation.windows import beginning, chosen_window, closes_a_loop, lengthened, prediction_of, windowed
 from fracid.findings import Finding, Note, Words
 from fracid.fit import PARTIAL, Fit, of_problem
-from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, Result, nelder_mead, optimiser_from_name
+from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
@@ -78,6 +79,7 @@ from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternat
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
+from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import Progress, one_blas_thread
@@ -195,9 +197,7 @@ def identify(
         problem, validation, alternatives = project.problem, project.validation, alternatives or project.alternatives
         optimiser = optimiser or project.optimiser
         seed, starts = (project.seed if seed is None else seed), (project.starts if starts is None else starts)
-    seed = 1 if seed is None else seed
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise InputError(f"seed = {seed!r}; expected a whole number, 0 or more, and less than 2^63.")
+    seed = at_least("seed", 1 if seed is None else seed, 0, 2**63 - 1)
     refuse_twins(e.name for e in (*problem.experiments, *validation))
     executor_from_name(executor)
     entry = optimiser_from_name(optimiser or "multistart")
@@ -224,24 +224,16 @@ def identify(
                 work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs)
                 result, attempts = refined(work, at, watch), ()
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
-        analysis = _Findings(work, entry, seed, result, attempts, searched=watch.work, seen=[*seen], first=tuple(seen),
-                             alternatives=alternatives or {}, multi_start=starts, fixed_step=fixed_step,
-                             sampled=problem, window=window, check=checked)  # fmt: skip
-        if result.interrupted:
+        asked = _Asked(problem, window, entry, seed, starts, alternatives or {}, fixed_step, tuple(seen), validation,
+                       whole if cut else None, jobs, watching)  # fmt: skip
+        found = _Findings(asked, work, result.best, result.outcome, attempts, watch.work, checked, seen=[*seen])
+        if not result.interrupted:
+            found.examine(clock)
+        found.problem.last_derivatives.clear()  # some hundred megabytes
+        if found.outcome is Outcome.INTERRUPTED:
             watching.interrupted()
-        elif not np.isfinite(result.best.cost):
-            analysis.known = Failure(FailureReason.RUN, "every run failed")
-            analysis.claim = no_run()
-            analysis.warnings.append(f"No run reached its end: {result.best.reason}.")
-            analysis.seen += failed(work, result.best.point)
-        else:
-            _examine(analysis, _Given(validation, whole if cut else None, jobs, watching), clock)
-        analysis.problem.last_derivatives.clear()  # some hundred megabytes
-        if analysis.interrupted:
-            watching.interrupted()
-        clock.end()
-        watching.stage("")
-        return _fit(analysis, watch.count, clock.laps)
+        clock.begin("")
+        return _fit(found, watch.count, clock.laps)
 
 
 @contextmanager
@@ -282,9 +274,23 @@ NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
 
 
 @dataclass(frozen=True)
-class _Given:
+class _Asked:
     """What the steps after the search are given beside the minimum."""
 
+    problem: Problem
+    """On every sample of its recordings, or of their windows."""
+    window: float | None
+    """Seconds of a window, where the recordings are fitted in windows."""
+    optimiser: Entry
+    seed: int
+    starts: int
+    """Of a search."""
+    alternatives: Mapping[str, Problem]
+    """Models of integer order that the user names."""
+    fixed_step: bool
+    """Whether the step stays as it is."""
+    seen: tuple[Finding, ...]
+    """Before the search."""
     validation: tuple[Experiment, ...]
     whole: Mapping[str, Experiment] | None
     """Recordings with what came before their start; None where that is not asked."""
@@ -296,128 +302,120 @@ class _Given:
 class _Findings:
     """What is known of a minimum so far; Ctrl-C may end the examination at any point."""
 
+    asked: _Asked
     problem: Problem
-    optimiser: Entry
-    seed: int
-    result: Result
-    starts: tuple[Start, ...] = ()
+    best: Evaluation
+    outcome: Outcome
+    starts: tuple[Start, ...]
+    work: int
+    """Of the search."""
+    check: Discretisation | None
+    seen: list[Finding]
     known: Uncertainty | Failure = INTERRUPTED
     near: Tangent | None = None
     """Errors and derivatives at the minimum."""
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     validated: dict[str, RecordingFit] = field(default_factory=dict)
-    check: Discretisation | None = None
     spread: Spread | None = None
+    left: Mapping[str, LeftOver] = field(default_factory=dict)
+    """What the model leaves of each output: of one that does not fit, intervals mean nothing."""
     alternative: Alternative | None = None
     claim: Claim = NO_CLAIM
     cut: CutCheck | Failure | None = None
     warnings: list[str] = field(default_factory=list)
-    seen: list[Finding] = field(default_factory=list)
-    interrupted: bool = False
-    fits: bool = True
-    """Whether the model follows the recordings: of one that does not, intervals mean nothing."""
-    explained: bool = False
-    """Whether it leaves noise alone, which cannot be fitted better."""
     restarts: int = 0
     """How often a model that is nested in the fit, or its alternative, led to a lower cost."""
-    first: tuple[Finding, ...] = ()
-    """What was seen before the search."""
-    alternatives: Mapping[str, Problem] = field(default_factory=dict)
-    """Models of integer order that the user names."""
-    multi_start: int = 1
-    """Starts of a search."""
-    fixed_step: bool = True
-    """Whether the step stays as it is."""
-    sampled: Problem | None = None
-    """The problem on every sample of its recordings."""
-    asked: Problem | None = None
-    """The problem with its own bounds, where some were opened."""
-    within: float = np.inf
-    """The cost within those."""
-    window: float | None = None
-    """Seconds of a window, where the recordings are fitted in windows."""
-    searched: int = 0
-    """The work of the search."""
+    within: tuple[Problem, float] | None = None
+    """The problem with its own bounds and its cost there, where some were opened."""
+
+    @property
+    def x(self) -> FloatArray:
+        """The minimum, shape (n_unknowns,)."""
+        return self.best.point
 
     @property
     def opened(self) -> tuple[OpenedBound, ...]:
         """The bounds that were opened and lie within what was found."""
-        return () if self.asked is None else opened_bounds(self.asked, self.within, self.problem, self.result.best)
+        return () if self.within is None else opened_bounds(*self.within, self.problem, self.best)
 
     @property
     def substeps(self) -> int:
         """Steps of a coarser sample, of long records, that are those of the fit."""
-        return own_substeps(self.problem, 1 if self.sampled is None else self.sampled.substeps)
-
-    def at_every_sample(self, problem: Problem) -> Problem:
-        """A problem on the recordings at their own rate."""
-        return problem if self.sampled is None else on_every_sample(problem, self.sampled)
-
-    def correct(self, given: _Given) -> None:
-        """Give long records, searched with coarse steps, the residuals of their own."""
-        if not is_coarse(self.problem):
-            return
-        exact = corrected(self.problem, self.result.best.point, self.substeps, given.jobs)
-        if isinstance(exact, Failure):
-            self.warnings.append(f"With a step a sample the best run fails: {exact}.")
-        else:
-            self.problem, best = exact
-            self.result = replace(self.result, best=best)
-
-    def open_bounds(self, given: _Given) -> None:
-        """Go on beyond the bounds that stop the search, where that is worth it."""
-        if self.optimiser.keeps_its_own:
-            return
-        wider, lower = open_bounds(self.problem, self.result.best, jobs=given.jobs)
-        if wider is not self.problem:
-            if self.asked is None:
-                self.asked, self.within = self.problem, self.result.best.cost
-            self.problem, self.result = wider, replace(self.result, best=lower)
-
-    def restart(self, lower: Evaluation) -> None:
-        """Take a lower minimum, and forget what was said of the former one."""
-        self.result = replace(self.result, best=lower)
-        self.restarts += 1
-        self.seen, self.warnings, self.validated = [*self.first], [], {}
-
-    def show(self, observer: Observer) -> None:
-        """The recordings beside their simulations, to who would draw them while the rest is examined."""
-        if observer.recordings is not None:
-            problem, x = self.at_every_sample(self.problem), self.result.best.point
-            estimates = _estimates(problem, x, self.known, self.verdicts)
-            fitted = {n: _recording(problem, x, estimates, n, "fit") for n in problem.recordings}
-            observer.recordings(fitted | self.validated)
-
-    def settle(self, given: _Given) -> None:
-        """Go on to the minimum itself, and find what is known there."""
-        problem, best = self.problem, self.result.best
-        self.near = None
-        if problem.cost_function.loss is not None and problem.blocks is None and problem.names and not self.window:
-            own = self.optimiser.keeps_its_own
-            found = (
-                tangent(problem, best.point, jobs=given.jobs) if own else settled(problem, best.point, jobs=given.jobs)
-            )
-            if isinstance(found, Tangent):
-                self.near, self.result = found, replace(self.result, best=best if own else found.evaluation)
-        known = uncertainty(problem, self.result.best.point, jobs=given.jobs, near=self.near)
-        self.known = with_start(problem, self.result.best.point, known, jobs=given.jobs)
-        if self.window is not None and self.check is not None:  # that of the parts of the windows
-            self.known = self.check.widened(problem, self.result.best.point, self.known)
+        return own_substeps(self.problem, self.asked.problem.substeps)
 
     @property
     def allowed(self) -> float:
         """The work of a stage after the search, at most."""
-        return max(TIMES * self.searched, LEAST)
+        return max(TIMES * self.work, LEAST)
 
-    def walk(self, given: _Given) -> Evaluation | None:
+    def examine(self, clock: _Clock) -> None:
+        """Take the steps after the search, from the first one again where one of them sees a lower minimum."""
+        if not np.isfinite(self.best.cost):
+            self.known, self.claim = Failure(FailureReason.RUN, "every run failed"), no_run()
+            self.warnings.append(f"No run reached its end: {self.best.reason}.")
+            self.seen += failed(self.problem, self.x)
+            return
+        steps, done = STEPS if self.asked.whole is None else (*STEPS, WHERE_IT_BEGINS), 0
+        try:
+            while done < len(steps):
+                stage, key, step = steps[done]
+                clock.begin(stage, key)
+                lower, done = step(self), done + 1
+                if lower is not None and self.restarts < RESTARTS:  # what was said of the former one is forgotten
+                    self.best, self.seen, self.warnings, self.validated = lower, [*self.asked.seen], [], {}
+                    self.restarts, done = self.restarts + 1, 0
+        except KeyboardInterrupt:
+            self.outcome = Outcome.INTERRUPTED
+
+    def correct(self) -> None:
+        """Give long records, searched with coarse steps, the residuals of their own."""
+        if not is_coarse(self.problem):
+            return
+        exact = corrected(self.problem, self.x, self.substeps, self.asked.jobs)
+        if isinstance(exact, Failure):
+            self.warnings.append(f"With a step a sample the best run fails: {exact}.")
+        else:
+            self.problem, self.best = exact
+
+    def open_bounds(self) -> None:
+        """Go on beyond the bounds that stop the search, where that is worth it."""
+        if self.asked.optimiser.keeps_its_own:
+            return
+        wider, lower = open_bounds(self.problem, self.best, jobs=self.asked.jobs)
+        if wider is not self.problem:
+            self.within = self.within or (self.problem, self.best.cost)
+            self.problem, self.best = wider, lower
+
+    def show(self) -> None:
+        """The recordings beside their simulations, to who would draw them while the rest is examined."""
+        if (draw := self.asked.observer.recordings) is not None:
+            problem = on_every_sample(self.problem, self.asked.problem)
+            estimates = _estimates(problem, self.x, self.known, self.verdicts)
+            fitted = {n: _recording(problem, self.x, estimates, n, "fit") for n in problem.recordings}
+            draw(fitted | self.validated)
+
+    def settle(self) -> None:
+        """Go on to the minimum itself, and find what is known there."""
+        problem, asked, self.near = self.problem, self.asked, None
+        if problem.cost_function.loss is not None and problem.blocks is None and problem.names and not asked.window:
+            own = asked.optimiser.keeps_its_own
+            found = (tangent if own else settled)(problem, self.x, jobs=asked.jobs)
+            if isinstance(found, Tangent):
+                self.near, self.best = found, self.best if own else found.evaluation
+        known = uncertainty(problem, self.x, jobs=asked.jobs, near=self.near)
+        self.known = with_start(problem, self.x, known, jobs=asked.jobs)
+        if asked.window is not None and self.check is not None:  # that of the parts of the windows
+            self.known = self.check.widened(problem, self.x, self.known)
+
+    def walk(self) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
-        if self.near is None or isinstance(self.known, Failure) or self.optimiser.keeps_its_own:
+        if self.near is None or isinstance(self.known, Failure) or self.asked.optimiser.keeps_its_own:
             return None
         while True:
             most = self.allowed / self.problem.simulator.work
-            found = walked(self.near, self.known, most=most, jobs=given.jobs)
+            found = walked(self.near, self.known, most=most, jobs=self.asked.jobs)
             bent = isinstance(found, Evaluation) or found.walked.any()
-            if not (bent and self._halve(given)):  # bumps that the step makes are no valley
+            if not (bent and self._halve()):  # bumps that the step makes are no valley
                 break
         if isinstance(found, Evaluation):
             return found
@@ -426,194 +424,181 @@ class _Findings:
             self.warnings.append(SAYS("walk-cut", ends=found.unwalked))
         return None
 
-    def _halve(self, given: _Given) -> bool:
+    def _halve(self) -> bool:
         """Halve the step where the fit may choose it and its errors may bend intervals; whether it was."""
-        fixed = self.fixed_step or self.window is not None or is_coarse(self.problem)
+        fixed = self.asked.fixed_step or self.asked.window is not None or is_coarse(self.problem)
         if fixed or self.check is None or self.near is None:
             return False
         rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
         if not rises.size or not is_rough(self.near, float(rises.min())):
             return False
-        finer = halved(Refined(self.problem, self.result.best, self.known, self.check, self.near), given.jobs)
+        finer = halved(Refined(self.problem, self.best, self.known, self.check, self.near), self.asked.jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
-        began = 1 if self.sampled is None else self.sampled.substeps
-        said = SAYS("halved", finer=finer, began=began)
-        self.take(replace(finer, check=replace(finer.check, refinement=said)), given)
+        said = SAYS("halved", finer=finer, began=self.asked.problem.substeps)
+        self._take(replace(finer, check=replace(finer.check, refinement=said)))
         return True
 
-    def take(self, finer: Refined, given: _Given) -> None:
+    def _take(self, finer: Refined) -> None:
         """Go on at a finer step, with derivatives of its own: those of the coarser one led there."""
-        self.problem, self.check, self.result = finer.problem, finer.check, replace(self.result, best=finer.best)
-        self.settle(given)
+        self.problem, self.check, self.best = finer.problem, finer.check, finer.best
+        self.settle()
 
-    def with_quiet_step(self, given: _Given) -> None:
+    def with_quiet_step(self) -> None:
         """Check the step, and halve it until the check is quiet where it is the fit's to choose."""
-        if self.window is not None:  # it was checked on parts of the windows
+        asked, problem, x = self.asked, self.problem, self.x
+        if asked.window is not None:  # it was checked on parts of the windows
             return
-        problem, x, taken = self.problem, self.result.best.point, self.check.refinement if self.check else ""
-        check = discretisation_check(problem, x, self.known, given.jobs, substeps=self.substeps, near=self.near)
+        taken = self.check.refinement if self.check else ""
+        check = discretisation_check(problem, x, self.known, asked.jobs, substeps=self.substeps, near=self.near)
         self.check = replace(check, refinement=taken)
-        fixed = self.fixed_step or self.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
-        finer = None if fixed else finer_step(problem, x, self.check, given.jobs, self.near)
+        fixed = asked.fixed_step or asked.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
+        finer = None if fixed else finer_step(problem, x, self.check, asked.jobs, self.near)
         if finer is not None:
-            self.take(finer, given)
+            self._take(finer)
         if not fixed:  # what no finer step helped
-            self.known = self.check.widened(self.problem, self.result.best.point, self.known)
+            self.known = self.check.widened(self.problem, self.x, self.known)
+
+    def identify(self) -> None:
+        """Say of each unknown whether it is identifiable."""
+        self.show()
+        self.verdicts = identifiability(self.problem, self.x, self.known, jobs=self.asked.jobs)
+
+    def look(self) -> Evaluation | None:
+        """Look for faults; where the search stopped short, for a lower minimum too."""
+        found = after(self.problem, self.x, self.known, jobs=self.asked.jobs)
+        says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
+        self.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
+        return self._onward() if self.restarts < RESTARTS else None
+
+    def _onward(self) -> Evaluation | None:
+        """Where a Newton step leads, and least squares from there, of a search that stopped short; None if not lower.
+
+        Gauss and Newton's steps end where the residual bends more than they see: next to a friction that is dry.
+        """
+        if isinstance(self.known, Failure) or all(f.code != "stopped-short" for f in self.seen):
+            return None
+        parabola = curvature(self.problem, self.x, np.flatnonzero(~self.known.at_bound), jobs=self.asked.jobs)
+        if isinstance(parabola, Failure):
+            return None
+        there = self.problem.evaluate(self.x + newton_step(self.problem, self.x, parabola)[0])
+        lower = min(there, self._refined(self.problem, there.point), key=lambda e: e.cost)
+        return lower if lower.cost < self.best.cost else None
+
+    def _refined(self, problem: Problem, x: FloatArray, **options: Any) -> Evaluation:
+        return uninterrupted(refined(problem, x, Watch(self.asked.jobs), **options)).best
+
+    def predict(self) -> None:
+        """Simulate what was held out; what is wrong with the step is known by now."""
+        problem = on_every_sample(self.problem, self.asked.problem)
+        for e in self.asked.validation:
+            self.validated[e.name], reason = _validate(problem, self.x, e, self.asked.window, self.asked.jobs)
+            self.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
+        if self.asked.validation:
+            self.show()
+        if self.check is not None:
+            self.warnings.append(Note(self.check.warning, COARSE_STEP))
+            self.seen += coarse_step(self.problem, self.check)
+
+    def fit_each(self) -> None:
+        """Fit each recording alone."""
+        if len(self.problem.recordings) > 1 and self.problem.cost_function.loss is not None:
+            self.spread = spread(self.problem, self.x, jobs=self.asked.jobs)
+            self.warnings += [Note(sentence, "spread") for sentence in self.spread.sentences]
+
+    def polish(self) -> None:
+        """Say what least squares finds from the best point of an optimiser that keeps its own.
+
+        Where it lowers the cost by a part in a thousand, or moves an order by half its interval.
+        """
+        problem, before, at = self.problem, self.x, self.problem.order_indices
+        if not self.asked.optimiser.keeps_its_own or problem.cost_function.loss is None:
+            return
+        polished = self._refined(problem, before)
+        shifts = [abs(polished.point[i] - before[i]) > max(1e-3, 0.5 * half_width(self.known, before, i)) for i in at]
+        if polished.cost <= 0.999 * self.best.cost or any(shifts):
+            changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {polished.point[i]:.4f}" for i in at)
+            changes = f" ({changes})" if changes else ""
+            self.warnings.append(SAYS("stopped", best=self.best, polished=polished, changes=changes))
+
+    def make_claim(self) -> None:
+        """Look for what of integer order explains the recordings as well: slow ones where nothing else contradicts."""
+        problem, best, asked = self.problem, self.best, self.asked
+        part = some_of(part_of(problem))
+        x = embedded(part, problem.named(best.point))
+        beside = best if part is problem else self._refined(part, x)
+        orders, left = orders_found(problem, best.point, self.known), leftovers(problem, best.point)
+        self.left, noise = left, all(e.noise for e in left.values())
+        contradictions = [f.note for f in (*self.seen, *self.missed())]
+        undecided = claim_of(orders, None, left, contradictions).claim == "undecided"
+        slow = any(order.least_damping > FLOOR for order in orders) and noise
+        nearest = integer_alternatives(
+            part, beside, {} if isinstance(self.known, Failure) else {order.name: order.half for order in orders},
+            slow=slow and not contradictions and undecided,
+            own={n: _beside(other, part) for n, other in asked.alternatives.items()},
+            starts=asked.starts, seed=asked.seed, watch=Watch(asked.jobs, most=self.allowed),
+        )  # fmt: skip
+        goal = nearest.cost if nearest else None
+        element = None if noise else fractional_element(part, beside, goal=goal, jobs=asked.jobs)
+        if nearest is not None and part is not problem:
+            nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
+        self.alternative, self.claim = nearest, claim_of(orders, nearest, left, contradictions, element=element)
+        if nearest is not None and self.claim.claim == "integer":
+            self.warnings.append(nearest.warning)
+        if nearest is not None and part is not problem:
+            few, many = len(part.recordings), len(problem.recordings)
+            end = max(float(e.time[-1]) for e in part.experiments)
+            reason = SAYS("compared", end=end) if few == many else SAYS("compared-on", few=few, many=many, end=end)
+            self.claim = replace(self.claim, reasons=(*self.claim.reasons, reason))
+
+    def missed(self) -> Iterator[Finding]:
+        """Validation recordings that the model does not predict."""
+        errors = self.problem.errors(self.x)
+        if not isinstance(errors, Failure):
+            raw = [e.in_units(r) for e, r in zip(self.problem.experiments, errors, strict=True)]
+            outputs = enumerate(self.problem.outputs)
+            rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in raw) for k, n in outputs}
+            yield from missed(self.validated, rms)
+
+    def from_nested(self) -> Evaluation | None:
+        """A lower minimum by way of the integer-order model that is nested in the fit, or of its alternative; or None.
+
+        Converged is only what nothing nested in it beats.
+        """
+        problem, best, nearest = self.problem, self.best, self.alternative
+        if problem.cost_function.loss is None or not problem.order_indices or self.asked.optimiser.keeps_its_own:
+            return None
+        goal = (1 - LOWER) * best.cost
+        if nearest is not None:
+            values = nearest.values if nearest.cost < goal else {}
+        elif all(e.explained for e in self.left.values()):  # noise alone cannot be fitted better
+            return None
+        else:
+            integer = replace(problem, orders=integer_values(problem))
+            end = self._refined(integer, embedded(integer, problem.named(best.point)), **NESTED)
+            values = integer.named(end.point) | {
+                n: v for n, v in integer.orders.items() if isinstance(v, float | int)
+            } if end.cost < goal else {}  # fmt: skip
+        if not values:
+            return None
+        as_found = {u.name: v for u, v in zip(problem.unknowns, best.point, strict=True) if u.target not in values}
+        lower = self._refined(problem, embedded(problem, {**as_found, **values}))
+        if not lower.cost < goal:
+            return None
+        self.outcome = Outcome.BUDGET_SPENT if self.restarts >= RESTARTS else self.outcome
+        return lower
+
+    def cut_record(self) -> None:
+        """Find how far the orders move with where the record begins."""
+        problem = on_every_sample(self.problem, self.asked.problem)
+        self.cut = cut_check(problem, self.x, self.known, whole=self.asked.whole, jobs=self.asked.jobs)
+        if isinstance(self.cut, Failure):
+            self.warnings.append(f"The cut was not checked: {self.cut}.")
+        else:
+            self.warnings += [Note(sentence, "cut") for sentence in self.cut.warnings]
 
 
-def _examine(analysis: _Findings, given: _Given, clock: _Clock) -> None:
-    """Take the steps after the search, from the first one again where one of them sees a lower minimum."""
-    steps, done = STEPS if given.whole is None else (*STEPS, WHERE_IT_BEGINS), 0
-    try:
-        while done < len(steps):
-            stage, key, step = steps[done]
-            clock.begin(stage, key)
-            lower, done = step(analysis, given), done + 1
-            if lower is not None and analysis.restarts < RESTARTS:
-                analysis.restart(lower)
-                done = 0
-    except KeyboardInterrupt:
-        analysis.interrupted = True
-
-
-def _identifiable(analysis: _Findings, given: _Given) -> None:
-    analysis.show(given.observer)
-    problem, x = analysis.problem, analysis.result.best.point
-    analysis.verdicts = identifiability(problem, x, analysis.known, jobs=given.jobs)
-
-
-def _checked(analysis: _Findings, given: _Given) -> Evaluation | None:
-    """Look for faults; where the search stopped short, for a lower minimum too."""
-    found = after(analysis.problem, analysis.result.best.point, analysis.known, jobs=given.jobs)
-    says_more = analysis.optimiser.keeps_its_own  # by the step that polishes
-    analysis.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
-    return _onward(analysis, given.jobs) if analysis.restarts < RESTARTS else None
-
-
-def _predicted(analysis: _Findings, given: _Given) -> None:
-    """Simulate what was held out; what is wrong with the step is known by now."""
-    problem, x = analysis.problem, analysis.result.best.point
-    for e in given.validation:
-        analysis.validated[e.name], reason = _validate(
-            analysis.at_every_sample(problem), x, e, analysis.window, given.jobs
-        )
-        analysis.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
-    if given.validation:
-        analysis.show(given.observer)
-    if analysis.check is not None:
-        analysis.warnings.append(Note(analysis.check.warning, COARSE_STEP))
-        analysis.seen += coarse_step(problem, analysis.check)
-
-
-def _each_alone(analysis: _Findings, given: _Given) -> None:
-    problem = analysis.problem
-    if len(problem.recordings) > 1 and problem.cost_function.loss is not None:
-        analysis.spread = spread(problem, analysis.result.best.point, jobs=given.jobs)
-        analysis.warnings += [Note(sentence, "spread") for sentence in analysis.spread.sentences]
-
-
-def _polished(analysis: _Findings, given: _Given) -> None:
-    """Say what least squares finds from the best point of an optimiser that keeps its own."""
-    problem, best = analysis.problem, analysis.result.best
-    if analysis.optimiser.keeps_its_own and problem.cost_function.loss is not None:
-        polished = uninterrupted(refined(problem, best.point, Watch(given.jobs))).best
-        analysis.warnings.append(_stopped_short(problem, best, polished, analysis.known))
-
-
-def _nested(analysis: _Findings, given: _Given) -> Evaluation | None:
-    lower = _from_nested(analysis, given.jobs)
-    if lower is not None and analysis.restarts >= RESTARTS:  # converged is only what nothing nested in it beats
-        analysis.result = replace(analysis.result, outcome=Outcome.BUDGET_SPENT)
-    return lower
-
-
-def _where_it_begins(analysis: _Findings, given: _Given) -> None:
-    problem, x = analysis.at_every_sample(analysis.problem), analysis.result.best.point
-    analysis.cut = cut = cut_check(problem, x, analysis.known, whole=given.whole, jobs=given.jobs)
-    if isinstance(cut, Failure):
-        analysis.warnings.append(f"The cut was not checked: {cut}.")
-    else:
-        analysis.warnings += [Note(sentence, "cut") for sentence in cut.warnings]
-
-
-def _onward(analysis: _Findings, jobs: int) -> Evaluation | None:
-    """Where a Newton step leads, and least squares from there, from a search that stopped short; None where not lower.
-
-    Gauss and Newton's steps end where the residual bends more than they see: next to a friction that is dry.
-    """
-    problem, best, known = analysis.problem, analysis.result.best, analysis.known
-    if isinstance(known, Failure) or all(f.code != "stopped-short" for f in analysis.seen):
-        return None
-    parabola = curvature(problem, best.point, np.flatnonzero(~known.at_bound), jobs=jobs)
-    if isinstance(parabola, Failure):
-        return None
-    step, _ = newton_step(problem, best.point, parabola)
-    there = problem.evaluate(best.point + step)
-    onward = uninterrupted(refined(problem, there.point, Watch(jobs))).best
-    lower = min(there, onward, key=lambda e: e.cost)
-    return lower if lower.cost < best.cost else None
-
-
-def _from_nested(analysis: _Findings, jobs: int) -> Evaluation | None:
-    """A lower minimum by way of the integer-order model that is nested in the fit, or of its alternative; or None."""
-    problem, best, nearest = analysis.problem, analysis.result.best, analysis.alternative
-    if problem.cost_function.loss is None or not problem.order_indices or analysis.optimiser.keeps_its_own:
-        return None
-    goal = (1 - LOWER) * best.cost
-    if nearest is not None:
-        values = nearest.values if nearest.cost < goal else {}
-    elif analysis.explained:
-        return None
-    else:
-        integer = replace(problem, orders=integer_values(problem))
-        here = problem.named(best.point)
-        end = uninterrupted(refined(integer, embedded(integer, here), Watch(jobs), **NESTED)).best
-        values = integer.named(end.point) | {
-            n: v for n, v in integer.orders.items() if isinstance(v, float | int)
-        } if end.cost < goal else {}  # fmt: skip
-    if not values:
-        return None
-    as_found = {u.name: v for u, v in zip(problem.unknowns, best.point, strict=True) if u.target not in values}
-    lower = uninterrupted(refined(problem, embedded(problem, {**as_found, **values}), Watch(jobs))).best
-    return lower if lower.cost < goal else None
-
-
-def _claim(analysis: _Findings, given: _Given) -> None:
-    """Look for what of integer order explains the recordings as well, the slow ones where nothing else contradicts."""
-    problem, best, jobs = analysis.problem, analysis.result.best, given.jobs
-    part = some_of(part_of(problem))
-    x = embedded(part, problem.named(best.point))
-    beside = best if part is problem else uninterrupted(refined(part, x, Watch(jobs))).best
-    orders, left = orders_found(problem, best.point, analysis.known), leftovers(problem, best.point)
-    analysis.fits = all(e.fits for e in left.values())
-    analysis.explained = all(e.explained for e in left.values())
-    contradictions = [f.note for f in (*analysis.seen, *_missed_by(analysis))]
-    before = claim_of(orders, None, left, contradictions)
-    widths = {} if isinstance(analysis.known, Failure) else {order.name: order.half for order in orders}
-    slow = any(order.least_damping > FLOOR for order in orders) and all(e.noise for e in left.values())
-    nearest = integer_alternatives(
-        part, beside, widths, slow=slow and not contradictions and before.claim == "undecided",
-        own={n: _beside(other, part) for n, other in analysis.alternatives.items()},
-        starts=analysis.multi_start, seed=analysis.seed, watch=Watch(jobs, most=analysis.allowed),
-    )  # fmt: skip
-    element = None if all(e.noise for e in left.values()) else fractional_element(
-        part, beside, goal=nearest.cost if nearest else None, jobs=jobs
-    )  # fmt: skip
-    if nearest is not None and part is not problem:
-        nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
-    analysis.alternative = nearest
-    analysis.claim = claim_of(orders, analysis.alternative, left, contradictions, element=element)
-    if nearest is not None and analysis.claim.claim == "integer":
-        analysis.warnings.append(nearest.warning)
-    if nearest is not None and part is not problem:
-        few, many = len(part.recordings), len(problem.recordings)
-        end = max(float(e.time[-1]) for e in part.experiments)
-        reason = SAYS("compared", end=end) if few == many else SAYS("compared-on", few=few, many=many, end=end)
-        analysis.claim = replace(analysis.claim, reasons=(*analysis.claim.reasons, reason))
-
-
-Step = Callable[[_Findings, _Given], Evaluation | None]
+Step = Callable[[_Findings], Evaluation | None]
 """A step after the search; it gives a lower minimum where it sees one."""
 
 STEPS: tuple[tuple[str, str, Step], ...] = (
@@ -622,28 +607,27 @@ STEPS: tuple[tuple[str, str, Step], ...] = (
     ("intervals", "uncertainty", _Findings.settle),
     ("check of the step", "discretisation", _Findings.with_quiet_step),
     ("ends of the intervals", "walk", _Findings.walk),
-    ("identifiability", "uncertainty", _identifiable),
-    ("checks of the fit", "honesty", _checked),
-    ("validation", "validation", _predicted),
-    ("each recording alone", "spread", _each_alone),
-    ("least squares from the best point", "polish", _polished),
-    ("integer-order alternative", "alternative", _claim),
-    ("search from the integer-order model", "nested", _nested),
+    ("identifiability", "uncertainty", _Findings.identify),
+    ("checks of the fit", "honesty", _Findings.look),
+    ("validation", "validation", _Findings.predict),
+    ("each recording alone", "spread", _Findings.fit_each),
+    ("least squares from the best point", "polish", _Findings.polish),
+    ("integer-order alternative", "alternative", _Findings.make_claim),
+    ("search from the integer-order model", "nested", _Findings.from_nested),
 )
 """What is told as a step begins, where its seconds count, and what it does, in this order."""
 
-WHERE_IT_BEGINS: tuple[str, str, Step] = ("where the record begins", "cut", _where_it_begins)
+WHERE_IT_BEGINS: tuple[str, str, Step] = ("where the record begins", "cut", _Findings.cut_record)
 """The last of them, where it is asked for."""
 
 
 def _beside(other: Problem, problem: Problem) -> Problem:
     """Another model of the same recordings, or some of them, with as many steps and on as many samples."""
     same = tuple(e for e in other.experiments if e.recording.name in problem.recordings)
-    other = replace(other, experiments=same)
     every = max(e.means for e in problem.experiments)
     if every == 1:
-        return replace(other, substeps=problem.substeps)
-    coarse = replace(like(other, other.experiments, every), substeps=problem.substeps)
+        return replace(other, experiments=same, substeps=problem.substeps)
+    coarse = replace(like(other, same, every), substeps=problem.substeps)
     return coarse.until(max(float(e.time[-1]) for e in problem.experiments))
 
 
@@ -654,61 +638,52 @@ CHANCE = "not distinguishable from {:g} with these recordings"
 """The verdict on orders at whose integer value the same model is as good."""
 
 
-def _missed_by(analysis: _Findings) -> Iterator[Finding]:
-    problem, errors = analysis.problem, analysis.problem.errors(analysis.result.best.point)
-    if not isinstance(errors, Failure):
-        raw = [e.in_units(r) for e, r in zip(problem.experiments, errors, strict=True)]
-        rms = {n: max(float(np.sqrt(np.mean(e[:, k] ** 2))) for e in raw) for k, n in enumerate(problem.outputs)}
-        yield from missed(analysis.validated, rms)
-
-
-def _fit(analysis: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
-    opened, best = analysis.opened, analysis.result.best
-    precision = analysis.known if analysis.fits else NOT_FITTED
-    searched = analysis.problem if analysis.asked is None else reopened(analysis.asked, opened)
-    problem = analysis.at_every_sample(searched)
-    estimates = _estimates(problem, best.point, analysis.known, analysis.verdicts)
-    if not analysis.fits:
-        estimates = {n: _without_interval(e) for n, e in estimates.items()}
-    cost, alternative, check = best.cost, analysis.alternative, analysis.check
+def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
+    asked, opened, best, fits = found.asked, found.opened, found.best, all(e.fits for e in found.left.values())
+    precision = found.known if fits else NOT_FITTED
+    searched = found.problem if found.within is None else reopened(found.within[0], opened)
+    problem = on_every_sample(searched, asked.problem)
+    estimates = _estimates(problem, best.point, found.known, found.verdicts)
+    if not fits:  # the value, and the bound that it may lie at
+        estimates = {n: e if not e.free or e.at_bound else Estimate(e.value, e.unit, True, identifiable="unknown")
+                     for n, e in estimates.items()}  # fmt: skip
+    cost, alternative, check = best.cost, found.alternative, found.check
     if problem is not searched and math.isfinite(best.cost):
         cost = problem.cost(best.point)
-        check = check and check.on_all_samples(analysis.problem, best.cost, cost)
+        check = check and check.on_all_samples(found.problem, best.cost, cost)
         noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
         alternative = alternative and in_proportion(
             alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
         )
-    if analysis.alternative is not None and analysis.alternative.warning and analysis.claim.claim == "integer":
-        for n in analysis.alternative.orders:
-            verdict = IMITATION if analysis.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
+    if found.alternative is not None and found.alternative.warning and found.claim.claim == "integer":
+        for n in found.alternative.orders:
+            verdict = IMITATION if found.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
-    outcome = Outcome.INTERRUPTED if analysis.interrupted else analysis.result.outcome
     fitted = {n: _recording(problem, best.point, estimates, n, "fit") for n in problem.recordings}
-    ended = () if outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(analysis.starts)), *_missed_by(analysis))
-    later = (*analysis.seen[len(analysis.first) :], *ended)
-    findings = [f for group in (analysis.first, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
-    partial = PARTIAL if outcome is Outcome.INTERRUPTED else ""
+    ended = () if found.outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(found.starts)), *found.missed())
+    later = (*found.seen[len(asked.seen) :], *ended)
+    findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
+    partial = PARTIAL if found.outcome is Outcome.INTERRUPTED else ""
     messages = (partial, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
-                *_warnings(problem, precision, analysis.verdicts), *analysis.warnings,
-                *_followed(problem, best.point, analysis.window))  # fmt: skip
-    starts, warnings = analysis.starts, tuple(filter(None, messages))
+                *_warnings(problem, precision, found.verdicts), *found.warnings,
+                *_followed(problem, best.point, asked.window))  # fmt: skip
+    starts, warnings = found.starts, tuple(filter(None, messages))
     return Fit(
-        **of_problem(problem, best.point, cost), evaluations=evaluations, seed=analysis.seed,
-        optimiser=analysis.optimiser.name,
-        outcome=outcome,
+        **of_problem(problem, best.point, cost), evaluations=evaluations, seed=asked.seed,
+        optimiser=asked.optimiser.name, outcome=found.outcome,
         orders=Estimates({
             n: OrderEstimate(**vars(estimates[n]), integer=problem.model.integer_order(n)) for n in problem.orders
         }),
         parameters=Estimates({n: estimates[n] for n in problem.model.parameter_names if n in estimates}),
-        recordings=fitted | analysis.validated, opened_bounds=opened,
+        recordings=fitted | found.validated, opened_bounds=opened,
         starts=starts, start_that_won=None if (lowest := won(starts)) is None else lowest.origin,
-        alternative=alternative, spread=analysis.spread, window=analysis.window,
-        cut=analysis.cut if isinstance(analysis.cut, CutCheck) else None,
+        alternative=alternative, spread=found.spread, window=asked.window,
+        cut=found.cut if isinstance(found.cut, CutCheck) else None,
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         interval_methods=OF_FITS if isinstance(precision, Uncertainty) else {},
         timing=dict(timing),
         warnings=warnings, warning_codes=tuple(getattr(w, "code", "") for w in warnings), findings=tuple(findings),
-        claim=analysis.claim.claim, claim_reasons=analysis.claim.reasons, claim_codes=analysis.claim.codes,
+        claim=found.claim.claim, claim_reasons=found.claim.reasons, claim_codes=found.claim.codes,
     )  # fmt: skip
 
 
@@ -745,20 +720,20 @@ class _Clock:
     """Says which stage begins, and counts the seconds of each."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
-        self.laps: dict[str, float] = {}
-        self._tell, self._stage, self._last = tell, "", time.perf_counter()
+        self._tell, self._begun = tell, list[tuple[str, float]]()
 
-    def begin(self, name: str, key: str) -> None:
+    def begin(self, name: str, key: str = "") -> None:
         """A stage, and where its seconds count."""
-        self.end()
-        self._stage = key
+        self._begun.append((key, time.perf_counter()))
         self._tell(name)
 
-    def end(self) -> None:
-        now = time.perf_counter()
-        if self._stage:
-            self.laps[self._stage] = self.laps.get(self._stage, 0.0) + now - self._last
-        self._stage, self._last = "", now
+    @property
+    def laps(self) -> dict[str, float]:
+        """The seconds of each but the last."""
+        laps: dict[str, float] = {}
+        for (key, begun), (_, end) in pairwise(self._begun):
+            laps[key] = laps.get(key, 0.0) + end - begun
+        return laps
 
 
 # --- what the minimum says -------------------------------------------------------------------------
@@ -770,14 +745,11 @@ def _recording(problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate
     begun = zip(problem.model.states, problem.unpack(x, e)[2].tolist(), strict=True)
     initial = {n: estimates.get(f"{n}(0) [{e.name}]", Estimate(value)) for n, value in begun}
     own = {n: estimates[f"{n} [{name}]"] for n in problem.own_parameters}
-    return fit_of(problem, x, name, use, initial, own | _release(estimates, e))
-
-
-def _release(estimates: Mapping[str, Estimate], e: Experiment) -> dict[str, Estimate]:
-    """The time of the release after the first sample, found or given; nothing where it is that sample itself."""
     if isinstance(e.release_time, Free):
-        return {"release_time": estimates[f"release_time [{e.name}]"]}
-    return {"release_time": Estimate(e.release_time, "s")} if e.release_time else {}
+        own["release_time"] = estimates[f"release_time [{e.name}]"]
+    elif e.release_time:  # else it is the first sample
+        own["release_time"] = Estimate(e.release_time, "s")
+    return fit_of(problem, x, name, use, initial, own)
 
 
 def _validate(
@@ -787,30 +759,13 @@ def _validate(
     sampled = problem.with_shared(x, (e,))
     sampled = windowed(sampled, window) if window else sampled
     alone = sampled if window else coarse_problem(sampled)
-    quiet = Watch(jobs)
-    if not alone.names:
-        best = alone.evaluate(alone.start)
-    elif problem.cost_function.loss is None:
-        best = uninterrupted(minimised(alone, nelder_mead(alone.space, None), quiet)).best
-    else:
-        best = uninterrupted(growing(alone, alone.start, quiet)).best
-        if is_coarse(alone) and not isinstance(
-            exact := corrected(alone, best.point, own_substeps(alone, problem.substeps), jobs), Failure
-        ):
-            alone, best = exact
+    best = from_start(alone, Watch(jobs))
+    if alone.names and is_coarse(alone):
+        exact = corrected(alone, best.point, own_substeps(alone, problem.substeps), jobs)
+        alone, best = (alone, best) if isinstance(exact, Failure) else exact
     precision = uncertainty(alone, best.point, jobs=jobs)
     estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
     return _recording(on_every_sample(alone, sampled), best.point, estimates, e.name, "validate"), best.reason
-
-
-def _stopped_short(problem: Problem, best: Evaluation, polished: Evaluation, precision: Uncertainty | Failure) -> str:
-    """Say so where polishing lowers the cost by a part in a thousand, or moves an order by half its interval."""
-    at, before, after = problem.order_indices, best.point, polished.point
-    shifts = [abs(after[i] - before[i]) > max(1e-3, 0.5 * half_width(precision, before, i)) for i in at]
-    if polished.cost > 0.999 * best.cost and not any(shifts):
-        return ""
-    changes = ", ".join(f"{problem.unknowns[i].target} {before[i]:.4f} -> {after[i]:.4f}" for i in at)
-    return SAYS("stopped", best=best, polished=polished, changes=f" ({changes})" if changes else "")
 
 
 def _estimates(
@@ -837,14 +792,6 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
         nearer,
         kind, verdict.reason if verdict else "", precision.interval(x, i, "white"), precision.method(i),
     )  # fmt: skip
-
-
-def _without_interval(e: Estimate) -> Estimate:
-    """Of a model that does not fit: the value, and the bound that it may lie at."""
-    if not e.free or e.at_bound:
-        return e
-    return replace(e, standard_error=None, interval95=None, white95=None, interval_method=None, identifiable="unknown",
-                   reason="")  # fmt: skip
 
 
 UNTOLD = ("identifiable", "forgotten", "unknown")

@@ -351,7 +351,7 @@ def test_what_is_masked_in_an_array_is_missing_and_makes_the_recording_unfit():
     [
         ({"problem": "rig.toml"}, 'fracid.identify(fracid.load_project("rig.toml"))'),
         ({"validation": (1,)}, 'a project has its own, by use = "validate"'),
-        ({"seed": -1}, "seed = -1; expected a whole number, 0 or more, and less than 2^63."),
+        ({"seed": -1}, "seed = -1; expected a whole number, 0 or more."),
         ({"seed": 1.5}, "seed = 1.5; expected a whole number"),
         ({"starts": 0}, "starts = 0; expected a whole number, 1 or more."),
         ({"executor": "gpu"}, "There is no executor 'gpu'"),

@@ -24,6 +24,7 @@ from fracid.optimise import (
     least_squares,
     lockstep,
     minimise,
+    nelder_mead,
 )
 from fracid.problem import Experiment, Free, Problem
 
@@ -95,6 +96,15 @@ def growing(problem: Problem, x: FloatArray, watch: Watch, also: Sequence[FloatA
     return grown_horizon(problem, [("given", x), *(("other", other) for other in also)], watch)[0]
 
 
+def from_start(problem: Problem, watch: Watch) -> Evaluation:
+    """The minimum that the start of a problem leads to, or the start where nothing is free."""
+    if not problem.names:
+        return problem.evaluate(problem.start)
+    if problem.cost_function.loss is None:
+        return uninterrupted(minimised(problem, nelder_mead(problem.space, None), watch)).best
+    return uninterrupted(growing(problem, problem.start, watch)).best
+
+
 def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
     """Least squares from x; of windows at whose ends x is far off, first on ever more of each."""
     x = np.clip(x, problem.space.lower, problem.space.upper)
@@ -134,18 +144,25 @@ def minimised(problem: Problem, optimiser: Optimiser, watch: Watch, part: str = 
 # --- from the first swing to the whole record ----------------------------------------------------------
 
 
-@dataclass
-class _Way:
+@dataclass(eq=False, kw_only=True)
+class _Way(Path):
     """A start on its way."""
 
-    start: Start
+    begun: FloatArray
+    """Shape (n_unknowns,)."""
     at: FloatArray
     """Where it is by now, shape (n_unknowns,)."""
-    came_down: bool = False
+    on_first: float | None = None
+    """The cost of where it began on the first horizon; None before."""
+    cost: float | None = None
+    """On the whole record."""
+    ended: str = "left when the search was interrupted"
 
-    def now(self, **changes: Any) -> None:
+    def start(self, problem: Problem) -> Start:
         """What has become of it."""
-        self.start = replace(self.start, **changes)
+        first, joined = np.inf if self.on_first is None else self.on_first, self.joined.name if self.joined else None
+        begun, end = problem.named(self.begun), problem.named(self.at)
+        return Start(self.name, begun, first, end, self.cost, self.ended, joined, self.evaluations)
 
 
 def grown_horizon(
@@ -155,97 +172,74 @@ def grown_horizon(
 
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
     """
-    left = "left when the search was interrupted"
-    named = problem.named
-    ways = [_Way(Start(origin, named(x), np.inf, named(x), None, left, None, 0), x) for origin, x in points]
-    live, whole, baseline = list(ways), max(e.time[-1] for e in problem.experiments), watch.count
-    parts, others = [*horizons(problem), whole], iter(spare)
+    live = ways = [_Way(name=origin, begun=x, at=x) for origin, x in points]
+    whole, baseline, others = max(e.time[-1] for e in problem.experiments), watch.count, iter(spare)
+    parts = [*horizons(problem), whole]
     for number, horizon in enumerate(parts):
-        last = horizon == whole
-        result, paths = _on_part(problem, live, horizon, whole, watch, first=number == 0)
-        for k in range(1, len(live)):
-            if result.interrupted or _best_cost(paths[k]) < np.inf:
-                continue
-            end, paths[k] = _moved(problem, live[k], others, parts[: number + 1], whole, watch, paths[k])
-            if end is not None:
-                best = min(result.best, end.best, key=lambda e: e.cost)
-                result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
-        if result.interrupted and not last:
-            nearest = live[int(np.argmin([_best_cost(p) for p in paths]))]
-            result = replace(result, best=problem.evaluate(nearest.at))
-        if result.interrupted or last:
+        result = _on_part(problem, live, horizon, watch)
+        for way in live[1:]:
+            if not result.interrupted and not way.lowest < np.inf:
+                end = _moved(problem, way, others, parts[: number + 1], watch)
+                if end is not None:
+                    best = min(result.best, end.best, key=lambda e: e.cost)
+                    result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
+        if result.interrupted and horizon != whole:
+            result = replace(result, best=problem.evaluate(min(live, key=lambda way: way.lowest).at))
+        if result.interrupted or horizon == whole:
             break
-        live = _promising(live, paths, number, f"{horizon:.3g} s")
-    return replace(result, evaluations=watch.count - baseline), tuple(w.start for w in ways)
+        live = _promising(live, number, f"{horizon:.3g} s")
+    return replace(result, evaluations=watch.count - baseline), tuple(way.start(problem) for way in ways)
 
 
-def _on_part(
-    problem: Problem, live: list[_Way], horizon: float, whole: float, watch: Watch, *, first: bool,
-    keep: Sequence[int] = (0,),
-) -> tuple[Result, list[Path]]:  # fmt: skip
+def _on_part(problem: Problem, live: list[_Way], horizon: float, watch: Watch) -> Result:
     """Fit all that are on their way to the first `horizon` seconds."""
+    whole = max(e.time[-1] for e in problem.experiments)
     last = horizon == whole
     at = problem if last else problem.until(horizon)
     options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
-    paths = [Path(came_down=w.came_down) for w in live]
-    descents = [_descent(at, w.at, **options) for w in live]
+    for way in live:
+        way.best = way.outcome = None
+    descents = [_descent(at, way.at, **options) for way in live]
     part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
-    result = minimised(at, lockstep(descents, paths, keep=keep), watch, part)
-    for way, path in zip(live, paths, strict=True):
-        _advance(problem, way, path, live, first, last, f"{horizon:.3g} s")
-    return result, paths
+    result = minimised(at, lockstep(descents, live), watch, part)
+    for way in live:
+        if way.best is None:
+            continue
+        way.on_first = way.first_cost if way.on_first is None else way.on_first
+        way.at = way.best.point if np.isfinite(way.best.cost) else way.at
+        if way.joined is not None:
+            way.ended = f"left at {horizon:.3g} s: the fit has become that of the start {way.joined.name}"
+        elif last:
+            way.cost, way.ended = way.best.cost, (way.outcome or Outcome.INTERRUPTED).value
+    return result
 
 
 def _moved(
-    problem: Problem, way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[float], whole: float,
-    watch: Watch, path: Path,
-) -> tuple[Result | None, Path]:  # fmt: skip
-    """Begin a start whose run fails anew from another point, up to where the others are; as it was if none is left."""
-    for origin, x in others:
-        way.now(origin=origin, point=problem.named(x), end=problem.named(x))
-        way.at, way.came_down = x, False
-        for k, horizon in enumerate(parts):
-            result, (path,) = _on_part(problem, [way], horizon, whole, watch, first=k == 0, keep=())
+    problem: Problem, way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[float], watch: Watch
+) -> Result | None:
+    """Begin a start whose run fails anew from another point, up to where the others are; None if none is left."""
+    for name, x in others:
+        way.name, way.begun, way.at, way.on_first, way.came_down = name, x, x, None, False
+        for horizon in parts:
+            result = _on_part(problem, [way], horizon, watch)
             if result.interrupted:
-                return result, path
-            if not _best_cost(path) < np.inf:
+                return result
+            if not way.lowest < np.inf:
                 break
         else:
-            return result, path
-    return None, path
+            return result
+    return None
 
 
-def _best_cost(path: Path) -> float:
-    return np.inf if path.best is None else path.best.cost
-
-
-def _advance(problem: Problem, way: _Way, path: Path, live: list[_Way], first: bool, last: bool, until: str) -> None:
-    """Take over what a search has come to on one horizon."""
-    way.now(evaluations=way.start.evaluations + path.evaluations)
-    if path.best is None:
-        return
-    way.came_down, cost = path.came_down, path.best.cost
-    way.at = path.best.point if np.isfinite(cost) else way.at
-    way.now(first_cost=path.first_cost if first else way.start.first_cost, end=problem.named(way.at))
-    if path.joined is not None:
-        joined = live[path.joined].start.origin
-        way.now(joined=joined, ended=f"left at {until}: the fit has become that of the start {joined}")
-    elif last:
-        way.now(cost=cost, ended=Outcome.INTERRUPTED.value if path.outcome is None else path.outcome.value)
-
-
-def _promising(live: list[_Way], paths: list[Path], number: int, until: str) -> list[_Way]:
+def _promising(live: list[_Way], number: int, until: str) -> list[_Way]:
     """Those that go on to the next horizon: the first, and who has neither joined another nor fallen far behind."""
-    costs = [_best_cost(p) for p in paths]
-    limit = np.inf if number < PATIENCE else HOPELESS * min(costs)
-    survivors = []
-    for i, (way, cost) in enumerate(zip(live, costs, strict=True)):
-        if i > 0 and way.start.joined is None and not cost < max(limit, 1e-300):
-            far = "its run fails" if not np.isfinite(cost) else f"its cost is {cost / min(costs):.2g} times the best"
-            way.now(ended=f"left at {until}: {far}")
-        elif way.start.joined is None:
-            survivors.append(way)
-    return survivors
+    least = min(way.lowest for way in live)
+    limit = np.inf if number < PATIENCE else max(HOPELESS * least, 1e-300)
+    left = [way for way in live[1:] if way.joined is None and not way.lowest < limit]
+    for way in left:
+        far = f"its cost is {way.lowest / least:.2g} times the best" if np.isfinite(way.lowest) else "its run fails"
+        way.ended = f"left at {until}: {far}"
+    return [way for way in live if way.joined is None and way not in left]
 
 
 def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:

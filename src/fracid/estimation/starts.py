@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Annotated, Any
 
 import numpy as np
@@ -62,8 +63,7 @@ def fault_of_end(content: Any, names: Iterable[str]) -> str:
 
 def won(starts: Sequence[Start]) -> Start | None:
     """The start that ended lowest."""
-    candidates = [s for s in starts if s.cost is not None]
-    return min(candidates, key=lambda s: s.cost if s.cost is not None else np.inf, default=None)
+    return min((s for s in starts if s.cost is not None), key=attrgetter("cost"), default=None)
 
 
 def final_cost(start: Start, starts: Sequence[Start]) -> float | None:

@@ -57,41 +57,47 @@ def sobol_points(space: Space, count: int, rng: np.random.Generator) -> FloatArr
     return np.asarray(np.where(bounded, np.clip(points, space.lower, space.upper), space.start))
 
 
-@dataclass
+@dataclass(eq=False)
 class Path:
     """What one of several searches has come to; :func:`lockstep` keeps it."""
 
+    name: str = ""
     best: Evaluation | None = None
     """None before its first round."""
     outcome: Outcome | None = None
     """None while it runs, and where it was left."""
     first_cost: float = np.inf
-    """Of its very first point."""
+    """Of its first point."""
     evaluations: int = 0
-    joined: int | None = None
+    joined: Path | None = None
     """The search in whose minimum it was left."""
     came_down: bool = False
     """Whether it has lowered its cost, here or on a shorter part before."""
 
     def add(self, batch: list[Evaluation]) -> None:
         """Count a batch and keep the best."""
-        self.first_cost = batch[0].cost if not self.evaluations else self.first_cost
+        self.first_cost = batch[0].cost if self.best is None else self.first_cost
         self.evaluations += len(batch)
         self.best = min([*([self.best] if self.best else []), *batch], key=lambda e: e.cost)
         self.came_down |= self.best.cost < DOWN * self.first_cost
 
+    @property
+    def lowest(self) -> float:
+        """The cost of the best."""
+        return np.inf if self.best is None else self.best.cost
 
-def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence[int] = (0,)) -> Optimiser:
+
+def lockstep(searches: Sequence[Optimiser], paths: Sequence[Path]) -> Optimiser:
     """Advance several searches together, one batch of each a round, and record in `paths` where they get.
+
+    The first is never left, whatever the others have found.
 
     Parameters
     ----------
     searches : sequence of generators
         Of the same unknowns and the same cost.
-    paths : list of Path
+    paths : sequence of Path
         One for each; filled while they run.
-    keep : sequence of int
-        Which are never left, whatever the others have found.
 
     Examples
     --------
@@ -117,7 +123,7 @@ def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence
                 except StopIteration as end:
                     paths[i].outcome = end.value
                     del live[i]
-            for i in [i for i in live if i not in keep]:
+            for i in [i for i in live if i > 0]:
                 paths[i].joined = _same_minimum(paths, i)
                 if paths[i].joined is not None:
                     searches[i].close()
@@ -128,21 +134,18 @@ def lockstep(searches: Sequence[Optimiser], paths: list[Path], *, keep: Sequence
     return Outcome.CONVERGED
 
 
-def _same_minimum(paths: list[Path], i: int) -> int | None:
+def _same_minimum(paths: Sequence[Path], i: int) -> Path | None:
     """The first better search, itself not left, whose residuals are those of search i."""
     mine = paths[i].best
-    if mine is None or not paths[i].came_down:
+    if mine is None or mine.residuals is None or not paths[i].came_down:
         return None
     for j, other in enumerate(paths):
-        if j != i and other.joined is None and other.best is not None:
-            better = (other.best.cost, j) < (mine.cost, i)
-            if better and _same_residuals(mine.residuals, other.best.residuals):
-                return j
+        best = other.best if j != i and other.joined is None else None
+        if best is None or best.residuals is None or (mine.cost, i) < (best.cost, j):
+            continue
+        if np.linalg.norm(mine.residuals - best.residuals) <= SAME * np.linalg.norm(best.residuals):
+            return other
     return None
-
-
-def _same_residuals(r: FloatArray | None, best: FloatArray | None) -> bool:
-    return r is not None and best is not None and bool(np.linalg.norm(r - best) <= SAME * np.linalg.norm(best))
 
 
 OPTIMISER = Entry(

@@ -47,7 +47,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, growing, refined
+from fracid.estimation.horizons import Watch, from_start, refined
 from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
@@ -273,7 +273,7 @@ def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, fl
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
     """A recording that was not fitted, with its own unknowns found."""
     alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
-    own = growing(alone, alone.start, Watch(jobs)).best.point if alone.names else alone.start
+    own = from_start(alone, Watch(jobs)).point
     values = dict(zip((*problem.names, *alone.names), (*x.tolist(), *own.tolist()), strict=True))
     return whole, np.array([values[n] for n in whole.names]), e
 

@@ -42,7 +42,7 @@ from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, growing, minimised, refined
+from fracid.estimation.horizons import Watch, from_start, growing, minimised, refined
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
@@ -464,12 +464,7 @@ def _predicted(
     """The simulation of a recording that was not fitted, its own unknowns found again."""
     alone = structure.on(values, e)
     alone = windowed(alone, window) if window else alone
-    x = alone.start
-    if alone.names and alone.cost_function.loss is None:
-        x = _descended(alone, x, Watch(jobs)).point
-    elif alone.names:
-        x = growing(alone, x, Watch(jobs)).best.point
-    return alone, alone.recordings[e.name][0], alone.followed(x, e.name)
+    return alone, alone.recordings[e.name][0], alone.followed(from_start(alone, Watch(jobs)).point, e.name)
 
 
 def _curves(problem: Problem, e: Experiment, simulated: FloatArray, recordings: int) -> dict[str, list[float | None]]:
