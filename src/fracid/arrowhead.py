@@ -27,10 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, IntArray
+from fracid.errors import SMALLEST
 from fracid.qr import triangle
 
-PIECE = 256
-"""Rows."""
+UNSEEN = 1e-10
+"""Of a column's norm, the damping of a step: what J does not see stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +138,8 @@ class Arrowhead:
         R, left = np.zeros((K, p, p + s + 1)), []
         for k, part in enumerate(parts):
             p_k = part.shape[1] - s - 1
-            T = _triangle(part)
-            R[k, : len(T[:p_k]), :p_k], R[k, : len(T[:p_k]), p:] = T[:p_k, :p_k], T[:p_k, p_k:]
+            T = triangle([part])
+            R[k, :p_k, :p_k], R[k, :p_k, p:] = T[:p_k, :p_k], T[:p_k, p_k:]
             left.append(T[p_k:, p_k:])
         rest = triangle([np.concatenate([np.zeros((1, s + 1)), *left])])
         return cls(blocks, R[..., :p], R[..., p : p + s], R[..., -1], rest)
@@ -163,14 +164,6 @@ class Arrowhead:
         above = np.einsum("kri,ki->kr", self.own, own) + self.shared @ shared
         return float(np.sum(above**2) + np.sum((self.rest[:, :-1] @ shared) ** 2))
 
-    def normal(self, x: FloatArray) -> FloatArray:
-        """Give J'Jx, shape (n_unknowns,)."""
-        own, shared = self._apart(x)
-        above = np.einsum("kri,ki->kr", self.own, own) + self.shared @ shared
-        rest = self.rest[:, :-1]
-        across = np.einsum("kri,kr->i", self.shared, above) + rest.T @ (rest @ shared)
-        return self._joined(np.einsum("kri,kr->ki", self.own, above), np.asarray(across))
-
     def step(self, damping: FloatArray) -> FloatArray:
         """Minimise ‖J step + r‖² + ‖damping·step‖²; an infinite damping holds an unknown, shape (n_unknowns,)."""
         held = np.isinf(damping)
@@ -191,6 +184,10 @@ class Arrowhead:
         own = -_solved(R[:, :p, :p], R[:, :p, -1] + R[:, :p, p:-1] @ shared)
         return self._joined(own, shared)
 
+    def solution(self) -> FloatArray:
+        """The step to the least ‖J step + r‖², that moves next to nothing of what J does not see."""
+        return self.step(np.maximum(UNSEEN * self.norms, SMALLEST))
+
     def _apart(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Each recording's own entries of x, 0 where it has fewer, and the shared ones."""
         return np.where(self.blocks.own < 0, 0.0, x[self.blocks.own]), x[self.blocks.shared]
@@ -200,16 +197,6 @@ class Arrowhead:
         x[self.blocks.shared] = shared
         x[self.blocks.own[self.blocks.own >= 0]] = own[self.blocks.own >= 0]
         return x
-
-
-def _triangle(rows: FloatArray) -> FloatArray:
-    """R of rows, in pieces so small that the libraries of linear algebra do not start threads for them."""
-    length = max(PIECE, 4 * rows.shape[1])
-    while len(rows) > 2 * length:
-        end = len(rows) - len(rows) % length
-        pieces = np.linalg.qr(rows[:end].reshape(-1, length, rows.shape[1]), mode="r")
-        rows = np.concatenate([np.asarray(pieces).reshape(-1, rows.shape[1]), rows[end:]])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def _solved(R: FloatArray, y: FloatArray) -> FloatArray:

@@ -176,12 +176,6 @@ def test_failing_runs_beside_the_minimum_do_not_stop_it(name):
     assert any(e.cost == np.inf for e in trail) or name in ("least-squares", "nelder-mead")
 
 
-def test_an_outcome_is_read_as_older_results_have_it_with_why_the_best_run_failed_behind_it():
-    assert Outcome("every run failed: it diverged at 0.3 s") is Outcome.ALL_FAILED
-    with pytest.raises(ValueError, match="is not a valid Outcome"):
-        Outcome("every run failed of late")
-
-
 @every
 @pytest.mark.parametrize("cost", [np.inf, np.nan, -np.inf])
 def test_where_every_run_fails_the_outcome_says_so_and_the_last_is_given(name, cost):

@@ -253,7 +253,9 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     require_likelihood(problem)
     x = np.clip(x, problem.space.lower, problem.space.upper)
     bare = as_fitted(likelihood_problem(problem), x)
-    best = _minimum(bare, x)
+    best = refit(bare, x)
+    if not math.isfinite(best.cost):
+        raise InputError(f"There is no posterior: no run of the model reaches the end of the recording: {best.reason}.")
     notes = tuple[str, ...]()
     estimator = sandwich(bare, best.point, np.arange(len(x)), jobs=jobs)
     if isinstance(estimator, Failure):
@@ -356,11 +358,3 @@ def require_likelihood(problem: Problem) -> None:
         raise InputError(SAYS("nothing-free"))
     if problem.cost_function.loss is None:
         raise InputError(SAYS("own-cost", problem=problem))
-
-
-def _minimum(problem: Problem, x: FloatArray) -> Evaluation:
-    """The minimum next to x."""
-    best = refit(problem, x)
-    if not math.isfinite(best.cost):
-        raise InputError(f"There is no posterior: no run of the model reaches the end of the recording: {best.reason}.")
-    return best

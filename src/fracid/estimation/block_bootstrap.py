@@ -20,7 +20,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -33,8 +33,6 @@ from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.solver.trajectory import vector
-
-T = TypeVar("T")
 
 FEW_BLOCKS = 20
 """Below so many blocks in all the scatter itself is badly known."""
@@ -177,8 +175,9 @@ def _stepped(
     free = np.flatnonzero(~at_bound(problem, x, jobs=jobs))
     if not len(free):
         return [x.copy() for _ in streams]
-    J = _known(jacobian(problem, x, free, jobs=jobs))
-    shape = _known(sandwich(problem, x, free, jobs=jobs))
+    J, shape = jacobian(problem, x, free, jobs=jobs), sandwich(problem, x, free, jobs=jobs)
+    if isinstance(J, Failure) or isinstance(shape, Failure):
+        raise InputError(f"There is no Newton step: {J if isinstance(J, Failure) else shape}.")
     median = loss_of(problem).centre == "median"  # on that the minimum rests
 
     def step(rng: np.random.Generator) -> FloatArray:
@@ -188,9 +187,3 @@ def _stepped(
         return point
 
     return [step(rng) for rng in streams]
-
-
-def _known(found: T | Failure) -> T:
-    if isinstance(found, Failure):
-        raise InputError(f"There is no Newton step: {found}.")
-    return found

@@ -203,15 +203,6 @@ def window_sums(blocks: Blocks, scores: Sequence[FloatArray], bread: Bread) -> F
     return np.array([part.sum(axis=0) @ bread.follow[blocks.columns(k)] for k, part in enumerate(scores)])
 
 
-def clustered(blocks: Blocks, inverse: FloatArray, sums: FloatArray) -> FloatArray:
-    """The shared unknowns' variances, as windows of one recording differ from each other, shape (n_shared,).
-
-    An error that lasts longer than a window, such as the rounding of an angle that hardly moves, is seen in no window.
-    """
-    C = inverse[np.ix_(blocks.shared, blocks.shared)]
-    return np.asarray(np.diag(C @ bartlett_long_run(sums, len(sums) ** (1 / 3)) @ C))
-
-
 # --- few samples -----------------------------------------------------------------------------------------
 
 

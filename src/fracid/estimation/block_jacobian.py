@@ -30,16 +30,7 @@ class BlockJacobian:
         kept = [part[..., which[self.blocks.columns(k)]] for k, part in enumerate(self.parts)]
         return BlockJacobian(self.blocks.of(which), kept, self.errors)
 
-    @property
-    def norms(self) -> FloatArray:
-        """Of the columns, shape (n_unknowns,)."""
-        squares = np.zeros(len(self.blocks.recording))
-        for k, part in enumerate(self.parts):
-            squares[self.blocks.columns(k)] += np.sum(part**2, axis=(0, 1))
-        return np.asarray(np.sqrt(squares))
-
     def solved(self, change: FloatArray) -> FloatArray:
         """What moves all samples by most of a change, next to nothing of what they do not see, shape (n_unknowns,)."""
-        blocks, rows = self.blocks, np.split(change, self.blocks.rows[1:-1])
-        parts = (np.column_stack([j.reshape(len(r), -1), -r]) for j, r in zip(self.parts, rows, strict=True))
-        return Arrowhead.of(blocks, parts).step(np.maximum(1e-10 * self.norms, 1e-300))
+        rows = zip(self.parts, np.split(change, self.blocks.rows[1:-1]), strict=True)
+        return Arrowhead.of(self.blocks, (np.column_stack([j.reshape(len(r), -1), -r]) for j, r in rows)).solution()

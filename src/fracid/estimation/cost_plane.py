@@ -179,10 +179,10 @@ def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> 
     >>> reaches(problem, problem.start, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
     (0.08, 0.15)
     """
-    from fracid.estimation.long_records import nearby  # here: a process that draws a plane needs no solver
+    from fracid.estimation.long_records import as_fitted, part_of  # here: a process that draws a plane needs no solver
 
     places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
-    near = nearby(problem, x)
+    near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
     return tuple(_reach(near, x, i, orders.get(problem.unknowns[i].target)) for i in places)
 
 
@@ -238,7 +238,7 @@ def cost_plane(
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
     """
-    from fracid.estimation.long_records import nearby, on_all_samples
+    from fracid.estimation.long_records import as_fitted, on_all_samples, part_of
 
     at = list(problem.order_indices[:2])
     if len(at) < 2:
@@ -248,7 +248,7 @@ def cost_plane(
     axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, GATHERED)
             for r, i, d in zip(ranges, at, far, strict=True)]  # fmt: skip
     grid = [(a, b) for a in axes[0] for b in axes[1]]
-    near = nearby(problem, x)
+    near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
 
     def cost(pair: tuple[float, float]) -> float:
         y = x.copy()

@@ -375,7 +375,10 @@ def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
     if not surface.calibrated:
         ends = (None, None)
     se = surface.standard_error(i)
-    verdict, sides = _verdict(surface, i, below, above), {"below": below.end, "above": above.end}
+    sides = {"below": below.end, "above": above.end}
+    crossed = sum(end is End.CROSSED for end in sides.values())
+    one = "hits a bound" if i in surface.at_bound else "one-sided"
+    verdict = ("flat", one, "two-sided")[crossed] if surface.calibrated else "no threshold"
     open_ = ", ".join(f"{side} {end.value}" for side, end in sides.items() if end is not End.CROSSED)
     known = math.isfinite(se) and i not in surface.at_bound
     return Profile(
@@ -385,15 +388,6 @@ def _join(surface: Surface, i: int, below: Branch, above: Branch) -> Profile:
         wald95=(best - NORMAL_95 * se, best + NORMAL_95 * se) if known else None,
         verdict=verdict, sentence=f"{verdict}: {open_}" if open_ else verdict,
     )  # fmt: skip
-
-
-def _verdict(surface: Surface, i: int, below: Branch, above: Branch) -> str:
-    if not surface.calibrated:
-        return "no threshold"
-    crossed = [walked.end is End.CROSSED for walked in (below, above)]
-    if not all(crossed) and any(crossed) and i in surface.at_bound:
-        return "hits a bound"
-    return "two-sided" if all(crossed) else "one-sided" if any(crossed) else "flat"
 
 
 # --- two together --------------------------------------------------------------------------------------

@@ -77,7 +77,7 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +87,6 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_covariance import (
     block_long_run,
     block_sandwiched,
-    clustered,
     normal_equations,
     widening,
     window_sums,
@@ -100,7 +99,7 @@ from fracid.estimation.tangent import Tangent, tangent
 from fracid.optimise import Space
 from fracid.problem import Problem
 from fracid.quantiles import NORMAL_95
-from fracid.signals.correlation import sokal_bandwidth
+from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
@@ -134,38 +133,32 @@ class Uncertainty:
     """Shape (n_unknowns,)."""
     confounded: tuple[tuple[str, ...], ...]
     """Names that can only be known together, one tuple for each direction that the data do not see."""
-    bandwidth: float
-    """B of the sandwich [samples]."""
-    white: FloatArray = field(default_factory=lambda: np.empty(0))
+    white: FloatArray
     """Standard errors by σ²(J'J)⁻¹, as if the residuals were white, shape (n_unknowns,); NaN where the others are."""
-    covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    covariance: FloatArray
     """Of the sandwich, shape (n_unknowns, n_unknowns); NaN in the rows of what has no standard error."""
-    unseen: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    unseen: FloatArray
     """Relative changes of the unknowns that the data do not see, shape (len(confounded), n_unknowns); the
     greatest in a row is 1."""
-    samples: int = 0
+    samples: int
     """Of all recordings."""
-    widening: FloatArray = field(default_factory=lambda: np.ones(1))
+    widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_unknowns,)."""
-    ends: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    ends: FloatArray
     """Of the 95 % intervals, shape (n_unknowns, 2); NaN where there is none."""
-    rise: FloatArray = field(default_factory=lambda: np.empty(0))
-    """By how much V rises to both ends, shape (n_unknowns, 2); empty where many recordings share the work."""
-    start: FloatArray = field(default_factory=lambda: np.empty(0))
-    """What the noise of a start that is taken from samples adds, one standard deviation; empty where nothing is added,
-    shape (n_unknowns,)."""
-    walked: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
+    rise: FloatArray
+    """By how much V rises to both ends, shape (n_unknowns, 2); NaN where that is not known."""
+    start: FloatArray
+    """What the noise of a start that is taken from samples adds, one standard deviation, shape (n_unknowns,)."""
+    walked: NDArray[np.bool_]
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
     unwalked: int = 0
     """Ends that were left while they were looked for, as the work was spent."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""
-        if method == "sandwich":
-            low, high = self.ends[i].tolist() if len(self.ends) else (math.nan, math.nan)
-        else:
-            half = NORMAL_95 * float(self.white[i])
-            low, high = float(x[i]) - half, float(x[i]) + half
+        ends = self.ends[i] if method == "sandwich" else x[i] + NORMAL_95 * self.white[i] * np.array((-1.0, 1.0))
+        low, high = ends.tolist()
         return (low, high) if math.isfinite(low) and math.isfinite(high) else None
 
     def half_beyond_bounds(self, i: int) -> float:
@@ -177,7 +170,7 @@ class Uncertainty:
         """How the interval of unknown i was made: a key of :data:`METHODS`; None where there is none."""
         if not np.all(np.isfinite(self.ends[i])):
             return None
-        return "walk" if len(self.walked) and self.walked[i] else "sandwich"
+        return "walk" if self.walked[i] else "sandwich"
 
     def wider(self, space: Space, x: FloatArray, shift: FloatArray) -> Uncertainty:
         """Wider by what moves each unknown by a standard deviation of its own, shape (n_unknowns,)."""
@@ -186,8 +179,7 @@ class Uncertainty:
         ends = x[:, None] + wider[:, None] * (self.ends - x[:, None])
         return replace(
             self, standard_error=self.standard_error * wider, covariance=self.covariance * np.outer(wider, wider),
-            ends=np.clip(ends, space.lower[:, None], space.upper[:, None]),
-            rise=self.rise * wider[:, None] ** 2 if len(self.rise) else self.rise,
+            ends=np.clip(ends, space.lower[:, None], space.upper[:, None]), rise=self.rise * wider[:, None] ** 2,
         )  # fmt: skip
 
     @property
@@ -210,8 +202,6 @@ class Sandwich:
     """A⁻¹S₀A⁻¹, shape (n_free, n_free)."""
     directions: FloatArray
     """Changes of the unknowns, in their own units, that J does not see, shape (n_unseen, n_free)."""
-    bandwidth: float
-    """B [samples]."""
     widening: FloatArray
     """By what the standard errors were widened for few samples, shape (n_free,)."""
 
@@ -261,7 +251,7 @@ def uncertainty(
             return found
         touching = (x <= problem.space.lower) | (x >= problem.space.upper)
         ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(found.covariance)), (-1.0, 1.0))
-        return _spread_out(problem, x, found, touching, ends)
+        return _spread_out(problem, x, found, touching, ends, np.full_like(ends, np.nan))
     here = tangent(problem, x, jobs=jobs) if near is None else near
     if isinstance(here, Failure):
         return here
@@ -269,31 +259,28 @@ def uncertainty(
     if not len(free):
         return Failure(FailureReason.AT_BOUND, "all free parameters are of elements that are not there")
     estimator = _sandwich(problem, here.by(free), free)
-    ends, rise = _ends(here, estimator)
-    whole = np.full((len(x), 2), np.nan)
-    whole[free] = rise
-    return replace(_spread_out(problem, x, estimator, here.touching, ends), rise=whole)
+    return _spread_out(problem, x, estimator, here.touching, *_ends(here, estimator))
 
 
 def _spread_out(
-    problem: Problem, x: FloatArray, estimator: Sandwich, touching: NDArray[np.bool_], ends: FloatArray
+    problem: Problem, x: FloatArray, found: Sandwich, touching: NDArray[np.bool_], ends: FloatArray, rise: FloatArray
 ) -> Uncertainty:
     """The sandwich of the free unknowns in places of all, without what the data cannot separate."""
-    free, space = estimator.free, problem.space
-    directions = _sparse(estimator.directions / space.sizes(x)[free])
+    free, space = found.free, problem.space
+    directions = _sparse(found.directions / space.sizes(x)[free])
     at = np.flatnonzero(~np.any(directions != 0, axis=0))
     seen, n = free[at], len(x)
-    error, white, wider, limits = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.full((n, 2), np.nan)
-    covariance, null_space = np.full((n, n), np.nan), np.zeros((len(directions), n))
-    error[seen] = np.sqrt(np.diag(estimator.covariance))[at]
-    white[seen] = np.sqrt(np.diag(estimator.white))[at]
-    covariance[np.ix_(seen, seen)] = estimator.covariance[np.ix_(at, at)]
-    wider[free], null_space[:, free] = estimator.widening, directions
-    limits[seen] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None])
+    (error, white), (limits, rises), covariance = (np.full(s, np.nan) for s in ((2, n), (2, n, 2), (n, n)))
+    wider, null_space = np.ones(n), np.zeros((len(directions), n))
+    error[seen] = np.sqrt(np.diag(found.covariance))[at]
+    white[seen] = np.sqrt(np.diag(found.white))[at]
+    covariance[np.ix_(seen, seen)] = found.covariance[np.ix_(at, at)]
+    wider[free], null_space[:, free] = found.widening, directions
+    limits[seen], rises[free] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None]), rise
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples = sum(e.samples for e in problem.experiments)
-    return Uncertainty(error, touching, confounded, estimator.bandwidth, white, covariance, null_space,
-                       samples, wider, limits)  # fmt: skip
+    return Uncertainty(error, touching, confounded, white, covariance, null_space,
+                       samples, wider, limits, rises, np.zeros(n), np.zeros(n, dtype=bool))  # fmt: skip
 
 
 def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
@@ -393,7 +380,9 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
     covariance = block_sandwiched(blocks, inverse, S, known)
     white = block_sandwiched(blocks, inverse, _white(problem, J, norm), known)
     if sums is not None:
-        from_window_to_window = clustered(blocks, inverse, sums)
+        # an error that lasts longer than a window, as the rounding of an angle that hardly moves, is seen in none
+        C = inverse[np.ix_(blocks.shared, blocks.shared)]
+        from_window_to_window = np.diag(C @ bartlett_long_run(sums, len(sums) ** (1 / 3)) @ C)
         here = np.diag(covariance)[blocks.shared] * wider[blocks.shared] ** 2
         ratio = np.divide(from_window_to_window, here, out=np.ones_like(here), where=here > 0)
         wider[blocks.shared] *= np.sqrt(np.maximum(1.0, ratio))
@@ -405,7 +394,7 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
         covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
     for square in (inverse, covariance, white):
         square /= scale
-    return Sandwich(free, inverse, covariance, white, bread.unseen / norm, bandwidth, wider)
+    return Sandwich(free, inverse, covariance, white, bread.unseen / norm, wider)
 
 
 def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:

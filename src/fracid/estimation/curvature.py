@@ -188,7 +188,7 @@ def start_shift(
             return None
         rows = (weight[..., None] * J[0]).reshape(-1, len(own) + len(initial_indices))
         G = parabola.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
-        variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise), G))
+        variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise[e.name]), G))
     if not variances:
         return None
     shift = np.zeros(len(x))
@@ -196,18 +196,17 @@ def start_shift(
     return shift
 
 
-def _covariance(problem: Problem, initial_indices: list[int], noise: dict[str, FloatArray]) -> FloatArray:
-    """S of the starts that are taken from samples, shape (n_started, n_started): each is f'y of its signal's first."""
-    model, experiments = problem.model, {e.name: e for e in problem.experiments}
-    indices = model.output_states
-    outputs = {model.states[indices[o]]: k for k, o in enumerate(problem.outputs) if o in indices}
+def _covariance(problem: Problem, initial_indices: list[int], noise: FloatArray) -> FloatArray:
+    """S of the one recording's starts that are taken from samples, shape (n_started, n_started).
+
+    Each is f'y of its signal's first samples, f shape (n_outputs, n_slope).
+    """
+    model, weights = problem.model, problem.experiments[0].slope_weights
+    states = {o: model.states[i] for o, i in model.output_states.items()}
+    outputs = {states[o]: k for k, o in enumerate(problem.outputs) if o in states}
     rates = {model.states[j]: outputs[model.states[i]] for i, j in problem.rates.items()}
-    sources, functionals = [], []
-    for u in (problem.unknowns[i] for i in initial_indices):
-        assert u.experiment is not None
-        e, k = experiments[u.experiment], (outputs | rates)[u.target]
-        v = e.slope_weights if u.target in rates else np.eye(1, len(e.slope_weights))[0]
-        sources.append((e.name, k))
-        functionals.append(noise[e.name][k] * v)
-    return np.array([[float(f @ g) if a == b else 0.0 for b, g in zip(sources, functionals, strict=True)]
-                     for a, f in zip(sources, functionals, strict=True)])  # fmt: skip
+    F = np.zeros((len(initial_indices), len(problem.outputs), len(weights)))
+    for f, target in zip(F, (problem.unknowns[i].target for i in initial_indices), strict=True):
+        k = (outputs | rates)[target]
+        f[k] = noise[k] * (weights if target in rates else np.eye(1, len(weights))[0])
+    return np.asarray(np.einsum("iok,jok->ij", F, F))

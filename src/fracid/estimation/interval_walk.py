@@ -123,8 +123,7 @@ def _walked(
         if way.found is not None and way.distance != way.first:
             ends[way.i, way.side] = way.found
     ends = _as_far_as_any(start, known, ends, points)
-    moved = np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
-    moved = moved | known.walked if len(known.walked) else moved
+    moved = known.walked | np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
     return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + spent * len(open_))
 
 

@@ -258,11 +258,6 @@ def as_fitted(problem: Problem, x: FloatArray) -> Problem:
     return coarse if isinstance(exact, Failure) else exact
 
 
-def nearby(problem: Problem, x: FloatArray) -> Problem:
-    """What has nearly the shape of a problem's cost about x, and is cheap: of long records a part; else the problem."""
-    return part_of(as_fitted(problem, x))
-
-
 def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: float) -> FloatArray:
     """Costs of means, or of a part, with what that leaves out: what is `here` is `there` on all samples.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray, IntArray
 from fracid.arrowhead import Arrowhead, Blocks
-from fracid.errors import SMALLEST, Failure
+from fracid.errors import Failure
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.derivatives import by_blocks, rows_and_pulls
 from fracid.problem import Problem
@@ -28,9 +28,6 @@ STILL = 1e-9
 
 SHRINKS = 0.3
 """A step of more than this part of the one before has the wrong derivatives."""
-
-UNSEEN = 1e-10
-"""Of a column's norm, the damping of a step: what J does not see stays."""
 
 
 def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> FloatArray | None:
@@ -88,8 +85,7 @@ def _chord(problem: Problem, x: FloatArray, free: IntArray, J: BlockJacobian) ->
         errors = problem.errors(x)
         if isinstance(errors, Failure):
             return None
-        R = Arrowhead.of(J.blocks, rows_and_pulls(problem, errors, J.parts))
-        step = R.step(np.maximum(UNSEEN * R.norms, SMALLEST))
+        step = Arrowhead.of(J.blocks, rows_and_pulls(problem, errors, J.parts)).solution()
         x = x.copy()
         x[free] += step
         if np.any((x < problem.space.lower) | (x > problem.space.upper)):

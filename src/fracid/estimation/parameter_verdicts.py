@@ -102,8 +102,6 @@ class Verdict:
     kind: Kind
     reason: str = ""
     """Why, or with what; in words."""
-    partners: tuple[str, ...] = ()
-    """The unknowns that it can only be known together with."""
 
     @property
     def sentence(self) -> str:
@@ -348,12 +346,12 @@ def _unseen(view: _View, i: int) -> Iterator[Verdict]:
         return
     partners = tuple(view.names[k] for k in others)
     if len(directions) > 1 or not all(_has_a_size(view, k) for k in (i, others[0])):
-        yield Verdict(name, "only in a ratio", f"seen only together with {', '.join(partners)}", partners)
+        yield Verdict(name, "only in a ratio", f"seen only together with {', '.join(partners)}")
         return
     combination = _combination(name, partners[0], direction[i] / direction[others[0]])
     also = f", and so with {', '.join(partners[1:])}" if len(partners) > 1 else ""
     reason = f"with {partners[0]}: only {combination} is identifiable{also}; fix one of them"
-    yield Verdict(name, "only in a ratio", reason, partners)
+    yield Verdict(name, "only in a ratio", reason)
 
 
 def _has_a_size(view: _View, i: int) -> bool:
@@ -387,7 +385,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     else:
         partner, combination, percent = ratio
         why = SAYS("near-ratio", partner=partner, combination=combination, percent=percent, text=text)
-        yield Verdict(name, "only in a ratio", why, (partner,))
+        yield Verdict(name, "only in a ratio", why)
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:

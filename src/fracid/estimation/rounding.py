@@ -36,7 +36,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,7 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.problem import Experiment, Problem
+from fracid.problem import Problem
 from fracid.signals.resolution import resolution
 
 HARMONICS = 40
@@ -92,25 +92,6 @@ class Edges:
         return np.asarray(sum((t.T @ t / len(t) for t in self.tables), np.zeros_like(self.white)))
 
 
-@dataclass(frozen=True)
-class _Channel:
-    """One output of one recording that an undithered encoder read."""
-
-    number: int
-    """Of the output."""
-    step: float
-    """q"""
-    noise: float
-    """σ [q]"""
-    phase: FloatArray
-    """2π f/q, from a line of the encoder, shape (n_samples,)."""
-    score: FloatArray
-    """w J, shape (n_samples, n_free)."""
-    variance: float
-    """Of ψ where it moves."""
-    explained: bool
-
-
 def edges(
     problem: Problem, errors: list[FloatArray], J: list[FloatArray], psi: Callable[[FloatArray], FloatArray]
 ) -> Edges | None:
@@ -126,35 +107,22 @@ def edges(
     psi
         ρ′ of the cost.
     """
-    channels = [[*_channels(*parts, psi)] for parts in
-                zip(problem.experiments, errors, J, problem.criterion.sample_weights(errors), strict=True)]  # fmt: skip
-    if not any(channels):
-        return None
-    free = J[0].shape[-1]
     tables: dict[tuple[int, float], FloatArray] = {}
-    white = np.zeros((free, free))
-    alone = tuple(np.zeros(e.shape[1]) for e in errors)
-    for own, of_recording in zip(alone, channels, strict=True):
-        for c in of_recording:
-            table, known = _table(c, psi)
-            tables[c.number, c.step] = tables.get((c.number, c.step), 0.0) + table
-            if c.explained:
-                own[c.number] = 1.0
-                white += max(c.variance - known, 0.0) * c.score.T @ c.score
-    return Edges(tuple(t - t.mean(axis=0) for t in tables.values()), white, alone)
-
-
-def _channels(
-    e: Experiment, errors: FloatArray, J: FloatArray, weights: FloatArray, psi: Callable[[FloatArray], FloatArray]
-) -> Iterator[_Channel]:
-    """The outputs of a recording that an undithered encoder read."""
-    scored = np.ones(len(errors), bool) if e.scored is None else e.scored
-    for o, (y, r) in enumerate(zip(e.measured.T, errors.T, strict=True)):
-        found = encoder_noise(y, r, scored)
-        if found is not None and found.noise < DITHERED:
-            phase, variance = 2 * np.pi * (y - r - y[0]) / found.step, float(found.moving @ psi(r) ** 2)
-            yield _Channel(o, found.step, found.noise, phase, weights[:, o, None] * J[:, o], variance,
-                           found.times <= EXPLAINED)  # fmt: skip
+    white, alone = np.zeros((J[0].shape[-1],) * 2), []
+    for e, r, j, w in zip(problem.experiments, errors, J, problem.criterion.sample_weights(errors), strict=True):
+        scored = np.ones(len(r), bool) if e.scored is None else e.scored
+        alone.append(np.zeros(r.shape[1]))
+        for o, (y, error) in enumerate(zip(e.measured.T, r.T, strict=True)):
+            found = encoder_noise(y, error, scored)
+            if found is None or found.noise >= DITHERED:
+                continue
+            score = w[:, o, None] * j[:, o]
+            table, known = _table(y - error - y[0], score, found.step, found.noise, psi)  # from a line of the encoder
+            tables[o, found.step] = tables.get((o, found.step), 0.0) + table
+            if found.times <= EXPLAINED:
+                alone[-1][o] = 1.0
+                white += max(float(found.moving @ psi(error) ** 2) - known, 0.0) * score.T @ score
+    return Edges(tuple(t - t.mean(axis=0) for t in tables.values()), white, tuple(alone)) if tables else None
 
 
 class EncoderNoise(NamedTuple):
@@ -220,8 +188,7 @@ def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise:
     variance = step**2 / 12 + noise**2
     if step == 0 or noise >= DITHERED * step:
         return np.asarray(variance * score.T @ score)
-    channel = _Channel(0, step, noise / step, 2 * np.pi * fitted / step, score, variance, explained=True)
-    table, periodic = _table(channel, np.asarray)
+    table, periodic = _table(fitted, score, step, noise / step, np.asarray)
     return np.asarray(table.T @ table / len(table) + max(variance - periodic, 0.0) * score.T @ score)
 
 
@@ -263,19 +230,21 @@ def _alike(d: FloatArray, noise: float) -> FloatArray:
     return np.asarray(np.cos(2 * np.pi * np.outer(d, k)) @ squares)
 
 
-def _table(c: _Channel, psi: Callable[[FloatArray], FloatArray]) -> tuple[FloatArray, float]:
+def _table(
+    fitted: FloatArray, score: FloatArray, step: float, noise: float, psi: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, float]:
     """G on a grid of edges, shape (n_phases, n_free), and the variance of E[ψ | u]."""
     u = (np.arange(4 * PHASES) + 0.5) / (4 * PHASES) - 0.5
-    tooth = psi(c.step * -u)  # round(u) is 0
-    grid, turn = np.exp(-2j * np.pi * np.arange(PHASES) / PHASES), np.exp(1j * c.phase)
-    table, variance, power = np.zeros((PHASES, c.score.shape[1])), 0.0, np.ones_like(turn)
+    tooth = psi(step * -u)  # round(u) is 0
+    grid, turn = np.exp(-2j * np.pi * np.arange(PHASES) / PHASES), np.exp(1j * (2 * np.pi * fitted / step))
+    table, variance, power = np.zeros((PHASES, score.shape[1])), 0.0, np.ones_like(turn)
     for k in range(1, HARMONICS + 1):
         power = power * turn
-        b = 2 * float(np.mean(tooth * np.sin(2 * np.pi * k * u))) * math.exp(-2 * (math.pi * k * c.noise) ** 2)
+        b = 2 * float(np.mean(tooth * np.sin(2 * np.pi * k * u))) * math.exp(-2 * (math.pi * k * noise) ** 2)
         if variance and b**2 < LEAST * variance:
             break
         variance += b**2 / 2
-        sums = power.real @ c.score + 1j * (power.imag @ c.score)  # a real matrix stays so
+        sums = power.real @ score + 1j * (power.imag @ score)  # a real matrix stays so
         table += b * np.imag(np.outer(grid**k, sums))
     return table, variance
 

@@ -55,11 +55,6 @@ class Outcome(StrEnum):
     STOPPED = "stopped as asked: the best so far is kept"
     ALL_FAILED = "every run failed"
 
-    @classmethod
-    def _missing_(cls, value: object) -> Outcome | None:
-        """Results of older versions have why the best run failed behind it."""
-        return next((outcome for outcome in cls if str(value).startswith(f"{outcome}: ")), None)
-
 
 @dataclass(frozen=True)
 class Space:

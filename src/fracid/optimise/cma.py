@@ -14,7 +14,6 @@ References
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -61,6 +60,8 @@ def cma(
     >>> found.best.point.round(3)
     array([3., 4.])
     """
+    from cma import CMAEvolutionStrategy
+
     n = len(space.names)
     population = at_least("population", 4 + int(3 * math.log(n)) if population is None else population, 3)
     default = 100 + 50 * (n + 3) ** 2 // math.isqrt(population)
@@ -69,7 +70,12 @@ def cma(
         if not 0.0 < value <= 1.0:
             raise InputError(f"{name} = {value!r}; expected a part of the bounds, above 0 and up to 1.")
     corners = space.from_unit(np.array([[0.0], [1.0]]) * np.ones(n))
-    strategy = _strategy((space.start - corners[0]) / (corners[1] - corners[0]), width, population, tolerance, rng)
+    quiet = {"tolfun": 0.0, "tolfunhist": 0.0, "verbose": -10, "verb_log": 0}  # and it writes no file
+    drawn = {"randn": lambda *shape: rng.standard_normal(shape), "seed": np.nan}
+    strategy = CMAEvolutionStrategy(
+        (space.start - corners[0]) / (corners[1] - corners[0]), width,
+        {"popsize": population, "tolx": tolerance, **drawn, **quiet},
+    )  # fmt: skip
     outcome = Outcome.ALL_FAILED
     for _ in range(generations):
         normal = strategy.ask()
@@ -81,20 +87,6 @@ def cma(
         if strategy.stop():
             return Outcome.CONVERGED if outcome is Outcome.GENERATIONS_DONE else outcome
     return outcome
-
-
-def _strategy(start: Any, width: float, population: int, tolerance: float, rng: np.random.Generator) -> Any:
-    """Give the package's strategy in the unit cube: silent, writing no file, random by `rng` alone."""
-    from cma import CMAEvolutionStrategy
-
-    def normal(*shape: int) -> Any:
-        return rng.standard_normal(shape)
-
-    return CMAEvolutionStrategy(
-        start, width,
-        {"popsize": population, "randn": normal, "seed": np.nan, "tolx": tolerance, "tolfun": 0.0, "tolfunhist": 0.0,
-         "verbose": -10, "verb_log": 0},
-    )  # fmt: skip
 
 
 OPTIMISER = Entry(

@@ -236,7 +236,7 @@ def noisy_start(
     >>> found.code, found.where, found.number > 1
     ('noisy-start', 'mu', True)
     """
-    if isinstance(known, Failure) or not len(known.start):
+    if isinstance(known, Failure):
         return ()
     alone = np.sqrt(np.maximum(known.standard_error**2 - known.start**2, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
