@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import takewhile
 from operator import eq
@@ -45,10 +45,13 @@ def choose_channels(
         return {name: Channel.of(spec, name) for name, spec in columns.items()}, []
     others = [j for j in range(len(table.names)) if j != time and (unevenness(table.values[:, j]) or 1) > 1e-12]
     blank = {j for j in others if np.isnan(table.values[rows, j]).all()}
-    still = {j for j in others if j not in blank and _is_still(table.values[rows, j])}
-    indices = [j for j in others if j not in blank | still and not _is_clock(table, j, time)] or [*still]
-    if not indices:
-        raise DataError(_no_signal(table, blank))
+    still = {j for j in others if j not in blank and np.all(table.values[rows, j] == table.values[rows, j][0])}
+    late = [j for j in others if time is not None and table.values[0, j] > CLOCK_STAMP]
+    clocks = {j for j in late if unevenness(table.values[:, j]) is not None}  # dates that increase
+    if not (indices := [j for j in others if j not in blank | still | clocks] or [*still]):
+        names = ", ".join(table.names[j] for j in [*blank][:20]) or ", ".join(table.names[:20])
+        reason = " ".join(_left_out(table)) or f"{'Blank throughout' if blank else 'Its columns'}: {names}."
+        raise DataError(f"{table.source} holds no signal besides its time. {reason}")
     indices, beyond = indices[:MOST_SIGNALS], len(indices) - MOST_SIGNALS
     sentences = [f"No columns were named: signals are {', '.join(repr(table.names[j]) for j in indices)}."]
     if beyond > 0:
@@ -66,29 +69,11 @@ def choose_channels(
     return {label[j]: Channel(j) for j in indices}, sentences
 
 
-def _is_still(column: FloatArray) -> bool:
-    return bool(np.all(column == column[0]))
-
-
-def _no_signal(table: Table, blank: Collection[int]) -> str:
-    """Return why nothing but time is there."""
-    names = ", ".join(table.names[:20])
-    reason = " ".join(_left_out(table)) or (
-        f"Blank throughout: {', '.join(table.names[j] for j in [*blank][:20])}." if blank else f"Its columns: {names}."
-    )
-    return f"{table.source} holds no signal besides its time. {reason}"
-
-
 def _left_out(table: Table) -> list[str]:
     """Say what of the file is no column and might have been meant to be one."""
     odd = [f"{name} {why}" for name, why in table.left_out.items() if why not in (TEXT.why, SINGLE)]
     more = f"; and {len(odd) - 3} more" if len(odd) > 3 else ""
     return [Note(f"Left out: {'; '.join(map(short_text, odd[:3]))}{more}.", "left-out")] if odd else []
-
-
-def _is_clock(table: Table, j: int, time: int | None) -> bool:
-    """Tell whether a column is a second clock: dates that increase."""
-    return time is not None and unevenness(table.values[:, j]) is not None and table.values[0, j] > CLOCK_STAMP
 
 
 def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | None) -> None:

@@ -180,7 +180,9 @@ def signal_faults(
             findings += _saturated(s, x)
             continue
         findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, x))
-        findings += _set_clock(s, t, x) if pendulum else ()
+        for at, length in clock_jumps(t, x)[:1] if pendulum else ():
+            limit = JUMPED * float(np.median(np.diff(t)))
+            findings.append(SAYS.finding("clock-jump", s.name, length, limit, at=at))
         if not s.resolution or s.range >= FEW_COUNTS * s.resolution:
             findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
@@ -336,12 +338,6 @@ def _misfit(t: FloatArray, x: FloatArray) -> float:
 
 def _long(length: float) -> str:
     return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
-
-
-def _set_clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
-    """A clock that was set while the rig went on."""
-    for at, length in clock_jumps(t, x)[:1]:
-        yield SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at)
 
 
 # --- jumps -------------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ import struct
 import tomllib
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -146,7 +146,7 @@ class _Reader:
 
     def within(self, raw: memoryview) -> _Reader:
         """Return a reader of an element's data."""
-        return _Reader(raw, self.order, self.path)
+        return replace(self, raw=raw)
 
 
 def _version5(raw: bytes, path: Path) -> Content:
@@ -156,7 +156,6 @@ def _version5(raw: bytes, path: Path) -> Content:
     for kind, data in reader.elements(128):
         if kind == COMPRESSED:
             data, room = _unpacked(reader.within(data), room)
-            refuse_bomb(path, math.inf if room < 0 else 0, len(raw))
         elif kind != MATRIX:
             raise _Damaged(f"an element of type {kind} where a variable should be")
         name, value = _matrix(reader.within(data), 0)
@@ -166,11 +165,10 @@ def _version5(raw: bytes, path: Path) -> Content:
 
 
 def _unpacked(packed: _Reader, room: int) -> tuple[memoryview, int]:
-    """Return the data of the one element that is packed, and how many bytes are left; below 0 it was too large."""
+    """Return the data of the one element that is packed, and how many bytes are left."""
     stream = zlib.decompressobj()
     unpacked = stream.decompress(packed.raw, room + 1)
-    if len(unpacked) > room:
-        return memoryview(b""), room - len(unpacked)
+    refuse_bomb(packed.path, math.inf if len(unpacked) > room else 0, packed.path.stat().st_size)
     if not stream.eof:
         raise _Damaged("what is packed in it has no end")
     kind, data = next(packed.within(memoryview(unpacked)).elements(0), NOTHING)
