@@ -313,9 +313,10 @@ def minimise(
             while outcome is None:
                 batch = []
                 try:
-                    asked = np.atleast_2d(points)
+                    asked = list(np.atleast_2d(points))
                     parts = [asked[k : k + at_once] for k in range(0, len(asked), at_once)]
-                    for evaluations in pool.map(evaluate_all, parts):
+                    alone = min(jobs, len(parts)) == 1
+                    for evaluations in map(evaluate_all, parts) if alone else pool.map(evaluate_all, parts):
                         batch += [_sound(e) for e in evaluations]
                 finally:  # what an interrupted batch has done counts too
                     count += len(batch)
