@@ -150,7 +150,7 @@ UNPLAIN = {
 
 
 @pytest.mark.parametrize("kind", UNPLAIN)
-@pytest.mark.parametrize("way", [door.bytes_of, door.text_of, door.opened, door.appended, door.descriptor])
+@pytest.mark.parametrize("way", [door.bytes_of, door.text_of, door.opened, door.appended])
 def test_what_is_no_plain_file_is_not_opened_and_not_waited_for(tmp_path, monkeypatch, kind, way):
     monkeypatch.chdir(tmp_path)  # a socket's name is short
     UNPLAIN[kind]("it")
@@ -158,7 +158,7 @@ def test_what_is_no_plain_file_is_not_opened_and_not_waited_for(tmp_path, monkey
         way(Path("it"))
 
 
-@pytest.mark.parametrize("way", [door.appended, door.descriptor])
+@pytest.mark.parametrize("way", [door.appended])
 def test_nothing_is_added_to_what_a_link_leads_to(tmp_path, way):
     (tmp_path / "thesis").write_text("mine")
     (tmp_path / "log").symlink_to(tmp_path / "thesis")

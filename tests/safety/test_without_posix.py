@@ -26,7 +26,6 @@ MODULES = ("fcntl", "resource", "termios", "tty", "pwd", "grp", "pty")
 """Modules that Windows does not have."""
 
 GUARDED = {
-    "tasks/simulation_cache.py": {"os.pread", "os.pwritev"},  # Memo.possible
     "tasks/folder_lock.py": {"os.register_at_fork", "fcntl"},  # hasattr, and msvcrt
     "cli/app.py": {"os.sched_getaffinity"},  # hasattr
     "safety/apart.py": {"resource"},  # ImportError

@@ -6,7 +6,6 @@
 :func:`text_of`      the same, as text
 :func:`own_text`     a file of fracid's own, that it was installed with
 :func:`appended`     to add to its end, or to lock it: a plain file of this folder, no link that leads to another's
-:func:`descriptor`   the same, to write anywhere in it
 :func:`nowhere`      what keeps nothing
 :func:`write_whole`  a new content, all of it or none; a link in its place is replaced and not followed
 ===================  ================================================================================================
@@ -126,20 +125,6 @@ def appended(path: Path) -> FileIO:
     3
     """
     return FileIO(path, "ab+", opener=lambda path, how: _plain(path, how | UNLINKED))
-
-
-def descriptor(path: Path) -> int:
-    """Open a plain file to read and to write anywhere in it, as the operating system does; as :func:`appended` else.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> file = descriptor(Path(tempfile.mkdtemp()) / "memo")
-    >>> os.pwrite(file, b"one", 0)
-    3
-    >>> os.close(file)
-    """
-    return _plain(str(path), os.O_RDWR | os.O_CREAT | UNLINKED)
 
 
 def _plain(path: str, how: int) -> int:

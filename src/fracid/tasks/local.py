@@ -100,20 +100,6 @@ def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[T
         yield from _in_flight(lambda task: pool.submit(perform, work, task.arguments), iter(tasks), 2 * jobs)
 
 
-class _NoProcess(Exception):
-    """None can be started."""
-
-
-@contextmanager
-def _starting() -> Iterator[None]:
-    try:
-        yield
-    except BrokenExecutor:
-        raise
-    except UNSTARTED as error:
-        raise _NoProcess(str(error)) from None
-
-
 def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
     """Do the tasks on processes, in any order; on threads, those that are left where none can be started."""
     done = set()
@@ -121,7 +107,7 @@ def on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple
         for task, outcome in _on_processes(work, tasks, jobs):
             done.add(task.key)
             yield task, outcome
-    except _NoProcess as error:
+    except UNSTARTED as error:
         LOG.warning(f"No process can be started here ({error}): threads do the work, with the same result.")
         yield from on_threads(work, [task for task in tasks if task.key not in done], jobs)
 
@@ -139,12 +125,10 @@ def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tupl
 
 
 def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
-    with _starting():
-        processes = fresh_processes(jobs, _prepare_worker, packed)
-    with _closing(processes) as pool:
+    with _closing(fresh_processes(jobs, _prepare_worker, packed)) as pool:
 
         def start(task: Task) -> Future[Ended]:
-            with _starting(), deaf_to_ctrl_c():  # the first ones start the processes
+            with deaf_to_ctrl_c():  # the first ones start the processes
                 return pool.submit(_do_here, job.own(task))
 
         return (yield from _in_flight(start, tasks, window))

@@ -35,8 +35,9 @@ import numpy as np
 from numpy.lib.format import MAGIC_PREFIX, read_array, write_array
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, FailureReason
-from fracid.safety.door import descriptor, text_of
+from fracid.errors import Failure, FailureReason, Unfinished
+from fracid.safety.door import appended, text_of
+from fracid.tasks.journal import append_whole
 
 RECORD = struct.Struct("<16sQI")
 """Key, length, and the check sum of both with what follows: an array as NumPy writes it, or why there is none.
@@ -46,6 +47,9 @@ NumPy writes the order in memory too, on which a sum's last bits depend."""
 
 MOST = 256 << 20
 """Bytes of a file at most."""
+
+Place = tuple[int, int, int]
+"""Offset and size [bytes], check sum."""
 
 
 class Memo(AbstractContextManager["Memo"]):
@@ -74,8 +78,6 @@ class Memo(AbstractContextManager["Memo"]):
     array([[0.1, 0.2]])
     """
 
-    possible = hasattr(os, "pwritev")
-    """Whether this system can; where it cannot, a run that was killed begins from its start."""
     emptied: bool = False
     """Whether there was something that could not be used: another program's, or from before the machine's restart."""
 
@@ -84,13 +86,29 @@ class Memo(AbstractContextManager["Memo"]):
         self._path, self._lock = path, threading.Lock()
         self._most, self._overflow = min(most, shutil.disk_usage(path.parent).free // 2), Recent(most // 2)
         self._full = False
-        self._file = descriptor(path)
+        self._file = appended(path)
         self._places: dict[bytes, Place]
-        self._places, self._end = _read(self._file)
-        self.emptied = self._end == 0 < os.fstat(self._file).st_size
-        os.ftruncate(self._file, self._end)
-        if self._end == 0:
-            self._append(_stamp())
+        self._places, end = self._whole()
+        self.emptied = end == 0 < path.stat().st_size
+        self._file.truncate(end)
+        self._end = end or append_whole(self._file, _stamp(), 0)
+
+    def _whole(self) -> tuple[dict[bytes, Place], int]:
+        """Where each key's numbers are, and where the last whole record ends."""
+        file, stamp, places = self._file, _stamp(), dict[bytes, Place]()
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if file.read(len(stamp)) != stamp:
+            return {}, 0
+        end = len(stamp)
+        while len(header := file.read(RECORD.size)) == RECORD.size:
+            key, length, checked = RECORD.unpack(header)
+            offset = end + RECORD.size
+            if offset + length > size:
+                break
+            places[key] = offset, length, checked
+            end = file.seek(offset + length)
+        return places, end
 
     def __exit__(self, *_: object) -> None:
         """Close the file."""
@@ -100,9 +118,7 @@ class Memo(AbstractContextManager["Memo"]):
         """Close the file; nothing is read or kept any more."""
         with self._lock:
             self._places.clear()
-            if self._file >= 0:
-                os.close(self._file)
-                self._file = -1
+            self._file.close()
 
     def remove(self) -> None:
         """Close and delete the file."""
@@ -129,21 +145,18 @@ class Memo(AbstractContextManager["Memo"]):
             with self._lock:
                 offset = self._end + RECORD.size
                 self._full = self._full or offset + len(content) > self._most
-                if self._file >= 0 and not self._full:
+                if not (self._file.closed or self._full):
                     checked = _sum(key, content)
-                    self._append(RECORD.pack(key, len(content), checked), content)
+                    record = RECORD.pack(key, len(content), checked) + content
+                    self._end = append_whole(self._file, record, self._end)
                     self._places[key] = offset, len(content), checked
-        except OSError:  # no room: the run goes on without
+        except Unfinished:  # no room: the run goes on without
             self.remove()
 
-    def _append(self, *parts: bytes) -> None:
-        size = sum(len(part) for part in parts)
-        if os.pwritev(self._file, parts, self._end) < size:
-            raise OSError("no room")
-        self._end += size
-
     def _at(self, key: bytes, offset: int, size: int, checked: int) -> FloatArray | Failure | None:
-        content = os.pread(self._file, size, offset)
+        with self._lock:
+            self._file.seek(offset)
+            content = self._file.read(size)
         if _sum(key, content) != checked:
             return None  # a bit has turned on the disk: it is simulated again
         if content.startswith(MAGIC_PREFIX):
@@ -215,23 +228,3 @@ class Recent:
         """Whether there are outputs of this key."""
         with self._lock:
             return key in self._outputs
-
-
-Place = tuple[int, int, int]
-"""Offset and size [bytes], check sum."""
-
-
-def _read(file: int) -> tuple[dict[bytes, Place], int]:
-    """Where each key's numbers are, and where the last whole record ends."""
-    size, stamp = os.fstat(file).st_size, _stamp()
-    if os.pread(file, len(stamp), 0) != stamp:
-        return {}, 0
-    places, end = dict[bytes, Place](), len(stamp)
-    while len(header := os.pread(file, RECORD.size, end)) == RECORD.size:
-        key, length, checked = RECORD.unpack(header)
-        offset = end + RECORD.size
-        if offset + length > size:
-            break
-        places[key] = offset, length, checked
-        end = offset + length
-    return places, end

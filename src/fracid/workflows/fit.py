@@ -321,7 +321,7 @@ def _identified(
         observer.notice(note)
     with (
         EvaluationLog(run.folder / EVALUATIONS, again=run.resumed) as log,
-        Memo(run.folder / MEMO) if Memo.possible else nullcontext() as memo,
+        Memo(run.folder / MEMO) as memo,
         _starts_kept(run, options["executor"], project.problem.names) as journal,
     ):
         for note in _notes(run, log, memo) if run.resumed else ():
@@ -353,9 +353,9 @@ def _starts_kept(run: Run, executor: str, names: Sequence[str]) -> AbstractConte
     return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, names))
 
 
-def _notes(run: Run, log: EvaluationLog, memo: Memo | None) -> Iterator[str]:
+def _notes(run: Run, log: EvaluationLog, memo: Memo) -> Iterator[str]:
     """What a resumption found in the folder."""
     if log.torn:
         yield f"The last line of {run.folder / EVALUATIONS} was cut off in writing; it is written again."
-    if memo is None or memo.emptied:
+    if memo.emptied:
         yield SAYS("emptied", run=run)

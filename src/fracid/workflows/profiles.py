@@ -124,8 +124,7 @@ def run_profiles(
         })  # fmt: skip
         finished = FinishedProfiles.written(folder, record, [("profiles", likelihood.plot)], watching,
                                             profiles=likelihood, bootstrap=resampling, verdicts=verdicts)  # fmt: skip
-        if isinstance(memo, Memo):
-            memo.remove()
+        memo.remove()
     return finished
 
 
@@ -146,11 +145,8 @@ def _on_every_sample(likelihood: Profiles, fitted: Problem) -> Profiles:
 
 
 @contextmanager
-def _remembered(folder: Path) -> Iterator[Memo | None]:
+def _remembered(folder: Path) -> Iterator[Memo]:
     """What was simulated, in the folder until all is written: what was killed goes on when it is typed again."""
-    if not Memo.possible:
-        yield None
-        return
     with writing(str(folder)):
         folder.mkdir(parents=True, exist_ok=True)
     with FolderLock(folder), Memo(folder / MEMO) as memo:
