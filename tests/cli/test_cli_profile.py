@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fracid.runs.json_schemas import json_schema
-from fracid.tasks.simulation_cache import Memo
+from memos import Counting
 from program import fit_in, run
 from twins import write_release
 
@@ -193,12 +193,12 @@ def test_a_profile_that_was_killed_goes_on_by_the_same_command_and_ends_the_same
     assert not (tmp_path / "again" / "profiles.json").exists()
     counts = []
 
-    class Counting(Memo):
+    class Told(Counting):
         def remove(self):
             counts.append((self.computed, len(self._places)))
             super().remove()
 
-    monkeypatch.setattr("fracid.workflows.profiles.Memo", Counting)
+    monkeypatch.setattr("fracid.workflows.profiles.Memo", Told)
     assert run(capsys, *words, tmp_path / "again")[0] == 0
     ((computed, kept),) = counts
     assert computed < 0.5 * kept

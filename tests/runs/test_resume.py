@@ -17,6 +17,7 @@ from fracid.cli.app import main
 from fracid.errors import InputError, Unfinished
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, Run, run_state
 from fracid.tasks.simulation_cache import Memo
+from memos import Counting
 from program import no_rivals
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -80,7 +81,7 @@ def memos(monkeypatch):
     """Every memo of the test, and none of them emptied because a file of the package was touched meanwhile."""
     opened = []
 
-    class Kept(Memo):
+    class Kept(Counting):
         def __init__(self, path):
             super().__init__(path)
             opened.append(self)

@@ -9,7 +9,7 @@ import fracid
 from fracid.errors import Failure, FailureReason
 from fracid.problem import Experiment, Free, Problem
 from fracid.tasks import simulation_cache
-from fracid.tasks.simulation_cache import Memo
+from memos import Counting
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -27,19 +27,6 @@ DIVERGED, ENDED = (Failure(FailureReason.RUN, detail) for detail in ("diverged a
 
 def refused():
     raise AssertionError("computed again")
-
-
-class Counting(Memo):
-    """One that counts what was not there."""
-
-    computed = 0
-
-    def get(self, key, compute):
-        def counted():
-            self.computed += 1
-            return compute()
-
-        return super().get(key, counted)
 
 
 @pytest.mark.parametrize("kept", [*ARRAYS.values(), DIVERGED], ids=[*ARRAYS, "reason"])

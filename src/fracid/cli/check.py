@@ -134,25 +134,16 @@ def _in_doubt(recording: Recording, options: Mapping[str, Any], own: Columns) ->
     """The columns as ``--column`` takes them, with the units to try; none where no unit is in doubt."""
     from fracid.problem.draft import guess_file
 
-    doubted, given = _doubted(recording), options["column"]
-    if not doubted:
-        return []
-    if own:
-        given = [f"{name}={text_of_column(fields)}" for name, fields in own.items()]
-    elif given is None:
+    doubted = _doubted(recording)
+    columns: Columns = own or columns_from_texts(options["column"]) or {}
+    if doubted and not columns:
         try:
             time = time_from_text(options["time"], options["rate"])
             columns, _ = guess_file(recording.path, time=time, variable=options["variable"])
         except InputError:  # nothing moves
             return []
-        given = [f"{name}={text_of_column({'unit': 'rad'} | fields)}" for name, fields in columns.items()]
-    return [_with_unit(text, doubted.get(text.partition("=")[0])) for text in given]
-
-
-def _with_unit(text: str, unit: str | None) -> str:
-    """``alpha=2,unit=deg`` with another unit."""
-    kept = [part for part in text.split(",") if unit is None or not part.startswith("unit=")]
-    return ",".join([*kept, *([] if unit is None else [f"unit={unit}"])])
+    units = {name: {"unit": unit} for name, unit in doubted.items()}
+    return [f"{n}={text_of_column(fields | units.get(n, {}))}" for n, fields in columns.items()] if doubted else []
 
 
 # ------------------------------------------------------------------ from text to arguments

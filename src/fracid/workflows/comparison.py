@@ -24,7 +24,7 @@ from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project
 from fracid.problem.toml_text import toml_document
 from fracid.problem.unknowns import Free, Tied, Value
-from fracid.runs.folder import JOURNAL, inputs_of, open_folder
+from fracid.runs.folder import JOURNAL, open_folder
 from fracid.safety.schema import Block, Record, as_json, fault_of
 from fracid.safety.user_code import is_own
 from fracid.selection.amplitude import AmplitudeTest
@@ -47,7 +47,7 @@ from fracid.tasks.tasks import executor_from_name
 from fracid.workflows.figures import of_comparison
 from fracid.workflows.fit import loaded
 from fracid.workflows.records import command_of, csv_text
-from fracid.workflows.study import Finished, folder_of, header_of, journal_of, refuse_fit
+from fracid.workflows.study import Finished, folder_of, header_of, journal_of, refuse_fit, study_of
 
 TABLE, CURVES, BEST = "compare.csv", "curves.json", "best.toml"
 
@@ -160,7 +160,7 @@ def run_comparison(
     for structure in hierarchy.structures if evidence else ():
         require_evidence(structure.problem)
     same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
-    study = {"kind": "compare", "preset": project.preset, **same, **inputs_of(project)}
+    study = study_of("compare", project, preset=project.preset, **same)
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
     watching.stage("fits")

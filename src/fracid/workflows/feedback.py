@@ -23,9 +23,9 @@ from fracid.schemas.feedback import Trial
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
-from fracid.workflows.posterior_draws import DRAWN, header_of_run
+from fracid.workflows.posterior_draws import DRAWN
 from fracid.workflows.records import command_of, write_files
-from fracid.workflows.study import Finished, folder_of, journal_of
+from fracid.workflows.study import Finished, folder_of, journal_of, study_of
 
 CODE = "controller.c"
 
@@ -96,8 +96,8 @@ def run_control(
         plan = planned(fit, draws=draws, points=points, seed=seed, jobs=jobs, **loop)
         options = {"draws": draws, "posterior": posterior, "trust": trust, "seed": seed, **loop}
         words = command_of("control", run, {"out": out, **options}) if command is None else command
-        header = header_of_run(fit, "control")
-        with journal_of(folder, header, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
+        study = study_of("control", fit.project, fit=fit.problem.named(fit.x))
+        with journal_of(folder, study, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
             found = plan.run(jobs=jobs, **kept)
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}

@@ -17,7 +17,6 @@ from fracid.errors import InputError
 from fracid.estimation.search import searched
 from fracid.problem import Problem
 from fracid.problem.project import Project
-from fracid.runs.environment import versions
 from fracid.runs.saved import SavedRun
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
@@ -27,7 +26,7 @@ from fracid.validation.monte_carlo import NoiseStudy, Plan, planned
 from fracid.validation.study_records import fault_of_repetition
 from fracid.workflows.figures import of_study
 from fracid.workflows.records import command_of, csv_text
-from fracid.workflows.study import Finished, digest_of, folder_of, journal_of, run_or_project
+from fracid.workflows.study import Finished, folder_of, journal_of, run_or_project, study_of
 
 TABLE = "noise.csv"
 
@@ -201,13 +200,7 @@ def _truth_of(
 
 def _header(plan: Plan, project: Project) -> dict[str, Any]:
     """All that a repetition depends on beside its key, so that more levels or seeds go on from what there is."""
-    return {
-        "kind": "noise",
-        "project": digest_of(project),
-        "truth": plan.problem.named(plan.truth),
-        "method": f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}",
-        "cost": plan.problem.cost_function.name,
-        "seed": plan.seed,
-        **{name: plan.how[name] for name in ("optimiser", "starts", "sizes") if plan.how[name] is not None},
-        "versions": versions(),
-    }
+    settings = {name: plan.how[name] for name in ("optimiser", "starts", "sizes") if plan.how[name] is not None}
+    method = f"{plan.problem.method}, {plan.problem.memory.name}, {plan.problem.substeps}"
+    return study_of("noise", project, truth=plan.problem.named(plan.truth), method=method,
+                    cost=plan.problem.cost_function.name, seed=plan.seed, **settings)  # fmt: skip

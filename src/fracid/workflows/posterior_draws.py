@@ -18,13 +18,12 @@ from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.optimise.base import Outcome
-from fracid.runs.environment import versions
-from fracid.runs.saved import SavedRun, load_run
+from fracid.runs.saved import load_run
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.records import command_of
-from fracid.workflows.study import Finished, digest_of, folder_of, journal_of
+from fracid.workflows.study import Finished, folder_of, journal_of, study_of
 
 SAYS = Words("workflows/fit.toml")
 
@@ -102,7 +101,8 @@ def run_posterior(
         folder = folder_of(out, run, "posterior")
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
-        with journal_of(folder, header_of_run(saved, "posterior"), _fault, watching, "simulations", words) as kept:
+        study = study_of("posterior", saved.project, fit=saved.problem.named(saved.x))
+        with journal_of(folder, study, _fault, watching, "simulations", words) as kept:
             place = executor or "threads"
             drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=place, **kept)
     content = io.BytesIO()
@@ -110,17 +110,6 @@ def run_posterior(
     pictures = ("posterior", drawn.plot), ("posterior-predictive", drawn.plot_predictive)
     return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, pictures, watching,
                                      {DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
-
-
-def header_of_run(saved: SavedRun, kind: str) -> dict[str, Any]:
-    """All of a run that a batch of its study depends on; its key has the rest."""
-    return {
-        "kind": kind,
-        "project": digest_of(saved.project),
-        "fit": saved.problem.named(saved.x),
-        "data": {r.name: r.sha256 for r in saved.project.recordings},
-        "versions": versions(),
-    }  # fmt: skip
 
 
 def _fault(_key: str, values: Any) -> str:

@@ -1,7 +1,7 @@
 """What every study does alike: what it leaves in its folder, and the journal by which the same call goes on.
 
-A study is a list of repetitions whose results are lines of a journal.  Its workflow says what is done, its header (all
-that a result depends on beside its key) and what is wrong with a result; the rest is here.
+A study is a list of repetitions whose results are lines of a journal.  Its workflow says what is done, with which
+settings, and what is wrong with a result; the rest is here.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -17,9 +16,8 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
 from fracid.problem.project import Project, load_project
 from fracid.report.index import write_study_page
-from fracid.runs.folder import JOURNAL, open_folder
+from fracid.runs.folder import JOURNAL, inputs_of, open_folder
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.door import bytes_of
 from fracid.safety.paths import default_folder, refuse_mistaken
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
@@ -130,10 +128,9 @@ def refuse_fit(folder: Path, what: str) -> None:
         raise InputError(f"{folder} holds a fit; give {what} a folder of its own: --out DIR.")
 
 
-def digest_of(project: Project) -> str:
-    """Hash a project file with its own code."""
-    parts = [project.text.encode(), *(bytes_of(file) for file in project.own_code)]
-    return sha256(b"".join(parts)).hexdigest()[:16]
+def study_of(kind: str, project: Project, **settings: Any) -> dict[str, Any]:
+    """All that the results of a study depend on beside their keys: what is done, how, and of what."""
+    return {"kind": kind, **settings, **inputs_of(project)}
 
 
 @contextmanager
