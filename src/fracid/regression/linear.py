@@ -348,8 +348,8 @@ def _at(
             estimator = "huber"
             warnings.append(SAYS("no-instruments"))
     v, weights = solve(estimator, system, gauge, scales, instruments)
-    sides = [side for pair in system.noisy for side in pair]  # the noise added once more
-    noisier = np.array([solve(estimator, replace(system, W=W), gauge, scales, instruments)[0] for W in sides])
+    again = (replace(system, W=W) for W in system.noisy)  # the noise added once more
+    noisier = np.array([solve(estimator, each, gauge, scales, instruments)[0] for each in again])
     bias = bias_of(v, noisier)
     covariance = sandwich(system, gauge, scales, instruments, v, weights, overlap(data.rows[0]))
     # an encoder's rounding repeats with the motion, so that the residuals understate what it does

@@ -304,7 +304,8 @@ class Data:
 
     rows: tuple[Rows, ...]
     measured: tuple[FloatArray, ...]
-    noisy: tuple[tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]], ...]
+    noisy: tuple[tuple[FloatArray, ...], ...]
+    """With each draw of noise, and with its opposite behind it."""
 
     @classmethod
     def of(cls, rows: Sequence[Rows], factor: float = 1.0) -> Data:
@@ -313,8 +314,7 @@ class Data:
         noisy = []
         for _ in range(DRAWS):
             errors = [factor * r.swing.noise * rng.standard_normal(r.swing.angles.shape) for r in rows]
-            plus, minus = (tuple(r.angles(sign * e) for r, e in zip(rows, errors, strict=True)) for sign in (1, -1))
-            noisy.append((plus, minus))
+            noisy += [tuple(r.angles(sign * e) for r, e in zip(rows, errors, strict=True)) for sign in (1, -1)]
         return cls(tuple(rows), tuple(r.angles() for r in rows), tuple(noisy))
 
     @property
@@ -339,8 +339,8 @@ class Data:
 
     def system(self, orders: Mapping[str, float], draws: int = DRAWS) -> System:
         """W β = 0 at these orders."""
-        measured, *noisy = self.W([self.measured, *(side for pair in self.noisy[:draws] for side in pair)], orders)
-        return System(("arm", "pendulum"), measured, tuple(zip(noisy[::2], noisy[1::2], strict=True)))
+        measured, *noisy = self.W([self.measured, *self.noisy[: 2 * draws]], orders)
+        return System(("arm", "pendulum"), measured, tuple(noisy))
 
     @cached_property
     def times(self) -> Blocks:
@@ -355,18 +355,15 @@ class System:
     equations: tuple[str, ...]
     """Their names."""
     W: Blocks
-    noisy: tuple[tuple[Blocks, Blocks], ...] = ()
-    """W of the angles plus and minus a draw of noise."""
+    noisy: tuple[Blocks, ...] = ()
+    """W of the angles with each draw of noise, and with its opposite behind it."""
 
     @cached_property
     def covariance(self) -> Blocks:
         """E[ΔWᵀ ΔW] of the noise, per equation, shape (n_terms, n_terms)."""
-        total = [np.zeros((W.shape[1], W.shape[1])) for W in self.W]
-        for plus, minus in self.noisy:
-            for i in range(len(total)):
-                change = 0.5 * (plus[i] - minus[i])
-                total[i] += change.T @ change / len(self.noisy)
-        return tuple(total)
+        sides = zip(*self.noisy, strict=True)
+        changes = ([0.5 * (plus - minus) for plus, minus in zip(W[::2], W[1::2], strict=True)] for W in sides)
+        return tuple(sum(change.T @ change for change in each) / len(each) for each in changes)
 
     def scales(self, beta: FloatArray, near: FloatArray | None = None) -> FloatArray:
         """Residual that noise makes in each equation, rms [N m]: what their rows are divided by.
@@ -380,8 +377,7 @@ class System:
 
     def masked(self, keep: Sequence[NDArray[np.bool_]]) -> System:
         """Only the rows to keep."""
-        noisy = tuple((only(p, keep), only(m, keep)) for p, m in self.noisy)
-        return System(self.equations, only(self.W, keep), noisy)
+        return System(self.equations, only(self.W, keep), tuple(only(W, keep) for W in self.noisy))
 
 
 def _join(parts: Sequence[Blocks]) -> Blocks:
