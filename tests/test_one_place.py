@@ -15,8 +15,7 @@ import fracid
 from fracid import models, optimise
 from fracid.cli.completion import keys
 from fracid.export.recursion import Recursion
-from fracid.models import RIGS, model_from_name
-from fracid.models.pendulum import PARAMETERS
+from fracid.models import RIGS, model_from_name, rotary_pendulum
 from fracid.optimise import OPTIMISERS
 from fracid.plots.appearance import cost_label
 from fracid.problem.costs import COSTS, Cost, Loss
@@ -216,7 +215,7 @@ def test_no_other_file_has_a_copy_of_a_table(table, home):
 
 def test_only_what_is_of_the_rotary_pendulum_alone_names_its_constants():
     of_it = ("models/", "regression/", "problem/draft.py", "experiments/")
-    names = {p.name for p in PARAMETERS} - {"time_scale"}
+    names = {*rotary_pendulum().parameter_names} - {"time_scale"}
     for path, of_file in nodes().items():
         assert path.startswith(of_it) or names.isdisjoint(texts(of_file)), path
 

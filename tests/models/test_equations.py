@@ -12,7 +12,7 @@ import pytest
 import fracid
 from fracid.export.equations import toml_model
 from fracid.models import Parameter
-from fracid.models.written.equations import Equation, equations_of, model_of
+from fracid.models.written.equations import Equation, Equations, equations_of
 from fracid.models.written.formulas import DEEPEST, LONGEST, FormulaError, formula
 from fracid.models.written.tree import Entry, Number
 from fracid.problem.project import project_from_text
@@ -26,14 +26,14 @@ UNITS = {"m": "kg", "b": "N s/m", "f": "N", "offset": "N"}
 def axis(outputs=None, **changed):
     constants = [Parameter(n, unit, 2.0, "") for n, unit in UNITS.items()]
     outputs = {"position": Equation("position", unit="m")} if outputs is None else outputs
-    return model_of("linear-axis", AXIS | changed, outputs, {"force": "N"}, constants)
+    return Equations(AXIS | changed, outputs, {"force": "N"}).model("linear-axis", constants)
 
 
 NAMES = {n: Entry("x", Number(i)) for i, n in enumerate(("a", "b", "c"))}
 
 
 def value(text, a=0.3, b=-1.7, c=2.5):
-    model = model_of("one", {"y": Equation(text)}, {}, dict.fromkeys(NAMES, ""), [])
+    model = Equations({"y": Equation(text)}, inputs=dict.fromkeys(NAMES, "")).model("one", [])
     out = np.zeros(1)
     model.rhs(0.0, np.zeros(1), np.array([a, b, c]), np.zeros(0), out)
     return out[0]
@@ -138,7 +138,7 @@ def test_units_that_do_not_agree_are_said_under_the_place(equation, why):
 
 def test_what_has_no_unit_may_have_any():
     constants = [Parameter(n, "", 2.0, "") for n in UNITS]
-    assert model_of("axis", AXIS, {}, {"force": ""}, constants).outputs == {"position": 0, "speed": 1}
+    assert Equations(AXIS, inputs={"force": ""}).model("axis", constants).outputs == {"position": 0, "speed": 1}
 
 
 def test_a_model_of_equations_is_the_same_model_in_another_process():
@@ -163,8 +163,8 @@ def test_a_model_written_out_as_equations_and_read_again_is_the_same(name):
     definitions, equations = equations_of(model)
     constants = [Parameter(p.name, p.unit, p.value, "") for p in model.parameters]
     inputs = dict.fromkeys(model.inputs, "")
-    written = {n: Equation(e) for n, e in equations.items()}
-    again = model_of("again", written, {}, inputs, constants, definitions)
+    written, beside = ({n: Equation(e) for n, e in texts.items()} for texts in (equations, definitions))
+    again = Equations(written, inputs=inputs, definitions=beside).model("again", constants)
     for _ in range(10):
         x, u, p = (
             rng.standard_normal(len(model.states)),

@@ -2,7 +2,7 @@
 
 import math
 import re
-from pathlib import Path
+import tomllib
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ from fracid.models.written.languages import Python
 from fracid.models.written.mathematics import LaTeX, MathML, equalities
 from fracid.models.written.reading import Untranslatable
 from fracid.models.written.tree import Entry, Name, Program, parts
+from fracid.safety.door import own_text
 from languages import GCC, in_c
 from own_models import own_models
-from scripts import module_of
 
 RIGS = {
     "hanging": fracid.rotary_pendulum(coulomb_alpha=2e-4, tilt_x=0.01, saturation=1.0, dead_zone=0.2),
@@ -111,35 +111,28 @@ def test_a_loop_has_no_equation_and_names_are_text():
 
 # --- an element that is added ----------------------------------------------------------------------------------------
 
-ROWS = 'own_text("models/rotary-pendulum.toml")'
-SEAL = (
-    ROWS,
-    ROWS
-    + """ + '''
-seal_alpha = { start = 0.0, lower = 0.0, unit = "N m", symbol = "q_α", about = "lip of a seal" }
-'''""",
-)
-TORQUE = (
-    "        f_alpha -= joint_alpha\n",
-    """        f_alpha -= joint_alpha
-        f_alpha -= p[39] * math.copysign(math.sqrt(abs(alpha_rate)), alpha_rate)
-""",
-)
+SEAL = """[model.parameters]
+seal_alpha = { start = 0.0, lower = 0.0, unit = "N m s^0.5", symbol = "q_α", about = "lip of a seal" }
+"""
+TORQUE = ' - joint_alpha - seal_alpha*copysign(sqrt(abs(alpha_rate)), alpha_rate)"'
 
 
-def test_a_friction_element_with_its_row_and_its_torque_is_in_the_equations_and_in_every_language(tmp_path):
-    text = Path(pendulum.__file__).read_text(encoding="utf-8")
-    for before, after in (SEAL, TORQUE):
+def test_a_friction_element_with_its_row_and_its_torque_is_in_the_equations_and_in_every_language(
+    tmp_path, monkeypatch, request
+):
+    text = own_text("models/rotary-pendulum.toml")
+    for before, after in (("[model.parameters]\n", SEAL), (' - joint_alpha"', TORQUE)):
         assert text.count(before) == 1
         text = text.replace(before, after)
-    (tmp_path / "scratch_pendulum.py").write_text(text, encoding="utf-8")
-    scratch = module_of(tmp_path / "scratch_pendulum.py")
-    model = scratch.rotary_pendulum(seal_alpha=3e-3)
+    monkeypatch.setattr(pendulum, "TABLE", tomllib.loads(text))
+    pendulum._of_the_file.cache_clear()
+    request.addfinalizer(pendulum._of_the_file.cache_clear)
+    model = pendulum.rotary_pendulum(seal_alpha=3e-3)
     lines = equalities(model, {q.name: q.value for q in model.parameters if q.value})
     assert r"-q_{\alpha }\,\operatorname{copysign}(\sqrt{|\omega _{\alpha }|},\omega _{\alpha })" in LaTeX(model).block(
         lines
     )
-    assert "seal_alpha" not in constants_of(equalities(scratch.rotary_pendulum(), {"C1": 1.0, "J_theta": 1.0}))
+    assert "seal_alpha" not in constants_of(equalities(pendulum.rotary_pendulum(), {"C1": 1.0, "J_theta": 1.0}))
     for language in ("c", "matlab", "javascript"):
         assert re.search(r"p\.seal_alpha \* \w+\(", written(model, language)), language
     if GCC is None:

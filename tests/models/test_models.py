@@ -22,7 +22,7 @@ from fracid.models import (
     model_from_name,
     rotary_pendulum,
 )
-from fracid.models.pendulum import PARAMETERS, STATES
+from fracid.models.pendulum import TABLE
 from fracid.solver.right_hand_side import _largest_indices, compile_rhs
 from helpers.energy import energy
 from oracles import furuta
@@ -201,14 +201,15 @@ def test_compiled_and_plain_right_hand_side_agree(zero):
     np.testing.assert_allclose(out, f(model, x, u), rtol=1e-13)
 
 
-@pytest.mark.parametrize("state", ["none", *STATES])
-def test_what_the_right_hand_side_reads_and_writes_is_known_before_a_run(state):
+@pytest.mark.parametrize("equation", TABLE["model"]["equations"].values(), ids=[*TABLE["model"]["equations"]])
+def test_what_the_right_hand_side_reads_and_writes_is_known_before_a_run(equation):
     """No access is checked in a run."""
-    model = rotary_pendulum().equipped(STATES.get(state, ())[:1])
-    reach = _largest_indices(model.rhs)
+    model = rotary_pendulum().equipped(equation.get("only", ())[:1])
+    reach = _largest_indices(model.rhs.py_func)
     assert reach is not None
-    assert 4 <= max(reach[1], reach[4]) <= len(model.states)
-    assert reach[3] == len(PARAMETERS)
+    assert 4 <= reach[1] <= len(model.states)
+    assert 4 <= reach[4] <= len(model.states) * (1 + bool(model.relaxing))
+    assert reach[3] == len(model.parameters)
 
 
 def test_a_model_survives_pickling():
@@ -332,7 +333,7 @@ def test_the_parameters_stand_in_the_order_of_the_contract():
         "presliding_damping_alpha", "springpot_alpha", "springpot_order_alpha", "play_theta", "arm_stiffness",
         "arm_damping", "hub_inertia", "back_emf", "dead_zone", "saturation", "tilt_x", "tilt_y", "arm_moment",
     )  # fmt: skip
-    assert all(parameter.unit and parameter.description for parameter in PARAMETERS)
+    assert all(parameter.unit and parameter.description for parameter in rotary_pendulum().parameters)
 
 
 def test_the_papers_c2_c5_and_i2xx_become_c6_and_j_theta():

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from fracid.export.c import single_precision
 from fracid.models import Model, Parameter, rotary_pendulum
-from fracid.models.pendulum import STATES
+from fracid.models.pendulum import TABLE
 from fracid.models.written.languages import C, JavaScript, Matlab, Python
 from fracid.models.written.reading import Untranslatable
 from fracid.models.written.tree import Assign, Call, Choice, Entry, Name, Number, Operation, Program
 from languages import GCC, NODE, OCTAVE, in_c, in_node, in_octave
 from own_models import own_models
 
-ELEMENTS = {name: parameters[0] for name, parameters in STATES.items()}
+ELEMENTS = {name: e["only"][0] for name, e in TABLE["model"]["equations"].items() if "only" in e}
 """State of an element → the parameter that switches it on."""
 
 
@@ -31,7 +31,7 @@ PENDULUMS = {
     f"{zero} with {' '.join(own) or 'the four'}": pendulum(zero, *own)
     for zero in ("hanging", "upright")
     for own in ((), ("z_theta",), ("z_theta", "z_alpha"), ("y_theta", "y_alpha"), ("arm",),
-                ("z_alpha", "y_theta", "arm"), tuple(STATES))
+                ("z_alpha", "y_theta", "arm"), tuple(ELEMENTS))
 }  # fmt: skip
 MODELS = PENDULUMS | own_models()
 

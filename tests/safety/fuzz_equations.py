@@ -29,7 +29,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 from fracid.errors import InputError
 from fracid.models.base import Parameter
-from fracid.models.written.equations import Equation, model_of
+from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.formulas import Formula
 from fracid.models.written.languages import Python
 from fracid.models.written.tree import Program
@@ -161,7 +161,7 @@ def _model(text: str):
     """A mass on a spring, one of whose equations it is."""
     parameters = [Parameter("m", "kg", 2.0, ""), Parameter("c", "N s/m", 1.0, ""), Parameter("k", "N/m", 1.0, "")]
     axis = {"position": Equation("speed", 1.0, "m"), "speed": Equation(text, "mu", "m/s")}
-    return model_of("axis", axis, {"seen": Equation(text)}, {"force": "N"}, parameters)
+    return Equations(axis, {"seen": Equation(text)}, {"force": "N"}).model("axis", parameters)
 
 
 def _trees(model):

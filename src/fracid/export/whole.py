@@ -53,7 +53,7 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
     Examples
     --------
     >>> import fracid
-    >>> "p.drag_alpha * fabs(alpha_rate)" in written(fracid.rotary_pendulum(), "c")
+    >>> "p.drag_alpha * fabs(x[3])" in written(fracid.rotary_pendulum(), "c")
     True
     """
     lacking = _lacking(model)

@@ -57,10 +57,6 @@ SLIPPERY = 1e-9
 """Part of the breakaway torque below which sliding friction counts as this: what it divides by is not zero."""
 
 
-CONTACT = (2.0 * math.pi * 60.0) ** 2
-"""ω² of a contact whose stiffness nobody gives [1/s²]."""
-
-
 @dataclass(frozen=True)
 class Complement:
     """The order of a springpot's state: 1 − ν, with ν a parameter of the model, or an order."""

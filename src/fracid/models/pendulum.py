@@ -80,23 +80,14 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
-from fracid.models.base import LinearTerms, Model, Parameter, RightHandSide, symbol_of
-from fracid.models.joints import CONTACT, gap, presliding, saturated, sliding, springpot
-from fracid.models.rigs import GRAVITY, RIGS, STANDARD_GRAVITY
-from fracid.models.scene import Scene, scene_of
-from fracid.models.written.equations import order_of
+from fracid.models.base import LinearTerms, Model, Parameter
+from fracid.models.library import model_of_table
+from fracid.models.rigs import GRAVITY, RIGS
 from fracid.safety.door import own_text
 
 SAYS = Words("models/base.toml")
 
 TABLE = tomllib.loads(own_text("models/rotary-pendulum.toml"))
-
-PARAMETERS = tuple(Parameter.of(name, row) for name, row in TABLE["parameters"].items())
-
-STATES = {name: tuple(row["only"]) for name, row in TABLE["states"].items() if name.isidentifier()}
-"""States beyond the four that right-hand sides are made for, and the parameters that need them."""
-
-PAPER = "Identification of Fractional-Order System Dynamics for a Rotary Inverted Pendulum"
 
 
 def rotary_pendulum(
@@ -151,30 +142,11 @@ def rotary_pendulum(
     if actuation not in ("voltage", "torque"):
         raise InputError(f"actuation = {actuation!r}: expected 'voltage' (input in V) or 'torque' (input in N m)")
     torque: dict[str, float] = {"torque_per_volt": 1.0} if actuation == "torque" else {}
-    return Model(
-        name="rotary-pendulum",
-        rhs=_right_hand_side(zero, ()),
-        states=("theta", "D^lambda theta", "alpha", "D^mu alpha"),
-        orders=("lambda", "lambda", "mu", "mu"),
-        outputs={"theta": 0, "alpha": 2},
-        inputs=(actuation,),
-        parameters=PARAMETERS,
-        zero=zero,
+    model = replace(
+        _of_the_file(zero), inputs=(actuation,), input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         source=f"{RIGS[rig].title}. {RIGS[rig].source}",
-        angles=("theta", "alpha"),
-        pendulum="alpha",
-        input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
-        drive="torque_per_volt",
-        about="an arm that a motor turns in a plane, with a pendulum at its end: Furuta's",
-        seen_in={"lambda": "theta"},
-        symbols={n: symbol_of(text) for n, text in TABLE["symbols"].items()},
-        paper=PAPER,
-        scene=_scene(zero),
-        postures=_postures,
-        smooth=_smooth,
-        linear_terms=LINEAR_TERMS,
-        grown=_grown,
-    ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
+    )  # fmt: skip
+    return model.with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
 
 
 def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: float) -> FloatArray:
@@ -204,107 +176,9 @@ def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: floa
 
 
 @cache
-def _right_hand_side(zero: str, own: tuple[str, ...]) -> RightHandSide:
-    """Return f of (15), with the states of `own` behind the four; gravity's sign and who is there are constants."""
-    gravity = GRAVITY[zero]
-    z_theta, z_alpha, y_theta, y_alpha, arm = (4 + own.index(n) if n in own else 0 for n in STATES)
-    arm_speed = arm + 1  # a constant: an index that the function computes would have every access checked
-
-    def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:  # noqa: ARG001
-        C1, C3, C4, C6, J_theta = p[0], p[1], p[2], p[3], p[4]
-        b_theta, b_alpha, coulomb_theta, coulomb_alpha, slip_speed = p[5], p[6], p[7], p[8], p[9]
-        drag_theta, drag_alpha, cable_stiffness, theta_rest = p[10], p[11], p[12], p[13]
-        alpha_rest, torque_per_volt = p[14], p[15]
-        stiction_theta, stribeck_speed_theta, presliding_theta, damping_theta = p[17], p[18], p[19], p[20]
-        stiction_alpha, stribeck_speed_alpha, presliding_alpha, damping_alpha = p[23], p[24], p[25], p[26]
-        back_emf, dead_zone, saturation = p[33], p[34], p[35]
-        tilt_x, tilt_y, arm_moment = p[36], p[37], p[38]
-
-        theta, theta_rate, alpha, alpha_rate = x[0], x[1], x[2] - alpha_rest, x[3]
-        sin, cos = math.sin(alpha), math.cos(alpha)
-        sin2 = 2.0 * sin * cos
-
-        # what the joints resist with beside viscous friction and drag
-        if z_theta and presliding_theta > 0.0:
-            joint_theta = presliding(
-                x, out, z_theta, theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, presliding_theta
-            ) + damping_theta * out[z_theta]  # fmt: skip
-        else:
-            joint_theta = sliding(theta_rate, coulomb_theta, stiction_theta, stribeck_speed_theta, slip_speed)
-            if z_theta:
-                out[z_theta] = 0.0
-        if z_alpha and presliding_alpha > 0.0:
-            joint_alpha = presliding(
-                x, out, z_alpha, alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, presliding_alpha
-            ) + damping_alpha * out[z_alpha]  # fmt: skip
-        else:
-            joint_alpha = sliding(alpha_rate, coulomb_alpha, stiction_alpha, stribeck_speed_alpha, slip_speed)
-            if z_alpha:
-                out[z_alpha] = 0.0
-        if y_theta:
-            joint_theta += springpot(x, out, y_theta, theta_rate, p[21])
-        if y_alpha:
-            joint_alpha += springpot(x, out, y_alpha, alpha_rate, p[27])
-
-        M11, M12 = J_theta + C6 * sin * sin, C3 * cos  # (8)
-        driven = saturated(gap(u[0], dead_zone), saturation)
-        f_theta = torque_per_volt * driven - cable_stiffness * (theta - theta_rest)
-        b_hub, arm_rate = b_theta + back_emf + drag_theta * abs(theta_rate), theta_rate
-        play, stiffness, damping, inertia = p[29], p[30], p[31], p[32]
-        if arm and (play > 0.0 or stiffness > 0.0):  # two bodies: the hub first, then what the arm gets from it
-            inertia = inertia if inertia > 0.0 else 0.2 * J_theta
-            stiffness = stiffness if stiffness > 0.0 else CONTACT * inertia
-            turn, arm_rate = gap(theta - x[arm], play), x[arm_speed]
-            shaft = stiffness * turn + (damping * (theta_rate - arm_rate) if turn != 0.0 or play == 0.0 else 0.0)
-            out[1] = (f_theta - b_hub * theta_rate - joint_theta - shaft) / inertia
-            M11, f_theta, b_hub, joint_theta = M11 - inertia, shaft, 0.0, 0.0
-        f_theta -= (b_hub + C6 * sin2 * alpha_rate) * arm_rate  # (9)
-        f_theta += C3 * sin * alpha_rate * alpha_rate
-        f_theta -= joint_theta
-        f_alpha = gravity * C4 * sin + 0.5 * C6 * sin2 * arm_rate * arm_rate  # (10)
-        f_alpha -= (b_alpha + drag_alpha * abs(alpha_rate)) * alpha_rate
-        f_alpha -= joint_alpha
-        if tilt_x != 0.0 or tilt_y != 0.0:  # gravity turns the arm too, and the pendulum hangs across it
-            ahead, aside = math.cos(x[arm]), math.sin(x[arm])
-            along, across = tilt_x * ahead + tilt_y * aside, tilt_y * ahead - tilt_x * aside
-            weight = math.copysign(C4, C3)
-            f_theta += STANDARD_GRAVITY * arm_moment * across - weight * sin * along
-            f_alpha += weight * cos * across
-
-        det = max(M11 * C1 - M12 * M12, 0.0)  # below 0 no masses make such an M: singular, like det M = 0
-        out[0], out[2] = theta_rate, alpha_rate
-        out[arm_speed] = (C1 * f_theta - M12 * f_alpha) / det  # (1), the bracket over det(M)
-        out[3] = (M11 * f_alpha - M12 * f_theta) / det
-        if arm:
-            out[arm] = arm_rate
-            if play == 0.0 and stiffness == 0.0:  # one body after all
-                out[1] = out[arm_speed]
-
-    # Named so that it can be pickled (see __getattr__) and its compiled code has its own file in Numba's cache.
-    rhs.__qualname__ = rhs.__name__ = "_with_".join((zero, *own))
-    return rhs
-
-
-def __getattr__(name: str) -> RightHandSide:
-    """``hanging``, ``upright``, ``hanging_with_z_theta_with_z_alpha``: the right-hand sides, made when asked for."""
-    zero, *own = name.split("_with_")
-    if zero not in GRAVITY or tuple(own) != tuple(n for n in STATES if n in own):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return _right_hand_side(zero, tuple(own))
-
-
-def _grown(model: Model, on: frozenset[str]) -> Model:
-    """The model with the states that these parameters need."""
-    rows = {n: row for n, row in TABLE["states"].items() if not on.isdisjoint(row["only"])}
-    rhs = _right_hand_side(model.zero, tuple(n for n in rows if n in STATES))
-    if rhs is model.rhs:
-        return model
-    return replace(
-        model, rhs=rhs, states=(*model.states[:4], *rows),
-        orders=(*model.orders[:4], *(order_of(n, row.get("order", 1.0)) for n, row in rows.items())),
-        relaxing={n: row["size"] for n, row in rows.items() if "size" in row},
-        follows={n: row["follows"] for n, row in rows.items() if "follows" in row},
-    )  # fmt: skip
+def _of_the_file(zero: str) -> Model:
+    return replace(model_of_table("rotary-pendulum", TABLE, zero, __name__), postures=_postures, smooth=_smooth,
+                   linear_terms=LINEAR_TERMS)  # fmt: skip
 
 
 def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
@@ -327,11 +201,6 @@ def _number(name: str, value: float) -> float:
 
 
 # --- for reports, figures and exports -----------------------------------------------------------------
-
-
-@cache
-def _scene(zero: str) -> Scene | None:
-    return scene_of(TABLE["scene"], ("theta", "alpha"), [p.name for p in PARAMETERS], {"up": GRAVITY[zero]})
 
 
 def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:

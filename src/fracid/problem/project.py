@@ -56,7 +56,7 @@ from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
 from fracid.findings import Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
-from fracid.models.written.equations import Equation, model_of
+from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.checks import refuse_twins
@@ -531,11 +531,9 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     values = {n: v.start if isinstance(v, Free) else v for n, v in roots.items()}
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, _Range | _Constant)}
     constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
-    model = model_of(
-        spec.name, _equations(spec.equations), _equations(spec.outputs), spec.inputs, constants, spec.definitions,
-        scene=spec.scene,
-    )  # fmt: skip
-    return replace(model, input_rates=spec.input_rates)
+    written = Equations(_equations(spec.equations), _equations(spec.outputs), spec.inputs,
+                        _equations(spec.definitions), scene=spec.scene)  # fmt: skip
+    return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
 
 
 def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:

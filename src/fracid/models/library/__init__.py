@@ -15,7 +15,8 @@ draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
                     ``gauge = true`` for what must be, where nothing drives the model, ``rung`` of the ladder
-of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``:
+of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``, ``name``,
+                    ``note``:
                     :class:`fracid.models.written.equations.Equation`
 ==================  ===========================================================================================
 """
@@ -33,12 +34,15 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.models.base import ZEROS, Model, Parameter
-from fracid.models.written.equations import Equation, model_of
+from fracid.models.base import ZEROS, Model, Parameter, symbol_of
+from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 
 _FOLDER = resources.files(__name__)
+
+FIELDS = ("input_rates", "input_defaults", "integer_orders", "drive", "seen_in", "paper")
+"""Of :class:`Model`, as a file has them."""
 
 
 @cache
@@ -74,22 +78,36 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     >>> from_library("pendulum", zero="upright", b_angle=0.01).zero
     'upright'
     """
-    table = table_of(name)
+    return model_of_table(name, table_of(name), zero).with_parameters(**parameters)
+
+
+def model_of_table(name: str, table: Mapping[str, Any], zero: str | None = None, module: str = "") -> Model:
+    """Make a model of what its file says.
+
+    Parameters
+    ----------
+    name : str
+    table : mapping
+        As the module's first screen has it.
+    zero, module
+        As of :func:`from_library` and :class:`fracid.models.written.equations.Equations`.
+    """
     spec, angle = table["model"], table["model"].get("angle", "")
     if zero is not None and (not angle or zero not in ZEROS[:2]):
         expected = "'hanging' or 'upright'" if angle else "none: the model has no pendulum"
         raise InputError(f"zero = {zero!r} is not possible for {name}; expected {expected}.")
     zero = (zero or "hanging") if angle else ""
-    model = model_of(
-        name, _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
-        [Parameter.of(n, row) for n, row in spec["parameters"].items()], spec.get("definitions"),
-        {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {}, spec.get("scene"),
+    written = Equations(
+        _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
+        _equations(spec.get("definitions", {})), {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
+        spec.get("scene", {}), module,
     )  # fmt: skip
-    model = replace(
+    model = written.model(name, (Parameter.of(n, row) for n, row in spec["parameters"].items()))
+    return replace(
         model, zero=zero, pendulum=angle, about=table["about"], source=table["source"],
-        **{n: spec[n] for n in ("input_rates", "input_defaults", "integer_orders") if n in spec},
+        symbols={**model.symbols, **{n: symbol_of(text) for n, text in spec.get("symbols", {}).items()}},
+        **{n: spec[n] for n in FIELDS if n in spec},
     )  # fmt: skip
-    return model.with_parameters(**parameters)
 
 
 def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:

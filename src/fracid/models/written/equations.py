@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any
 
@@ -19,7 +19,7 @@ from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import Untranslatable, choice, operation
+from fracid.models.written.reading import Untranslatable, choice, operation, without_unused
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -53,129 +53,124 @@ class Equation:
     """Of the state or the output."""
     symbol: str = ""
     """How the state is printed, ``"ω_φ"``; "" where its name says it."""
-    only: str = ""
-    """The parameter without which, not zero, there is no such state; "" for one that is always there."""
+    only: Sequence[str] = ()
+    """The parameters without one of which, not zero, there is no such state; none of one that is always there."""
     forgets: str = ""
     """The rate with which the state forgets, of one that :attr:`fracid.models.Model.relaxing` names [1/s]."""
     follows: str = ""
     """The state with whose value it begins."""
     size: str = ""
     """The parameter that is that state's size or time: δ of a presliding element, τ of a Maxwell element."""
+    name: str = ""
+    """What the model calls the state; "" where that is what equations call it."""
+    note: str = ""
+    """A remark for programs that have the equation, on one line."""
 
 
 @dataclass(frozen=True)
-class _Written:
-    """What a file says of a model: makes it, and makes it again with the states that its elements need."""
+class Equations:
+    """What a file says of a model: makes it, and makes it again with the states that its elements need.
+
+    Examples
+    --------
+    >>> axis = Equations({"position": Equation("speed"), "speed": Equation("force/m", "mu")}, inputs={"force": "N"})
+    >>> model = axis.model("axis", [Parameter("m", "kg", 2.0, "")])
+    >>> model.orders, model.rates, model.program.constants
+    ((1.0, 'mu'), {}, frozenset({'m'}))
+    """
 
     equations: Mapping[str, Equation]
-    outputs: Mapping[str, Equation]
-    inputs: Mapping[str, str]
-    definitions: Mapping[str, str]
-    numbers: Mapping[str, float]
-    scene: Mapping[str, Any]
+    """State → the equation of its derivative."""
+    outputs: Mapping[str, Equation] = field(default_factory=dict)
+    """All states where there is none."""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """Input → its unit."""
+    definitions: Mapping[str, Equation] = field(default_factory=dict)
+    """Name → an expression that later ones may use."""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    """Name → a number that it stands for in the equations, and that is no parameter."""
+    scene: Mapping[str, Any] = field(default_factory=dict)
+    """Body → how it is drawn: :mod:`fracid.models.scene`."""
+    module: str = ""
+    """Of fracid's own, for :class:`fracid.models.written.formulas.Formula`."""
+
+    def model(self, name: str, parameters: Iterable[Parameter]) -> Model:
+        """Make it.
+
+        Raises
+        ------
+        InputError
+            With the equation and the place in it.
+        """
+        constants = tuple(parameters)
+        return self.made(name, constants, frozenset(p.name for p in constants if p.value != 0.0))
 
     def __call__(self, model: Model, on: frozenset[str]) -> Model:
-        if model.states == tuple(n for n, e in self.equations.items() if not e.only or e.only in on):
+        """As :attr:`fracid.models.Model.grown` asks."""
+        if model.states == tuple(e.name or n for n, e in self._there(on).items()):
             return model
         other = self.made(model.name, model.parameters, on)
-        fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows", "symbols")
+        fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows")
         return replace(model, **{n: getattr(other, n) for n in fields})
 
+    def _there(self, on: frozenset[str]) -> dict[str, Equation]:
+        return {n: e for n, e in self.equations.items() if not e.only or not on.isdisjoint(e.only)}
+
     def made(self, name: str, parameters: tuple[Parameter, ...], on: frozenset[str]) -> Model:
-        """The model with the states that the parameters `on` need; any other is 0 wherever it stands."""
+        """The model with the states that the parameters `on` need; others are 0 wherever they stand, and so is that."""
         _check_names({
             "[model.equations]": self.equations, "[model.inputs]": self.inputs,
             "[model.definitions]": self.definitions, "[model.parameters]": [p.name for p in parameters],
         })  # fmt: skip
-        there = {n: e for n, e in self.equations.items() if not e.only or e.only in on}
+        there = self._there(on)
+        off = {n for e in self.equations.values() for n in e.only} - {n for e in there.values() for n in e.only}
         numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
         names: dict[str, Expression] = {n: Number(v) for n, v in numbers.items()}
         names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
         names |= {n: Entry("u", Number(i)) for i, n in enumerate(self.inputs)}
-        names |= {p.name: Entry("p", Number(k), p.name) for k, p in enumerate(parameters)}
+        names |= {p.name: Number(0.0) if p.name in off else Entry("p", Number(k), p.name)
+                  for k, p in enumerate(parameters)}  # fmt: skip
         own = {p.name: p.unit for p in parameters} | {n: e.unit for n, e in there.items()}
         units = _Units(names, {**self.inputs} | own)
         for e in self.outputs.values():
             if e.unit and e.equals.strip() in there:
                 units.given(e.equals.strip(), e.unit)
         relaxing = [n for n, e in there.items() if e.forgets]
-        texts = {f"[model.definitions] {n}": text for n, text in self.definitions.items()}
-        texts |= {f"[model.equations] {n}": e.equals for n, e in there.items()}
-        texts |= {f"[model.equations] {n}: forgets": there[n].forgets for n in relaxing}
         states = tuple(there)
-        places = [*range(len(states)), *(len(states) + states.index(n) for n in relaxing)]
-        targets: list[Name | Entry] = [*map(Name, self.definitions), *(Entry("out", Number(i)) for i in places)]
+        rows: list[tuple[Name | Entry, str, str, str]] = [
+            *((Name(n), f"[model.definitions] {n}", e.equals, e.note) for n, e in self.definitions.items()),
+            *((Entry("out", Number(i)), f"[model.equations] {n}", e.equals, e.note)
+              for i, (n, e) in enumerate(there.items())),
+            *((Entry("out", Number(len(states) + states.index(n))), f"[model.equations] {n}: forgets",
+               there[n].forgets, "") for n in relaxing),
+        ]  # fmt: skip
         body: list[Assign] = []
-        for target, (where, text) in zip(targets, texts.items(), strict=True):
-            body.append(Assign(target, formula(text, names, where, units.columns)))
+        for target, where, text, note in rows:
+            body.append(Assign(target, formula(text, names, where, units.columns), note))
             if isinstance(target, Name):
-                names[target.name] = target
+                value = body[-1].value
+                names[target.name] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
-        for s, (where, text) in zip(body, texts.items(), strict=True):
+        for s, (_, where, text, _) in zip(body, rows, strict=True):
             units.check(s, text, where)
+        program = Program(states, tuple(map(states.index, relaxing)), (), without_unused(tuple(body)))
         return Model(
-            name=name, rhs=Formula(Program(states, tuple(states.index(n) for n in relaxing), (), tuple(body))),
-            states=states, orders=tuple(order_of(n, e.order) for n, e in there.items()),
+            name=name, rhs=Formula(program, self.module),
+            states=tuple(e.name or n for n, e in there.items()),
+            orders=tuple(order_of(n, e.order) for n, e in there.items()),
             outputs={n: _output(n, e, names, units, body) for n, e in self.outputs.items()}
             or {n: i for i, n in enumerate(states)},
             inputs=tuple(self.inputs), parameters=parameters, zero="", source="equations",
             input_units={n: unit for n, unit in self.inputs.items() if unit},
             output_units={n: e.unit for n, e in self.outputs.items() if e.unit},
             angles=tuple(n for n, e in self.outputs.items() if e.unit == "rad"),
-            symbols={n: symbol_of(e.symbol) for n, e in there.items() if e.symbol},
-            follows={n: e.follows for n, e in there.items() if e.follows},
-            relaxing={n: there[n].size or there[n].only for n in relaxing},
+            symbols={e.name or n: symbol_of(e.symbol) for n, e in self.equations.items() if e.symbol},
+            follows={e.name or n: e.follows for n, e in there.items() if e.follows},
+            relaxing={n: there[n].size for n in relaxing},
             scene=scene_of(self.scene, self.outputs or there, [p.name for p in parameters], self.numbers),
             grown=self if any(e.only for e in self.equations.values()) else None,
         )  # fmt: skip
-
-
-def model_of(
-    name: str,
-    equations: Mapping[str, Equation],
-    outputs: Mapping[str, Equation],
-    inputs: Mapping[str, str],
-    parameters: Sequence[Parameter],
-    definitions: Mapping[str, str] | None = None,
-    numbers: Mapping[str, float] | None = None,
-    scene: Mapping[str, Any] | None = None,
-) -> Model:
-    """Make a model.
-
-    Parameters
-    ----------
-    name : str
-    equations : mapping
-        State → the equation of its derivative.
-    outputs : mapping
-        All states where there is none.
-    inputs : mapping
-        Input → its unit.
-    parameters : sequence of Parameter
-    definitions : mapping
-        Name → an expression that later ones may use.
-    numbers : mapping
-        Name → a number that it stands for in the equations, and that is no parameter.
-    scene : mapping
-        Body → how it is drawn: :mod:`fracid.models.scene`.
-
-    Raises
-    ------
-    InputError
-        With the equation and the place in it.
-
-    Examples
-    --------
-    >>> mass = Parameter("m", "kg", 2.0, "")
-    >>> axis = {"position": Equation("speed"), "speed": Equation("force/m", "mu")}
-    >>> model = model_of("axis", axis, {}, {"force": "N"}, [mass])
-    >>> model.orders, model.rates, model.program.constants
-    ((1.0, 'mu'), {}, frozenset({'m'}))
-    """
-    on = frozenset(p.name for p in parameters if p.value != 0.0)
-    written = _Written(equations, outputs, inputs, definitions or {}, numbers or {}, scene or {})
-    return written.made(name, tuple(parameters), on)
 
 
 def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
@@ -369,7 +364,7 @@ def equations_of(model: Model) -> tuple[dict[str, str], dict[str, str]]:
     >>> import fracid
     >>> definitions, equations = equations_of(fracid.rotary_pendulum())
     >>> definitions["M12"], equations["theta"]
-    ('C3 * cos_2', 'theta_rate')
+    ('C3 * cosine', 'theta_rate')
     """
     program = model.program
     if program.relaxing:
@@ -417,7 +412,7 @@ class Flat:
             match s:
                 case Assign(Name(n), Entry("x", Number(i))):
                     names.setdefault(int(i), n)
-        return [names.get(i, n) for i, n in enumerate(self.model.states)]
+        return [names.get(i, n) for i, n in enumerate(self.program.states)]
 
     def _run(self, body: Sequence[Statement], here: dict[str, Expression]) -> dict[str, Expression]:
         """What each variable and entry of out is afterwards."""

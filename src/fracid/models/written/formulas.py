@@ -265,12 +265,14 @@ class Formula:
     """
 
     tree: Program | Function
+    module: str = ""
+    """Of fracid's own equations: what is compiled of them is kept on disk, under the module's name; "" for a user's."""
 
     @cached_property
     def py_func(self) -> Any:
         """The function, in Numba's language."""
         writer = Python(self.tree if isinstance(self.tree, Program) else Program((), (), (self.tree,), ()))
-        return writer.made("rhs" if isinstance(self.tree, Program) else self.tree.name)
+        return writer.made("rhs" if isinstance(self.tree, Program) else self.tree.name, self.module)
 
     @property
     def __name__(self) -> str:
@@ -279,7 +281,7 @@ class Formula:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The tree alone; each process makes its own function."""
-        return Formula, (self.tree,)
+        return Formula, (self.tree, self.module)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import keyword
 import math
+import sys
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from hashlib import sha256
 from typing import Any, ClassVar
 
 from fracid.findings import Words
@@ -364,10 +367,12 @@ class Python(Writer):
 
     functions: ClassVar[dict[str, str]] = {n: f"math.{n}" for n in FUNCTIONS}
     words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math range"))
+    once: Mapping[Entry, str] = {}
+    """What a right-hand side reads more than once has a name in it: that is less to compile."""
 
     def entry(self, e: Entry) -> str:
         """By its place."""
-        return f"{e.array}[{self.expression(e.index)}]"
+        return self.once.get(e) or f"{e.array}[{self.expression(e.index)}]"
 
     def operation(self, sign: str, *operands: Expression) -> tuple[str, int]:
         """``not`` binds less tightly than elsewhere."""
@@ -384,17 +389,28 @@ class Python(Writer):
     def main(self) -> str:
         """The right-hand side itself; with which rate a state forgets it writes where there is room."""
         n, body = len(self.program.states), self.program.body
+        read = Counter(e for e in parts(body) if isinstance(e, Entry) and e.array in "xp")
+        often = [e for e, count in read.items() if count > 1 and isinstance(e.index, Number)]
+        once = {e: f"_{e.array}{self.expression(e.index)}" for e in often}
+        first = [f"{self.indent}{name} = {self.entry(e)}" for e, name in once.items()]
+        self.once = once
         lines = [*self.block(body, self._names(body), 1)]
         flat = all(isinstance(s, Assign) for s in body)
         places = tuple(f"    out[{n + i}] =" for i in self.program.relaxing) if flat else ()
         rates = [line for line in lines if line.startswith(places)]
         room = [f"    if len(out) > {n}:", *(self.indent + line for line in rates)] if rates else []
-        return "\n".join(["def rhs(t, x, u, p, out):", *(line for line in lines if line not in rates), *room,
+        return "\n".join(["def rhs(t, x, u, p, out):", *first, *(line for line in lines if line not in rates), *room,
                           *([] if lines else ["    pass"]), ""])  # fmt: skip
 
-    def made(self, name: str = "rhs") -> Callable[..., Any]:
-        """The right-hand side, or one of the functions, to be called."""
-        there: dict[str, Any] = {"math": math}
-        exec(self.text(), there)  # text of a tree: numbers, names of the tree and functions of mathematics
+    def made(self, name: str = "rhs", module: str = "") -> Callable[..., Any]:
+        """The right-hand side, or one of the functions, to be called.
+
+        One of a module of fracid's is called by its text: what is compiled of it is kept under that name.
+        """
+        text, there = self.text(), dict[str, Any](math=math, **({"__name__": module} if module else {}))
+        file = sys.modules[module].__file__ if module else "<equations>"
+        exec(compile(text, str(file), "exec"), there)  # of a tree: numbers, its names and functions of mathematics
         function: Callable[..., Any] = there[name]
+        if module:
+            function.__name__ = function.__qualname__ = f"{name}_{sha256(text.encode()).hexdigest()[:16]}"
         return function

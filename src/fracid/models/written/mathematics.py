@@ -142,6 +142,9 @@ class _Read(Flat):
         here = self._run(self.program.body, {})
         out = [Entry("out", Number(i)) for i in range(len(self.states))]
         rates = [here.get(f"out {i}", ZERO) for i in range(len(out))]
+        for i, e in enumerate(rates):
+            if isinstance(e, Name) and e.name in self.definitions:  # a derivative's name is the derivative
+                rates[i], self.inline[e.name] = self.definitions.pop(e.name), out[i]
         known = [i for i, e in enumerate(rates) if isinstance(e, Entry) and e.array == "x"]
         solved = dict(self._solved(rates))
         found = [line for i, e in enumerate(rates) if i not in known
@@ -166,7 +169,7 @@ class _Read(Flat):
 
     def _meant(self, e: Expression) -> Expression:
         """A denominator: what its name stands for, without a guard."""
-        while isinstance(e, Name):
+        while isinstance(e, Name) and e.name in self.definitions:
             e = self.definitions[e.name]
         match e:
             case Call("max", (a, Number(0)) | (Number(0), a)):

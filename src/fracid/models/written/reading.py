@@ -129,7 +129,7 @@ def read(
     """
     n, unit = len(states), _Unit(parameters)
     statements, _ = unit.body(rhs, n, inputs, View("out", 0, n + n * bool(relaxing)))
-    body = _without_unused(tuple(statements))
+    body = without_unused(tuple(statements))
     off = tuple(Assign(Entry("out", Number(n + i)), Number(0.0)) for i in relaxing if not _always(body, n + i))
     kept = {n + i for i in relaxing} | {*range(n)}
     asked = _without(body, lambda s: isinstance(s.target, Entry) and s.target.index.value not in kept)  # type: ignore[union-attr]
@@ -165,7 +165,7 @@ def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: in
         statements, value = ([], Entry("x", Number(h))) if isinstance(h, int) else unit.body(h, states, inputs)
         body += [*statements, Assign(Entry("out", Number(i)), value)]
     names = tuple(f"output {i}" for i in range(len(outputs)))
-    return Program(names, (), unit.read, _without_unused(tuple(body)))
+    return Program(names, (), unit.read, without_unused(tuple(body)))
 
 
 def read_functions(*functions: Any) -> tuple[Function, ...]:
@@ -192,7 +192,7 @@ def _always(body: Sequence[Statement], index: int) -> bool:
     )
 
 
-def _without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
+def without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
     """Without variables that nobody reads."""
     while True:
         names = mentioned(body)
@@ -329,7 +329,7 @@ class _Unit:
             about = (f.__doc__ or "").strip().partition("\n")[0]
             del self.functions[f]
             made = Function(_new(f.__name__, taken), tuple(scope.names[n] for n in names),
-                            _without_unused(tuple(scope.statements)), about)  # fmt: skip
+                            without_unused(tuple(scope.statements)), about)  # fmt: skip
             self.functions[f] = made
         found = self.functions[f]
         return found.name if found else ""
