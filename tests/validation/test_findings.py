@@ -322,6 +322,19 @@ def test_both_angles_turned_round_are_the_same_rig():
     assert codes(before(problem(-GOOD))) == []
 
 
+def test_of_an_output_that_is_no_angle_no_degrees_are_asked():
+    """An array has no unit, and an own model that says none may be a battery's."""
+
+    def cell(t, x, u, p, out):
+        out[0] = -p[0] * x[0]
+
+    own = fracid.Model("cell", cell, ("v",), ("q",), {"V": 0}, (), (fracid.Parameter("k", "1/s", 0.1, "leak"),), "", "")
+    time = np.arange(2000) * STEP
+    record = fracid.Recording.of("cell", time, {"V": 6 * np.cos(6 * time)})
+    e = fracid.Experiment.of(record, own, ["V"], {"v": 6.0})
+    assert not before(Problem(own, (e,), {"q": ORDERS["mu"]}, outputs=("V",)))
+
+
 @pytest.mark.parametrize(("output", "zero"), [("beta", ""), ("alpha", "hanging")])
 def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named(output, zero):
     def inverted(t, x, u, p, out):

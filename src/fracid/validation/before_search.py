@@ -59,7 +59,7 @@ from fracid.problem import Experiment, Free, Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.recording import Report
 from fracid.recording.faults import signal_faults
-from fracid.recording.measures import measure_signal
+from fracid.recording.measures import is_pendulum, measure_signal
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import final_value, swing_period, tail
 from fracid.solver.methods import METHODS
@@ -141,12 +141,17 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         signals = dict(zip(problem.outputs, e.measured.T, strict=True))
         if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
-        units = {n: e.units.get(n, "rad" if n in problem.outputs else "V") for n in signals}
+        units = {n: e.units.get(n, "rad") if _is_angle(problem, n) else "V" for n in signals}
         measured = [measure_signal(n, units[n], e.time, y) for n, y in signals.items()]
         findings = signal_faults(e.time, signals, measured)
     else:
         findings = report.findings
     return [replace(f, where=f"{e.name}: {f.where}") for f in findings]
+
+
+def _is_angle(problem: Problem, signal: str) -> bool:
+    """Whether the model says so, or its name: an array without a unit is taken as radians, also of a voltage."""
+    return problem.model.output_unit(signal) == "rad" or is_pendulum(signal)
 
 
 # --- what the model does along a recording, and where it stays ---------------------------------------------
