@@ -71,21 +71,21 @@ class Card:
         return replace(self, rows=(("folder", str(folder)), *self.rows))
 
     def html(self) -> str:
-        """A table without a script or a class, every text escaped."""
+        """A table without a script or a class, every text escaped; one more for estimates."""
         rows = [*self.rows, *self.details]
         if len(rows) > ROWS:
             rows = [*rows[:ROWS], ("…", f"{len(rows) - ROWS} more rows")]
-        cells = (f'<th style="{LINE}">{_safe(what)}</th><td style="{LINE}">{_safe(value)}</td>' for what, value in rows)
-        body = "".join(f"<tr>{cell}</tr>" for cell in cells)
-        table = f'<table style="{TABLE}"><caption style="{CAPTION}">{_safe(self.title)}</caption>{body}</table>'
-        return table + self._estimates()
-
-    def _estimates(self) -> str:
+        table = _table([[("th", what), ("td", value)] for what, value in rows], self.title)
         if not self.estimates:
-            return ""
+            return table
         lines = [("th", self.estimates[0]), *(("td", row.values()) for row in self.estimates[:ROWS])]
-        cells = ("".join(f'<{tag} style="{LINE}">{_safe(text)}</{tag}>' for text in texts) for tag, texts in lines)
-        return f'<table style="{TABLE}">' + "".join(f"<tr>{row}</tr>" for row in cells) + "</table>"
+        return table + _table([[(tag, text) for text in texts] for tag, texts in lines])
+
+
+def _table(rows: list[list[tuple[str, str]]], title: str = "") -> str:
+    cells = ("".join(f'<{tag} style="{LINE}">{_safe(text)}</{tag}>' for tag, text in row) for row in rows)
+    caption = f'<caption style="{CAPTION}">{_safe(title)}</caption>' if title else ""
+    return f'<table style="{TABLE}">{caption}' + "".join(f"<tr>{row}</tr>" for row in cells) + "</table>"
 
 
 class CardDisplay:

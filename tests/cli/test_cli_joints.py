@@ -68,9 +68,9 @@ def test_it_is_fitted_and_the_page_has_its_elements_and_none_that_are_off(folder
         r'<th role="rowheader" scope="row"><span class="name">(?:<span class="point \w*"></span>)?([^<]*)', page
     )
     assert {"presliding_theta", "presliding_alpha", "springpot_order_alpha", "z_α at the start"} <= set(rows)
-    assert not {"play_theta", "stiction_alpha", "springpot_order_theta", "saturation"} & set(rows)
-    off = re.search(r"parameters of inactive elements</summary><p>(.*?)</p>", page)[1]
-    assert all(f"{name} <data" in off for name in ("slip_speed", "play_theta", "springpot_order_theta", "saturation"))
+    assert not {"play_theta", "stiction_alpha", "saturation"} & set(rows)
+    off = re.search(r"fixed values that are 0</summary><p>(.*?)</p>", page)[1]
+    assert all(f"{name} <data" in off for name in ("play_theta", "stiction_alpha", "saturation"))
 
 
 COMMANDS = {

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -31,10 +31,10 @@ from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from fracid.estimation.records import RecordingFit
+    from fracid.models import Model
 
 BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 
@@ -323,11 +323,16 @@ def note(axes: Axes, text: str, height: float = 0.5) -> None:
               bbox={"fc": "white", "ec": "0.7", "boxstyle": "round"})  # fmt: skip
 
 
-def plain_log(axis: Axis, subs: Sequence[float]) -> None:
-    """Tick a logarithmic axis at some multiples of each power of ten, in plain numbers."""
+def plain_log(axes: Axes, which: Literal["x", "y"] = "y", room: float = 1.0) -> None:
+    """A logarithmic axis with plain numbers, the more the less it spans, and some room at both ends."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(subs=subs))
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    low, high = axis.get_view_interval()
+    axis.set_view_interval(low / room, high * room, ignore=True)
+    span = room**2 * high / low
+    axis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7) if span < 12 else (1, 2, 5) if span < 100 else (1,)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -348,6 +353,15 @@ def angle_label(name: str, display_unit: str, zero: str) -> str:
     """
     where = f", 0 = {plain(zero)}" if zero else ""
     return f"{symbol(name)}{where} [{display_unit}]"
+
+
+def unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
+    """What stands at the axis of an unknown, and the factor to its unit there."""
+    display_unit, factor = axis_unit(unit)
+    order = "order " if name in model.order_names and not name.startswith("order") else ""
+    of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
+    where = f", 0 = {plain(model.zero)}" if of_zero and model.zero else ""
+    return f"{order}{symbol(name)}{where} [{display_unit}]", factor
 
 
 def spoken(text: str) -> str:

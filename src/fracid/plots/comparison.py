@@ -112,7 +112,7 @@ def _rungs(axes: Axes, comparison: Comparison, output: str, recordings: Sequence
         for row, x, y in zip(rows, at, mean, strict=True):
             if row.paper:
                 axes.plot(x, y, **PAPER, label="the paper's structure")
-    _log(axes)
+    plain_log(axes, room=1.3)  # for a run that fails
     short = [f"+ {f.rpartition(' + ')[2]}" if " + " in f else f for f in frictions]
     axes.set_xticks(range(len(frictions)), [plain(name, 28) for name in short])
     axes.tick_params(axis="x", rotation=90)  # side by side, six names are wider than a column
@@ -124,15 +124,6 @@ def _shown(score: Score | None, output: str, comparison: Comparison) -> float:
     value = math.inf if score is None else score.rmse[output]
     _, factor = shown_unit(comparison.units.get(output, "rad"))
     return factor * value if math.isfinite(value) and value > 0 else math.nan
-
-
-def _log(axes: Axes) -> None:
-    """A logarithmic axis with plain numbers."""
-    axes.set_yscale("log")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low / 1.15, 1.35 * high)  # room for a run that fails
-    subs = (1, 1.5, 2, 3, 5, 7) if high < 8 * low else (1, 2, 5) if high < 100 * low else (1,)
-    plain_log(axes.yaxis, subs)
 
 
 def amplitudes(test: AmplitudeTest, *, style: str | Style = "screen") -> Figure:
@@ -179,8 +170,7 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
         axes.errorbar(factor * np.array(d.amplitudes), d.values, 1.96 * np.array(d.standard_errors), capsize=2.5, ms=5,
                       color="black" if whole else SERIES[k % len(SERIES)][0], zorder=3,
                       label="whole recordings" if whole else plain(d.over, 28), **style)  # fmt: skip
-    axes.set_xscale("log")
-    plain_log(axes.xaxis, (1, 2, 5))
+    plain_log(axes, "x")
     axes.ticklabel_format(axis="y", useOffset=False)
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip

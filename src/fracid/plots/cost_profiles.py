@@ -12,14 +12,12 @@ from fracid.plots.appearance import (
     BLUE,
     MARKS,
     VERMILLION,
-    axis_unit,
     cost_label,
     finish,
     label,
     new,
     number,
-    plain,
-    symbol,
+    unknown_label,
 )
 from fracid.quantiles import CHI2_95, NORMAL_95
 
@@ -87,7 +85,7 @@ def profiles(profiles: Profiles, *, style: str | Style = "screen") -> Figure:
 
 
 def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None:
-    name, factor = _unknown_label(panel.name, panel.unit, model)
+    name, factor = unknown_label(panel.name, panel.unit, model)
     values, rise = factor * panel.values, np.maximum(panel.rise, 0.0)
     top = float(np.clip(1.15 * np.max(rise[np.isfinite(rise)], initial=0.0), 1.3 * CHI2_95[1], CEILING))
     axes.plot(values, rise, color=BLUE, lw=1.6, marker="o", ms=3.5, label="profile", zorder=3)
@@ -111,18 +109,14 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
 
 
 def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
-    labels, factors = zip(
-        *(_unknown_label(n, u, model) for n, u in zip(joint.names, joint.units, strict=True)), strict=True
-    )
-    first, second = factors[0] * joint.first, factors[1] * joint.second
-    first, second, rise = _smoothed(first, second, joint.rise)
+    (x, across), (y, up) = (unknown_label(n, u, model) for n, u in zip(joint.names, joint.units, strict=True))
+    first, second, rise = _smoothed(across * joint.first, up * joint.second, joint.rise)
     axes.contourf(first, second, np.minimum(rise, 50.0).T, levels=[0, 1, 2, 4, CHI2_95[2]], cmap="Blues_r", alpha=0.6)
     axes.contour(first, second, rise.T, levels=[CHI2_95[2]], colors=[VERMILLION], linewidths=1.4)
     axes.plot([], [], color=VERMILLION, lw=1.4, label="95 % region, 5.99")
-    best = [factor * value for factor, value in zip(factors, joint.best, strict=True)]
-    axes.plot(*best, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
+    axes.plot(across * joint.best[0], up * joint.best[1], ls="", label="best", **(MARKS["best"] | {"ms": 11}))
     axes.ticklabel_format(useOffset=False)
-    label(axes, f"together; correlation {number(joint.correlation, 2)}", labels[0], labels[1], 4)
+    label(axes, f"together; correlation {number(joint.correlation, 2)}", x, y, 4)
 
 
 def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -133,12 +127,3 @@ def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[
 
     fine = np.linspace(first[0], first[-1], 200), np.linspace(second[0], second[-1], 200)
     return *fine, np.maximum(RectBivariateSpline(first, second, rise)(*fine), 0.0)
-
-
-def _unknown_label(name: str, unit: str, model: Model) -> tuple[str, float]:
-    """What stands at the axis of an unknown, and the factor to its unit there."""
-    display_unit, factor = axis_unit(unit)
-    order = "order " if name in model.order_names and not name.startswith("order") else ""
-    of_zero = model.pendulum and name.startswith(f"{model.pendulum}(0)")
-    where = f", 0 = {plain(model.zero)}" if of_zero and model.zero else ""
-    return f"{order}{symbol(name)}{where} [{display_unit}]", factor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,23 +64,19 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     panels = figure.subplots(1, len(names), squeeze=False)[0]
     candidates = [c for c, _ in plan.landscape]
     by_release = len({c.release for c in candidates}) > 1
+    at = attrgetter("release" if by_release else "seconds")
     for axes, name in zip(panels, names, strict=True):
         unit, factor = axis_unit(plan.expected[name].unit)
         half = factor * NORMAL_95 * np.array([errors[name] for _, errors in plan.landscape])
         lines = sorted({c.seconds for c in candidates}) if by_release else [None]
         for k, seconds in enumerate(lines):
-            best: dict[float, float] = {}
-            for c, h in zip(candidates, half.tolist(), strict=True):
-                if seconds in (None, c.seconds):
-                    at = c.release if by_release else c.seconds
-                    best[at] = min(best.get(at, np.inf), h)
-            x = sorted(best)
+            own = [(at(c), h) for c, h in zip(candidates, half.tolist(), strict=True) if seconds in (None, c.seconds)]
+            best = {x: min(h for other, h in own if other == x) for x in sorted({x for x, _ in own})}
             (colour, marker), which = SERIES[k % len(SERIES)], "one experiment" if seconds is None else f"{seconds:g} s"
-            axes.plot(x, [best[v] for v in x], color=colour, marker=marker, ms=4, label=which)
+            axes.plot([*best], [*best.values()], color=colour, marker=marker, ms=4, label=which)
         for c, h in zip(candidates, half.tolist(), strict=True):
             if c in plan.experiments:
-                axes.plot([c.release if by_release else c.seconds], [h], "*", color=INK, ms=12,
-                          label="chosen", zorder=4)  # fmt: skip
+                axes.plot([at(c)], [h], "*", color=INK, ms=12, label="chosen", zorder=4)
         axes.set_yscale("log")
         over = "release [°]" if by_release else "duration [s]"
         label(axes, "", over, f"CI half-width of {symbol(name)} [{unit}]", None)

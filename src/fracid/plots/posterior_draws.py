@@ -8,7 +8,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
-from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol
+from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol, unknown_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,8 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
     n = len(chosen)
     figure = new(max(5.0, 2.3 * n), max(3.6, 0.9 + 2.0 * n), style)
     grid = figure.subplots(n, n, squeeze=False)
-    labels, factors = zip(*(_label(posterior, name) for name in chosen), strict=True)
+    units = {u.name: u.unit for u in posterior.problem.unknowns}
+    labels, factors = zip(*(unknown_label(n, units[n], posterior.problem.model) for n in chosen), strict=True)
     columns = [factor * posterior.points[:, posterior.names.index(name)]
                for name, factor in zip(chosen, factors, strict=True)]  # fmt: skip
     for axes in grid[np.triu_indices(n, 1)]:
@@ -187,10 +188,3 @@ def _reach(values: FloatArray, weights: FloatArray) -> tuple[float, float]:
     low, high = np.interp([0.002, 0.998], np.cumsum(weights[order]), values[order])
     margin = 0.05 * (high - low) or 0.05 * (abs(low) or 1.0)
     return float(low - margin), float(high + margin)
-
-
-def _label(posterior: Posterior, name: str) -> tuple[str, float]:
-    """What stands at an axis, and the factor to its unit there."""
-    unit = posterior.problem.unknowns[posterior.names.index(name)].unit
-    shown, factor = axis_unit(unit)
-    return f"{symbol(name)} [{shown}]", factor

@@ -220,6 +220,7 @@ def _in_time(
         _blank((spectrum,), "uneven samples have none")
         return
     spectrum.loglog(f, factor**2 * curves.power, color=INK, lw=1.2)
+    spectrum.set_ylim(bottom=factor**2 * np.quantile(curves.power, 0.1) / 30)
     if analysis.level.encoder_step:  # spread evenly up to half the sampling rate
         floor = 2 * analysis.step * (factor * analysis.level.floor) ** 2
         spectrum.axhline(floor, color=ORANGE, lw=1.5, ls="--", label="rounding of the encoder alone")

@@ -11,7 +11,6 @@ from fracid.errors import InputError
 from fracid.plots.appearance import SERIES, cost_label, finish, label, new, plain_log
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from fracid.estimation.starts import Start
@@ -72,8 +71,7 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
                           label=kind + more, zorder=3)  # fmt: skip
     axes.step(range(1, len(ranking) + 1), [cost for cost, _ in ranking], where="mid", color="0.7", lw=1, zorder=1)
     if ranking and ranking[0][0] > 0:
-        axes.set_yscale("log")
-        _few_decades(axes)
+        plain_log(axes, room=1.3)
     best = sum(cost <= SAME_COST * ranking[0][0] for cost, _ in ranking) if ranking else 0
     left = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
     name, unit = cost_label(cost_name)
@@ -83,12 +81,3 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
     return finish(figure, "where the starts ended")
-
-
-def _few_decades(axes: Axes) -> None:
-    """Plain numbers at a logarithmic axis that spans less than two decades: no lone power of ten."""
-    low, high = axes.get_ylim()
-    if high < 100 * low:
-        low, high = min(low, high / 1.3), max(high, 1.3 * low)
-        axes.set_ylim(low, high)
-        plain_log(axes.yaxis, (1, 1.5, 2, 3, 5, 7))

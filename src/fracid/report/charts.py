@@ -245,16 +245,22 @@ def _path(at: FloatArray, series: Series, x: Axis, y: Axis, points: int) -> str:
     if not finite.any():
         return ""
     keep = extremes([np.where(finite, series.y, np.nan)], points)
-    places = np.stack([x.at(at[keep]), y.at(np.clip(np.where(finite, series.y, y.low), y.low, y.high)[keep])])
-    px, py = np.rint(10 * places).astype(int)
+    places = np.stack([x.at(at[keep]), y.at(np.clip(np.where(finite, series.y, y.low), y.low, y.high)[keep])], axis=1)
     if series.kind == "points":  # a line without length and with round ends is a dot
-        dots = "".join(f"M{a} {b}h0" for a, b in zip(px.tolist(), py.tolist(), strict=True))
-        return f'<path class="points" transform="scale(.1)" d="{dots}"/>'
-    d, pen = [], None
-    for a, b, there in zip(px.tolist(), py.tolist(), finite[keep].tolist(), strict=True):
-        if not there:
-            pen = None
-            continue
-        d.append(f"M{a} {b}l" if pen is None else f"{a - pen[0]} {b - pen[1]} ")
-        pen = (a, b)
-    return f'<path class="{series.kind}" transform="scale(.1)" d="{"".join(d).replace(" -", "-").strip()}"/>'
+        d = "".join(f"M{a} {b}h0" for a, b in np.rint(10 * places).astype(int).tolist())
+    else:
+        runs = np.split(np.arange(keep.size), np.flatnonzero(np.diff(finite[keep])) + 1)
+        d = "".join(steps(places[run]) for run in runs if finite[keep[run[0]]])
+    return f'<path class="{series.kind}" transform="scale(.1)" d="{d}"/>'
+
+
+def steps(places: FloatArray, close: str = "") -> str:
+    """The way through places, shape (n, 2), in tenths of a pixel, each from the one before.
+
+    Examples
+    --------
+    >>> steps(np.array([[1.0, 2.0], [1.5, 1.0]]))
+    'M10 20l5-10'
+    """
+    first, *rest = np.diff(np.rint(10 * places).astype(int), axis=0, prepend=0).tolist()
+    return (f"M{first[0]} {first[1]}l" + " ".join(f"{a} {b}" for a, b in rest)).replace(" -", "-") + close

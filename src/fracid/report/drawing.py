@@ -12,7 +12,6 @@ from fracid.estimation.records import in_words
 from fracid.report.sentences import (
     counted,
     digits,
-    end_of,
     interval,
     joined,
     letter,
@@ -46,7 +45,7 @@ def _templates() -> Environment:
 
     jinja = Environment(loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined,
                         trim_blocks=True, lstrip_blocks=True, finalize=_seen)  # fmt: skip
-    words = (counted, digits, end_of, in_letters, in_words, interval, joined, letter, linked, number, said,
+    words = (counted, digits, in_letters, in_words, interval, joined, letter, linked, number, said,
              search_sentence, tick, unbroken, with_error)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words}
     jinja.tests["finite"] = isfinite

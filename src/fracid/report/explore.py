@@ -50,9 +50,8 @@ def not_explored(material: Material) -> str:
         return str(error)
     if not isfinite(material.result["cost"]["value"] or inf):
         return "No run of the model reached the end of a recording."
-    if not any(True for _ in _explorable(material)):
-        return next(iter({reason for e in problem.experiments if (reason := _beyond(e))}))
-    return ""
+    some = any(True for _ in _explorable(material))
+    return "" if some else next(reason for e in problem.experiments if (reason := _beyond(e)))
 
 
 def _functions(problem: Problem) -> list[str]:
@@ -107,7 +106,7 @@ def explore(material: Material) -> dict[str, Any]:
         "outputs": [_output(material, n) for n in problem.outputs],
         "levels": problem.weights != "equal",
         "cost": "" if cost in SQUARES else cost.upper() if cost in COSTS else cost,
-        "sliders": [*_orders(material), *_frictions(material), *_constants(material)],
+        "sliders": [*_orders(material), *_constants(material)],
         "recordings": [_recording(material, *one) for one in islice(_explorable(material), MOST)],
     }
 
@@ -123,48 +122,41 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
             continue
         integer = e.get("integer")
         ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
-        yield _slider(problem, name, e, (max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE))) | {
-            "kind": "orders", "integer": integer,
-        }  # fmt: skip
-
-
-def _frictions(material: Material) -> Iterator[dict[str, Any]]:
-    """A slider for each friction that is there, and for the Coulomb friction that might be."""
-    problem, values = material.problem, material.result["parameters"]
-    own = {*problem.own_parameters, *problem.ties}
-    for name, kind in problem.model.friction.items():
-        e = values.get(name)
-        if e is None or name in own or e["value"] is None:
-            continue
-        high = max(3 * abs(e["value"]), 1.3 * max(map(abs, e["interval95"] or (0.0,))))
-        start = problem.parameters.get(name)
-        if e.get("at_bound") and isinstance(start, Free):
-            high = max(high, 3 * abs(start.start))
-        if high == 0.0 and kind.dry and kind.joint:
-            high = _might_be(material, kind.joint)
-        if high > 0.0 and (e["value"] != kind.off or kind.dry or e["free"]):
-            low = -high if e["value"] < 0.0 or kind.signed else 0.0
-            yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None} | _bounds(start, e)
+        reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
+        yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}
 
 
 def _constants(material: Material) -> Iterator[dict[str, Any]]:
-    """A slider for each other value that was free, some of its intervals or half of itself about it."""
-    problem, values = material.problem, material.result["parameters"]
-    for name, start in problem.parameters.items():
-        e = values.get(name)
-        if not isinstance(start, Free) or name in problem.model.friction or e is None or e["value"] is None:
+    """A slider for each friction that is there, or might be, and for each other value that was free."""
+    problem, values, friction = material.problem, material.result["parameters"], material.model.friction
+    for name in dict.fromkeys((*friction, *problem.parameters)):
+        e, start = values.get(name), problem.parameters.get(name)
+        if e is None or e["value"] is None or name in {*problem.own_parameters, *problem.ties}:
             continue
-        bounds, around = _bounds(start, e), max(3 * half_of(e["interval95"]), abs(e["value"]) / 2)
-        reach = max(bounds["lower"], e["value"] - around), min(bounds["upper"], e["value"] + around)
-        if isfinite(reach[1] - reach[0]) and reach[0] < reach[1]:
-            yield _slider(problem, name, e, reach) | {"kind": "parameters", "integer": None} | bounds
+        bounds = {}
+        if isinstance(start, Free):  # between them it is found again
+            bounds = {"lower": min(start.lower, e["value"]), "upper": max(start.upper, e["value"])}
+        low, high = _of_friction(material, name, e, start) if name in friction else _of_constant(e, **bounds)
+        if isfinite(high - low) and low < high:
+            yield _slider(problem, name, e, (low, high)) | {"kind": "parameters", "integer": None} | bounds
 
 
-def _bounds(start: object, e: Mapping[str, Any]) -> dict[str, float]:
-    """Between what a free friction is found again; one that was given has no bounds above."""
-    if not isinstance(start, Free):
-        return {}
-    return {"lower": min(start.lower, e["value"]), "upper": max(start.upper, e["value"])}
+def _of_constant(e: Mapping[str, Any], lower: float = 0.0, upper: float = 0.0) -> tuple[float, float]:
+    """Some of its intervals or half of itself about a value, within its bounds; nothing where it has none."""
+    around = max(3 * half_of(e["interval95"]), abs(e["value"]) / 2)
+    return (max(lower, e["value"] - around), min(upper, e["value"] + around)) if lower < upper else (0.0, 0.0)
+
+
+def _of_friction(material: Material, name: str, e: Mapping[str, Any], start: object) -> tuple[float, float]:
+    kind = material.model.friction[name]
+    high = max(3 * abs(e["value"]), 1.3 * max(map(abs, e["interval95"] or (0.0,))))
+    if e.get("at_bound") and isinstance(start, Free):
+        high = max(high, 3 * abs(start.start))
+    if high == 0.0 and kind.dry and kind.joint:
+        high = _might_be(material, kind.joint)
+    if e["value"] == kind.off and not kind.dry and not e["free"]:
+        return 0.0, 0.0
+    return (-high if e["value"] < 0.0 or kind.signed else 0.0), high
 
 
 def _might_be(material: Material, joint: str) -> float:
@@ -206,23 +198,15 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     sizes = problem.sizes(e)
     return {
-        "name": e.name,
-        "use": material.fit.recordings[e.name].use,
-        "step": e.step / problem.substeps,
-        "steps": rows - 1,
-        "every": problem.substeps,
-        "release": None if e.release_time == 0.0 else values.release,
-        "samples": samples,
-        "whole": len(e.measured),
-        "limit": LIMIT * float(np.max(sizes, initial=1.0)),
-        "initial": values.initial,
-        "deflections": list(_deflections(problem, x, e)),
-        "unknowns": list(_unknowns(problem, x, e)),
+        "name": e.name, "use": material.fit.recordings[e.name].use, "own": _lines(material, e, samples),
+        "step": e.step / problem.substeps, "steps": rows - 1, "every": problem.substeps,
+        "samples": samples, "whole": len(e.measured), "release": None if e.release_time == 0.0 else values.release,
+        "limit": LIMIT * float(np.max(sizes, initial=1.0)), "initial": values.initial,
+        "deflections": list(_deflections(problem, x, e)), "unknowns": list(_unknowns(problem, x, e)),
         "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
         "inputs": base64_floats(inputs, "<f8"),
         "jumps": None if driven.jumps is None else base64_floats(driven.jumps[:rows], "<f8"),
-        "own": _lines(material, e, samples),
-    }
+    }  # fmt: skip
 
 
 def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[str, str]]:

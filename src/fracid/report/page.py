@@ -37,7 +37,7 @@ from fracid.report.sentences import counted, described, half_width, joined, lett
 from fracid.report.study import STUDIES, figures_of, in_script, ladder_of, studies_of
 from fracid.report.surface import Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
-from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict
+from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict, where
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_text
@@ -256,16 +256,14 @@ def _names(recordings: list[str]) -> str:
 
 def _no_rival(result: Mapping[str, Any]) -> str:
     """Why there is no integer-order rival."""
-    free = [e for e in result["orders"].values() if e["free"]]
-    if not free:
+    places = {where(e) for e in result["orders"].values() if e["free"]}
+    if not places:
         return "None was tried: no order was free."
-    integer = [e.get("integer", 1.0) for e in free]
-    if all(v is None for v in integer):
+    if places == {"without"}:
         return "None was tried: the model gives its free orders no integer value (integer_orders)."
-    if all(e["interval95"] and e["interval95"][0] <= v <= e["interval95"][1]
-           for e, v in zip(free, integer, strict=True) if v is not None):  # fmt: skip
-        return "None was needed: no order is off its integer value."
-    return "None was tried."
+    return (
+        "None was needed: no order is off its integer value." if places <= {"inside", "without"} else "None was tried."
+    )
 
 
 def _driven(material: Material) -> bool:

@@ -12,7 +12,7 @@ function cividis(share) {
 }
 
 class Plane {
-  // spec: { first, second, height: [[…]], names, levels: [[at, label]], low, high, best, intervals, tried, read, bar, pick }
+  // spec: { first, second, height: [[…]], names, levels: [[at, label]], low, high, best, intervals, tried, read, pick }
   constructor(canvas, said, spec) {
     Object.assign(this, { canvas, said, spec });
     this.cell = [Math.floor(spec.first.length / 2), Math.floor(spec.second.length / 2)];
@@ -32,13 +32,13 @@ class Plane {
     canvas.height = height * ratio;
     const ctx = this.ctx = canvas.getContext("2d");
     ctx.scale(ratio, ratio);
-    this.box = { left: 70, top: 10, width: width - 80 - (spec.bar ? 98 : 0), height: height - 54 };
+    this.box = { left: 70, top: 10, width: width - 178, height: height - 54 };
     this.corner = this.cornerOf(spec);
     this.surface();
     this.contours();
     this.integers();
     this.axes();
-    if (spec.bar) this.bar();
+    this.bar();
     if (spec.tried) for (const [a, b] of spec.tried) this.dot(a, b);
     this.words();
     this.cross();

@@ -145,20 +145,6 @@ def half_width(estimate: Mapping[str, Any]) -> float | None:
     return None if ends is None else round(half_of(ends), 15)
 
 
-def end_of(estimate: Mapping[str, Any], side: int) -> str:
-    """An end of an interval, to the second digit of its half-width where both ends are known.
-
-    Examples
-    --------
-    >>> end_of({"interval95": [0.955359, 1.05036]}, 0), end_of({"interval95": [None, 1.05036]}, 1)
-    ('0.955', '1.05036')
-    """
-    low, high = estimate["interval95"]
-    if None in (low, high) or not high > low:
-        return number((low, high)[side], ".6g")
-    return typeset(to_second_digit((low, high)[side], (high - low) / 2))
-
-
 def described(text: str) -> str:
     """A description of a constant with true minus signs, Greek letters and indices.
 

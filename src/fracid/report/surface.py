@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import cos, inf, log, pi, sin
+from math import log
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from fracid.arrays import FloatArray
 from fracid.estimation.cost_plane import Scale
-from fracid.report.charts import Axis
+from fracid.report.charts import Axis, steps
 from fracid.report.drawing import drawn
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 540, 400, 70, 10, 108, 44
@@ -79,25 +79,15 @@ def surface_still(surface: Surface) -> Markup:
     y = Axis(surface.second[0], surface.second[-1], HEIGHT - BOTTOM, TOP)
     thick = (y.start - y.end) / BANDS
     shades = [(_colour((k + 0.5) / BANDS), y.start - (k + 1) * thick) for k in range(BANDS)]
-    return drawn(
-        "surface.svg.j2", surface=surface, x=x, y=y, width=WIDTH, height=HEIGHT, shades=shades, thick=thick + 0.4,
-        colours=Markup("".join(_colours(surface, x, y))), levels=[*_levels(surface.scale, y)],
-        tried=[(a, b) for a, b in surface.tried.tolist() if x.inside(a) and y.inside(b)],
-        star=Markup(_star(float(x.at(surface.best[0])), float(y.at(surface.best[1])), 9)),
-    )  # fmt: skip
+    bar = Axis(surface.scale.low, surface.scale.high, y.start, y.end, log=True)
+    return drawn("surface.svg.j2", surface=surface, x=x, y=y, width=WIDTH, height=HEIGHT, shades=shades, bar=bar,
+                 thick=thick + 0.4, colours=Markup("".join(_colours(surface, x, y))))  # fmt: skip
 
 
 def _colour(share: float) -> str:
-    at = min(max(share, 0.0), 1.0) * (len(CIVIDIS) - 1)
-    i = min(int(at), len(CIVIDIS) - 2)
-    ends = [[int(c[k : k + 2], 16) for k in (0, 2, 4)] for c in CIVIDIS[i : i + 2]]
-    return "#" + "".join(f"{round(a + (at - i) * (b - a)):02x}" for a, b in zip(*ends, strict=True))
-
-
-def _d(places: FloatArray, close: str = "") -> str:
-    """A path, its steps in tenths of a pixel."""
-    first, *steps = np.diff(np.rint(10 * places).astype(int), axis=0, prepend=0).tolist()
-    return f"M{first[0]} {first[1]}l" + " ".join(f"{a} {b}" for a, b in steps if a or b) + close
+    at = np.linspace(0, 1, len(CIVIDIS))
+    channels = (np.interp(share, at, [int(c[k : k + 2], 16) for c in CIVIDIS]) for k in (0, 2, 4))
+    return "#" + "".join(f"{round(v):02x}" for v in channels)
 
 
 def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
@@ -114,24 +104,8 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
         shapes, offsets = contours.filled(k / BANDS if k else -1.0, np.inf)
         rings = [shape[a:b] for shape, at in zip(shapes, offsets, strict=True) for a, b in pairwise(at)]
         if rings:
-            d = "".join(_d(ring, "z") for ring in rings)
+            d = "".join(steps(ring, "z") for ring in rings)
             yield f'<path fill="{_colour((k + 0.5) / BANDS)}" fill-rule="evenodd" transform="scale(.1)" d="{d}"/>'
     for at, _ in surface.scale.levels:
         if lines := contours.lines(log(at / low) / log(high / low)):
-            yield f'<path class="level" transform="scale(.1)" d="{"".join(map(_d, lines))}"/>'
-
-
-def _levels(scale: Scale, y: Axis) -> Iterator[tuple[float, str]]:
-    """Where the words beside the colours stand: those that there is room for."""
-    last = inf
-    for level, label in scale.levels:
-        at = y.start - (y.start - y.end) * log(level / scale.low) / log(scale.high / scale.low)
-        if last - at >= 16:
-            yield at, label
-            last = at
-
-
-def _star(x: float, y: float, size: float) -> str:
-    turns = [(size if k % 2 == 0 else 0.4 * size, k * pi / 5 - pi / 2) for k in range(10)]
-    d = "L".join(f"{x + r * cos(turn):.1f} {y + r * sin(turn):.1f}" for r, turn in turns)
-    return f'<path class="best" d="M{d}z"/>'
+            yield f'<path class="level" transform="scale(.1)" d="{"".join(map(steps, lines))}"/>'

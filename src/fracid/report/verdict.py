@@ -175,8 +175,8 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
     """
     found: dict[str, dict[str, float]] = {}
     for n, e in free.items():
-        found.setdefault(_where(e), {})[letter(n)] = e.get("integer", 1.0)
-    unknown, off, inside, without = ([*found.get(where, ())] for where in ("unknown", "off", "inside", "without"))
+        found.setdefault(where(e), {})[letter(n)] = e.get("integer", 1.0)
+    unknown, off, inside, without = ([*found.get(place, ())] for place in ("unknown", "off", "inside", "without"))
     says = [sentence]
     if unknown:
         says.append(f"{joined(unknown)} {_is(unknown)} not identifiable.")
@@ -191,7 +191,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
     return " ".join(says), not unknown and not off
 
 
-def _where(e: Mapping[str, Any]) -> str:
+def where(e: Mapping[str, Any]) -> str:
     """Where a free order lies by its interval: what is off by next to nothing is neither inside nor off."""
     integer, ends = e.get("integer", 1.0), e["identifiable"] == "identifiable" and e["interval95"]
     if not ends or integer is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from markupsafe import Markup
@@ -38,16 +38,21 @@ def order_axis(orders: list[Mapping[str, Any]]) -> tuple[float, float]:
     >>> order_axis([{"value": 0.9, "interval95": [0.89, 0.91]}])
     (0.825, 1.065)
     """
-    centres = [v for e in orders for v in (e["value"], e.get("integer", 1.0)) if v is not None and isfinite(v)]
+    low, high = _ends(orders, REACH)
+    return round(low, 4), round(high, 4)
+
+
+def _ends(estimates: list[Mapping[str, Any]], least: float) -> tuple[float, float]:
+    centres = [v for e in estimates for v in (e["value"], e.get("integer", 1.0)) if v is not None and isfinite(v)]
     if not centres:
         return 0.0, 2.0
     low, high = min(centres), max(centres)
-    most = 3 * max(high - low, REACH)  # of an interval: one that is wider ends with an arrow
-    ends = [min(max(v, low - most), high + most) for e in orders for v in _numbers(e)]
+    most = 3 * max(high - low, least) or inf  # of an interval: one that is wider ends with an arrow
+    ends = [min(max(v, low - most), high + most) for e in estimates for v in _numbers(e)]
     low, high = min(ends), max(ends)
     low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
-    short = max(0.0, max(REACH, 1e-6 * abs(high)) - (high - low) / 2)
-    return round(low - short, 4), round(high + short, 4)
+    short = (max(least, 1e-6 * max(abs(low), abs(high))) or 1.0) - (high - low) / 2
+    return low - max(0.0, short), high + max(0.0, short)
 
 
 def orders_drawn(
@@ -83,12 +88,5 @@ def whisker(e: Mapping[str, Any], width: int = 180) -> Markup:
     if e["value"] is None or not isfinite(e["value"]):
         return Markup("")
     origin: float = e.get("integer") or 0.0
-    value, ends = e["value"], e["interval95"] or (e["value"], e["value"])
-    reach = 2.5 * abs(value - origin) or max(abs(v - origin) for v in ends) or 1.0  # a wider one ends with an arrow
-    if "integer" in e:
-        reach = max(reach, 0.1)
-    shown = [origin, value, *(min(max(v, origin - reach), origin + reach) for v in ends)]
-    low, high = float(min(shown)), float(max(shown))
-    air = 0.08 * (high - low) or 1.0
-    axis = Axis(low - air, high + air, 6.0, width - 6.0)
+    axis = Axis(*_ends([{**e, "integer": origin}], 0.1 if "integer" in e else 0.0), 6.0, width - 6.0)
     return drawn("whisker.svg.j2", axis=axis, e=e, width=width, origin=origin)
