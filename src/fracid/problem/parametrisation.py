@@ -68,7 +68,7 @@ class RunValues(NamedTuple):
     """When the motion begins, from the first sample [s]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Parametrisation:
     """Between the unknowns x and what the model has by name.
 
