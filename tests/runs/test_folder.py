@@ -106,7 +106,7 @@ INPUTS = {"the recording 'a'": "12"}
 
 def under_way(folder, options=OPTIONS, inputs=None, **more):
     """Begin a run and leave it unfinished."""
-    with open_run(folder, "fit", options, inputs=inputs or INPUTS, **more) as run:
+    with open_run(folder, options, inputs=inputs or INPUTS, **more) as run:
         (folder / EVALUATIONS).touch()
         (folder / JOURNAL).touch()
     return run
@@ -115,7 +115,7 @@ def under_way(folder, options=OPTIONS, inputs=None, **more):
 def test_a_run_is_unfinished_until_it_says_otherwise(tmp_path):
     under_way(tmp_path)
     assert not run_state(tmp_path).finished
-    with open_run(tmp_path, "fit", OPTIONS, inputs=INPUTS, resume=True) as run:
+    with open_run(tmp_path, OPTIONS, inputs=INPUTS, resume=True) as run:
         assert run.resumed
         assert (tmp_path / EVALUATIONS).exists()
         run.finish()
@@ -124,7 +124,7 @@ def test_a_run_is_unfinished_until_it_says_otherwise(tmp_path):
 
 def test_a_run_begun_anew_has_nothing_of_an_older_one_but_a_studys_journal(tmp_path):
     under_way(tmp_path)
-    with open_run(tmp_path, "fit", OPTIONS) as run:
+    with open_run(tmp_path, OPTIONS) as run:
         assert not run.resumed
         assert {path.name for path in tmp_path.iterdir()} == {".lock", "environment.json", RUN, JOURNAL}
 
@@ -147,7 +147,7 @@ def test_what_was_killed_as_it_began_is_nothing_to_go_on_with(tmp_path, monkeypa
     [
         (OPTIONS, {"the recording 'a'": "13"}, r"the recording 'a' has changed since"),
         (OPTIONS, {**INPUTS, "the model file b": "1"}, r"the model file b has changed since"),
-        ({"seed": 4}, INPUTS, r"holds another run: fit with \{'project': 'rig.toml', 'seed': 3\}"),
+        ({"seed": 4}, INPUTS, r"holds another run, with \{'project': 'rig.toml', 'seed': 3\}"),
     ],
 )
 def test_what_has_changed_is_not_gone_on_with(tmp_path, options, inputs, what):
@@ -160,7 +160,7 @@ def test_what_a_killed_process_had_half_written_is_cleared(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / ".environment.json.77-88").write_text("{")
-    with open_run(folder, "fit", OPTIONS) as run:
+    with open_run(folder, OPTIONS) as run:
         assert not (folder / ".environment.json.77-88").exists()
         (folder / ".result.json.77-88").write_text("{")
         run.finish()
@@ -172,8 +172,8 @@ def test_a_folder_at_work_is_another_processs(tmp_path):
     import subprocess
     import sys
 
-    code = "import sys, pathlib, fracid.runs.folder as r; r.open_run(pathlib.Path(sys.argv[1]), 'fit', {}).__enter__()"
-    with open_run(tmp_path / "run", "fit", {}):
+    code = "import sys, pathlib, fracid.runs.folder as r; r.open_run(pathlib.Path(sys.argv[1]), {}).__enter__()"
+    with open_run(tmp_path / "run", {}):
         second = subprocess.run(
             [sys.executable, "-c", code, tmp_path / "run"], capture_output=True, text=True, check=False
         )
@@ -212,7 +212,7 @@ def test_all_that_a_run_reads_is_named_its_own_model_and_cost_too(tmp_path):
 
 
 def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
-    with open_run(tmp_path / "run", "fit", {}) as run:
+    with open_run(tmp_path / "run", {}) as run:
         run.finish()
     figures = tmp_path / "run" / "figures"
     (figures / "journal").mkdir(parents=True)
@@ -220,7 +220,7 @@ def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
     own = ("figure2-swing.png", "figure3-swing-alpha.svg", "journal/cut.pdf", "residuals-a-b.png", "noise.png")
     for name in (*theirs, *own):
         (figures / name).touch()
-    with open_run(tmp_path / "run", "fit", {}):
+    with open_run(tmp_path / "run", {}):
         there = {path.relative_to(figures).as_posix() for path in figures.rglob("*") if path.is_file()}
     assert there == set(theirs)
 

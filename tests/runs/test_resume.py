@@ -273,9 +273,8 @@ def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
     ("make", "words", "message"),
     [
         (lambda f: None, [], "has no run.json that can be read: it is no run folder"),
-        (lambda f: (f / RUN).write_text('{"kind": "fit"'), [], "was left before anything was done"),
-        (lambda f: state(f, "oracle"), [], "another version of fracid: its kind 'oracle' is unknown"),
-        (lambda f: state(f, "fit"), ["--executor", "processes"], "leave --executor and --scheduler out"),
+        (lambda f: (f / RUN).write_text('{"options": {}'), [], "was left before anything was done"),
+        (lambda f: state(f), ["--executor", "processes"], "leave --executor and --scheduler out"),
         (lambda f: (f / JOURNAL).touch(), [], "has no record of its command: type that again, with --out"),
     ],
 )
@@ -287,8 +286,8 @@ def test_what_cannot_be_gone_on_with_is_a_sentence(tmp_path, capsys, make, words
     assert message in capsys.readouterr().err
 
 
-def state(folder, kind):
-    (folder / RUN).write_text(json.dumps({"kind": kind, "options": {}, "inputs": {}, "finished": False}))
+def state(folder):
+    (folder / RUN).write_text(json.dumps({"options": {}, "inputs": {}, "finished": False}))
 
 
 # --- studies -----------------------------------------------------------------------------------------

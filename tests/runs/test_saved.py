@@ -202,10 +202,10 @@ def spoil_data(folder):
     write_twin(folder / "data" / "ten.csv", 0.17, seed=3)
 
 
-def lose_result(kind, rest):
+def lose_result(state, rest):
     def spoil(folder):
         (folder / "run" / "result.json").write_text(rest, encoding="utf-8")
-        (folder / "run" / "run.json").write_text(json.dumps({"kind": kind}), encoding="utf-8")
+        (folder / "run" / "run.json").write_text(json.dumps(state), encoding="utf-8")
 
     return spoil
 
@@ -218,9 +218,9 @@ def lose_data(folder):
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
     (lose_data, "cannot be read as the run read it: .* Put its recordings back, or fit again: fracid fit PROJECT"),
     (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run was finished, but its result.json cannot be"),
-    (lose_result("fit", "{"), "The fit in .*run is not finished"),
-    (lose_result("noise", "[]"), "run is the folder of fracid noise; give one that fracid fit wrote"),
-    (lose_result("", "{"), "is no run folder: it has no result.json that can be read"),
+    (lose_result({"options": {}, "inputs": {}}, "{"), "The fit in .*run is not finished"),
+    (lose_result({}, "[]"), "is no run folder: it has no result.json that can be read"),
+    (lose_result([], "{"), "is no run folder: it has no result.json that can be read"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),
     (lambda f: (f / "run" / "project.toml").write_text("[model"), "cannot be read as the run read it"),
     (lambda f: (f / "run" / "project.toml").write_text("[modell]"), "cannot be read as the run read it"),

@@ -385,7 +385,7 @@ def test_a_link_in_a_run_folder_leads_nowhere(capsys, hostile, tmp_path, monkeyp
     (folder / link).parent.mkdir(parents=True)
     shutil.copy("rig.toml", folder / "project.toml")
     options = {**dict.fromkeys(FitOptions.model_fields), "project": str(tmp_path / "rig.toml")}
-    state = {"kind": "fit", "options": options, "inputs": {}, "finished": False}
+    state = {"options": options, "inputs": {}, "finished": False}
     for name, content in (("run.json", state), ("environment.json", {"command": []}), ("result.json", {})):
         (folder / name).write_text(json.dumps(content))
     if words[0] == "compare":

@@ -25,6 +25,7 @@ def design(source: str, how: How) -> None:
     angles = (0.0,) if how.release is None else numbers("--release", how.release)
     durations, rates = numbers("--seconds", how.seconds or "20"), numbers("--rate", how.rate or "500")
     said = {"seconds": how.seconds, "rate": how.rate, "voltage": how.voltage or how.release}
+    from fracid.experiments import choice
     from fracid.experiments.space import DesignSpace
     from fracid.workflows.planning import run_design
 
@@ -34,8 +35,9 @@ def design(source: str, how: How) -> None:
         voltage_step=how.voltage_step, limits=limits, constants=constants,
     )  # fmt: skip
     finished = how.done(
-        run_design, source, space, of=_names(how.of), orders=orders or None,
-        swing=SWING if how.release is None else (), unsaid=[name for name, value in said.items() if not value],
+        run_design, source, space, swing=SWING if how.release is None else (),
+        unsaid=[name for name, value in said.items() if not value],
+        **how.taken(choice.design, of=_names(how.of), orders=orders or None),
     )  # fmt: skip
     project = next((p for p in finished.figures if p.suffix == ".toml"), finished.folder)
     after = typed("fit", project, trust=how.trust), "when the recordings are there"

@@ -77,10 +77,8 @@ LATER = ("residuals.json", "profiles.json", "report.html", STARTS, *POSTERIOR)
 class RunState(Record):
     """The content of run.json."""
 
-    kind: str
-    """``fit``, ``noise``, …: the command."""
     options: Mapping[str, Json]
-    """What to call it with again."""
+    """What to call fracid.run with again."""
     inputs: Mapping[str, str]
     """All that it reads from outside, with hashes; see :func:`inputs_of`."""
     finished: bool = False
@@ -114,7 +112,6 @@ class Run:
 @contextmanager
 def open_run(
     folder: Path,
-    kind: str,
     options: Mapping[str, Json],
     *,
     inputs: Mapping[str, str] | None = None,
@@ -128,9 +125,8 @@ def open_run(
     Parameters
     ----------
     folder : Path
-    kind : str
     options : mapping
-        What to call the command with again, as plain JSON values; not threads, which change no result.
+        What to call it with again, as plain JSON values; not threads, which change no result.
     inputs : mapping, optional
         All that it reads from outside; see :func:`inputs_of`.
     resume : bool
@@ -148,12 +144,12 @@ def open_run(
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, "fit", {"seed": 3}) as run:
+    >>> with open_run(folder, {"seed": 3}) as run:
     ...     run.finish()
     >>> run_state(folder).finished
     True
     """
-    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs or {}), code=code())
+    now = RunState(json.loads(json.dumps(options)), dict(inputs or {}), code=code())
     _refuse_strangers(folder)
     with FolderLock(folder):
         if resume:
@@ -190,24 +186,24 @@ def run_state(folder: Path) -> RunState:
         raise InputError(SAYS("no-state", folder=folder)) from None
 
 
-def cut_short(folder: Path, kind: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
+def cut_short(folder: Path, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
     """Whether a folder holds this very run, begun and not finished: with these options, of the same inputs.
 
     Parameters
     ----------
-    folder, kind, options, inputs
+    folder, options, inputs
         As for :func:`open_run`.
 
     Examples
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, "fit", {"seed": 3}):
+    >>> with open_run(folder, {"seed": 3}):
     ...     pass
-    >>> cut_short(folder, "fit", {"seed": 3}, {}), cut_short(folder, "fit", {"seed": 4}, {})
+    >>> cut_short(folder, {"seed": 3}, {}), cut_short(folder, {"seed": 4}, {})
     (True, False)
     """
-    now = RunState(kind, json.loads(json.dumps(options)), dict(inputs))
+    now = RunState(json.loads(json.dumps(options)), dict(inputs))
     with suppress(InputError):
         before = run_state(folder)
         return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
@@ -225,7 +221,7 @@ def moved_project(folder: Path, state: RunState) -> Path:
 
     Examples
     --------
-    >>> moved_project(Path("runs/rig"), RunState("fit", {"project": "/nowhere/rig.toml"}, {})).as_posix()
+    >>> moved_project(Path("runs/rig"), RunState({"project": "/nowhere/rig.toml"}, {})).as_posix()
     '/nowhere/rig.toml'
     """
     named = Path(str(state.options["project"]))
@@ -244,8 +240,7 @@ def _has_digest(path: Path, digest: str | None) -> bool:
 
 def _same(before: RunState, now: RunState) -> bool:
     """Whether two ask for the same, wherever the project lies: what it says is among the inputs."""
-    options = [{n: v for n, v in state.options.items() if n != "project"} for state in (before, now)]
-    return before.kind == now.kind and options[0] == options[1]
+    return {**before.options, "project": ""} == {**now.options, "project": ""}
 
 
 def refuse_used(folder: Path) -> None:
@@ -310,7 +305,7 @@ def inputs_of(project: Project) -> dict[str, str]:
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     """Go on with the same alone."""
     if not _same(before, now):
-        raise InputError(f"{folder} holds another run: {before.kind} with {dict(before.options)}.")
+        raise InputError(f"{folder} holds another run, with {dict(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
             raise InputError(SAYS("changed", folder=folder, what=what))
@@ -367,7 +362,7 @@ def discard(folder: Path) -> None:
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, "fit", {}):
+    >>> with open_run(folder, {}):
     ...     pass
     >>> discard(folder)
     >>> folder.exists()

@@ -35,11 +35,13 @@ from fracid.estimation.windows import windowed
 from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
+from fracid.runs.folder import RUN, RunState
 from fracid.safety.door import text_of
 from fracid.safety.json_files import json_of
 from fracid.safety.paths import path_of, refuse_mistaken
-from fracid.safety.schema import UNREAD, Beside, Block, as_json, fault_of, read_if_whole, record_of
+from fracid.safety.schema import UNREAD, Beside, as_json, fault_of, read_if_whole, record_of
 from fracid.safety.text import ascii_short
+from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.units import with_unit
@@ -237,13 +239,10 @@ def _read(path: Path) -> dict[str, Any]:
         if fault := fault_of(content, SavedRun):
             raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
         return content | as_json(SavedRun, content)  # with what follows from the rest, whatever stood there
-    kind = _optional(path.parent / "run.json", "kind", "")
-    if kind == "fit" and _optional(path.parent / "run.json", "finished", False):
-        raise InputError(f"The fit in {path.parent} was finished, but its {path.name} cannot be read; fit it again.")
-    if kind == "fit":
-        raise InputError(f"The fit in {path.parent} is not finished; type fracid resume {path.parent}.")
-    if kind:
-        raise InputError(f"{path.parent} is the folder of fracid {kind}; give one that fracid fit wrote.")
+    if state := read_if_whole(path.parent / RUN, RunState):
+        ended = f"was finished, but its {path.name} cannot be read; fit it again"
+        missing = ended if state["finished"] else f"is not finished; type fracid resume {path.parent}"
+        raise InputError(f"The fit in {path.parent} {missing}.")
     raise InputError(
         f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote."
     )
@@ -282,18 +281,12 @@ def _text(path: Path) -> str | None:
 
 def _places(folder: Path) -> Iterator[Path]:
     """Where the project file may lie: as the run names it, from here or above the run; or in fracid itself."""
-    command = _optional(folder / "environment.json", "command", [])
-    arguments = [*command, *_optional(folder / "run.json", "options", {}).values()]
+    command = read_if_whole(folder / "environment.json", EnvironmentBlock).get("command", [])
+    arguments = [*command, *read_if_whole(folder / RUN, RunState).get("options", {}).values()]
     words = [w for w in arguments[:MOST_WORDS] if isinstance(w, str) and w.endswith(".toml") and "\0" not in w]
     for word in dict.fromkeys(words):
         yield from (place / word for place in (Path(), *folder.resolve().parents))
     yield from (Path(__file__).parents[1] / "twins").glob("*.toml")  # the demo's
-
-
-def _optional(path: Path, key: str, otherwise: Any) -> Any:
-    """What a file says, where there is one."""
-    value = read_if_whole(path, Block).get(key)
-    return value if isinstance(value, type(otherwise)) else otherwise
 
 
 def _values(result: Mapping[str, Any]) -> dict[str, float]:

@@ -185,7 +185,7 @@ def run(
     _refuse_impossible(project, name, request)
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
-    if not resume and cut_short(folder, "fit", request, inputs):
+    if not resume and cut_short(folder, request, inputs):
         watching.notice(f"{folder} holds this fit, interrupted: it is resumed. To begin anew, remove the folder.")
         resume = True
     words = _command(project, out, request) if command is None else command
@@ -197,7 +197,7 @@ def run(
     with (
         one_blas_thread(),
         _nothing_left(folder, lambda: searching and not resume),
-        open_run(folder, "fit", request, inputs=inputs, resume=resume, command=words) as opened,
+        open_run(folder, request, inputs=inputs, resume=resume, command=words) as opened,
         drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
     ):
         draw = Drawing(project, folder, jobs, watching, beside) if figures else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,20 +41,13 @@ def run_design(
     source: str | Path,
     space: DesignSpace,
     *,
-    experiments: int = 3,
-    criterion: str | None = None,
-    of: Sequence[str] = (),
-    against: str | None = None,
-    orders: Mapping[str, float] | None = None,
     swing: Sequence[float] = (),
     unsaid: Collection[str] = (),
     friction: bool = False,
-    robust: int = 0,
     trust: bool = False,
     out: str | Path | None = None,
-    seed: int = 1,
-    jobs: int = 1,
     observer: Observer | None = None,
+    **asked: Any,
 ) -> FinishedDesign:
     """Choose the next experiments and write their sheet: what ``fracid design`` does.
 
@@ -62,10 +55,7 @@ def run_design(
     ----------
     source : str or Path
         A run folder, a project file, which is searched first, or a rig's name.
-    space, experiments, criterion, of, against, robust, seed, jobs
-        As of :func:`fracid.design`.
-    orders : mapping, optional
-        Of a rig alone: the values of its orders.
+    space : DesignSpace
     swing : sequence of float
         Angles from which a pendulum is released, in place of those of `space` [°]; other models are not.
     unsaid : collection of str
@@ -77,6 +67,8 @@ def run_design(
         As of :func:`fracid.run`.
     out : str or Path, optional
         The folder; ``design`` in that of the run, ``runs/rig-design`` of ``rig.toml`` if left out.
+    **asked
+        What else :func:`fracid.design` takes: experiments, criterion, ``of``, against, orders, robust, seed, jobs.
 
     Raises
     ------
@@ -98,10 +90,7 @@ def run_design(
             space = replace(space, release=swing or space.release)
         elif not isinstance(known, Model):
             space = _as_recorded(space, known.problem, unsaid)
-        plan = design(
-            known, space, experiments=experiments, criterion=criterion, of=of, against=against, orders=orders,
-            robust=robust, seed=seed, jobs=jobs, observer=unless_given(observer),
-        )  # fmt: skip
+        plan = design(known, space, observer=unless_given(observer), **asked)
     folder = folder_of(out, Path(source), "design")
     files = (*plan.write(folder), write_study_page(folder, FinishedDesign.FILE))
     return FinishedDesign(folder, files, plan.to_json() | {"files": [str(path) for path in files]}, plan)

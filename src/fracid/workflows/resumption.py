@@ -112,10 +112,7 @@ def state_of(folder: Path) -> RunState | None:
     refuse_links(folder)
     if (folder / JOURNAL).exists() and not (folder / RUN).exists():
         return None
-    state = run_state(folder)
-    if state.kind != "fit":
-        raise InputError(f"{folder} was written by another version of fracid: its kind {state.kind!r} is unknown here.")
-    return state
+    return run_state(folder)
 
 
 def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
@@ -126,7 +123,7 @@ def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
             raise InputError(SAYS("scheduler", folder=folder, there=there))
         return executor
     if executor:
-        raise InputError(f"{folder} is a {state.kind}, which runs on threads: leave --executor and --scheduler out.")
+        raise InputError(f"{folder} is a fit, which runs on threads: leave --executor and --scheduler out.")
     return there
 
 
