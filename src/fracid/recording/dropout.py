@@ -177,7 +177,11 @@ def _moves(x: FloatArray, a: int, step: float) -> bool:
 
 def _lost_noise(name: str, a: int, b: int, angles: Mapping[str, FloatArray], noise: float, moving: bool) -> str:
     """Why a standstill after `a` is none of the rig; "" where it may be one."""
-    others = [n for n, x in angles.items() if n != name and _goes_on(x, a, b)]
+    others = []  # another angle moves meanwhile, by many steps and beyond its noise
+    for n, x in angles.items():
+        part = x[a:b][np.isfinite(x[a:b])]
+        if n != name and part.size >= LONG and np.ptp(part) > FAR * max(resolution(part) or 0.0, white_noise(part)):
+            others.append(n)
     if not noise or not (moving or others):
         return ""
     also = f"{others[0]} still moves" if others else "it was in mid-motion"
@@ -197,11 +201,3 @@ def _scatter(x: FloatArray, step: float) -> float:
         return 0.0
     alike = float(np.median(np.mean(rows[:, 1:] * rows[:, :-1], axis=1) / np.where(power > 0, power, np.inf)))
     return noise if noise > NOISY * step and alike < ALTERNATES else 0.0
-
-
-def _goes_on(x: FloatArray, a: int, b: int) -> bool:
-    """Whether another angle moves meanwhile, by many steps and beyond its noise."""
-    part = x[a:b][np.isfinite(x[a:b])]
-    if part.size < LONG:
-        return False
-    return bool(np.ptp(part) > FAR * max(resolution(part) or 0.0, white_noise(part)))

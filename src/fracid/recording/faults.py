@@ -388,30 +388,26 @@ def _degrees(angle: float) -> str:
 
 
 def _repeated(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
+    """The share of samples that stand still while the motion goes on, and how many do at a time; none beside a gap."""
     if x.size < 100:
         return
-    share, each = _repeats(t, x, s.resolution or 0.0)
-    if share > REPEATED:
-        late = 0.5e3 * (each - 1) * float(np.median(np.diff(t)))
-        yield SAYS.finding("repeated", s.name, 100 * share, 100 * REPEATED, each=each, late=late)
-
-
-def _repeats(t: FloatArray, x: FloatArray, q: float) -> tuple[float, float]:
-    """The share of samples that stand still while the motion goes on, and how many do at a time; none beside a gap."""
+    step = float(np.median(np.diff(t)))
     first, last = stretches(x[1:] == x[:-1]).T
     n = last - first + 1
     inside = (first - n >= 0) & (last + 1 < x.size)
     first, last, n = first[inside], last[inside], n[inside]
-    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP * np.median(np.diff(t)))])
+    gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP * step)])
     even = gaps[last + 1] == gaps[first - n]
     first, last, n = first[even], last[even], n[even]
     before, after = x[first] - x[first - n], x[last + 1] - x[last]
     rough = np.diff(x, 3)[: (x.size - 3) // 32 * 32].reshape(-1, 32)
     noise = math.sqrt(float(np.quantile(np.mean(rough**2, axis=1), 0.25)) / 20)  # where it is quietest
-    least = CELLS * max(q, noise)
+    least = CELLS * max(s.resolution or 0.0, noise)
     went_on = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
     lengths = n[went_on & (np.abs(after) > 0.5 * np.abs(before))]
-    return float(lengths.sum()) / x.size, float(np.median(lengths)) if lengths.size else 1.0
+    if (share := float(lengths.sum()) / x.size) > REPEATED:
+        each = float(np.median(lengths))
+        yield SAYS.finding("repeated", s.name, 100 * share, 100 * REPEATED, each=each, late=0.5e3 * (each - 1) * step)
 
 
 # --- range -------------------------------------------------------------------------------------------

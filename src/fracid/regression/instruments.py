@@ -8,9 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.models import Model
 from fracid.regression.estimators import Gauge, solve
-from fracid.regression.rows import Blocks, Data, Swing, System, only
+from fracid.regression.rows import Blocks, Data, System, only
 from fracid.solver.solve import simulate
 
 FIRST_SWINGS = 4.0
@@ -81,25 +80,19 @@ def _simulated(data: Data, beta: FloatArray, orders: Mapping[str, float]) -> lis
     parameters = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}
     if any(not model.parameter(n).lower <= v <= model.parameter(n).upper for n, v in parameters.items()):
         return None
-    responses = []
+    model, responses = model.with_parameters(**parameters), []
     for r in rows:
-        angles = _response(r.swing, model.with_parameters(**parameters), orders)
-        if angles is None:
+        s, (angles, rates) = r.swing, r.swing.initial
+        run = simulate(
+            model, orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
+            end=(len(s.angles) - 1 - s.start) * s.step, inputs=None if s.drive is None else s.drive[s.start :],
+            limit=1e4,
+        )  # fmt: skip
+        if not run.completed:
             return None
-        base = r.swing.initial[0]
-        responses.append(r.smooth(np.concatenate([np.repeat(base[None], r.swing.start, 0), angles]), base))
+        held = np.repeat(angles[None], s.start, 0)
+        responses.append(r.smooth(np.concatenate([held, run.states[:, [0, 2]]]), angles))
     return responses
-
-
-def _response(s: Swing, model: Model, orders: Mapping[str, float]) -> FloatArray | None:
-    """θ and α simulated from the release on, shape (n, 2)."""
-    angles, rates = s.initial
-    drive = None if s.drive is None else s.drive[s.start :]
-    run = simulate(
-        model, orders=orders, initial=[angles[0], rates[0], angles[1], rates[1]], step=s.step,
-        end=(len(s.angles) - 1 - s.start) * s.step, inputs=drive, limit=1e4,
-    )  # fmt: skip
-    return run.states[:, [0, 2]] if run.completed else None
 
 
 def theta_rest_of(values: Mapping[str, float]) -> dict[str, float]:

@@ -88,19 +88,6 @@ def own_values(model: Model, names: Sequence[str]) -> FloatArray:
 # --- filters -----------------------------------------------------------------------------------------
 
 
-def _low_pass(x: FloatArray, step: float, cutoff: float) -> FloatArray:
-    """Zero-phase FIR low-pass of the columns of x; before and after the record the first and last values go on.
-
-    A Kaiser window of 60 dB with a transition as wide as twice the cut-off, for it is short: borders are lost.
-    """
-    from scipy.signal import fftconvolve, firwin
-
-    reach = _low_pass_reach(step, cutoff)
-    kernel = firwin(2 * reach + 1, cutoff, fs=1.0 / step, window=("kaiser", KAISER))
-    longer = np.concatenate([np.repeat(x[:1], reach, 0), x, np.repeat(x[-1:], reach, 0)])
-    return np.asarray(fftconvolve(longer, kernel[:, None], mode="valid", axes=0))
-
-
 def _low_pass_reach(step: float, cutoff: float) -> int:
     """Samples that the low-pass takes from either side: Kaiser's (A − 7.95)/(2.285 Δω h)/2, A = 60, Δω = 2π cut-off."""
     return math.ceil((60.0 - 7.95) / (2.285 * 2.0 * math.pi * cutoff * step) / 2.0)
@@ -246,9 +233,18 @@ class Rows:
         return np.asarray(window / window.sum())
 
     def smooth(self, signals: FloatArray, base: FloatArray) -> FloatArray:
-        """Low-pass signals that were at ``base`` before the record, shape (past + n_samples/stride, n_signals)."""
-        longer = np.concatenate([np.repeat(base[None], self.past * self.stride, 0), signals])
-        return _low_pass(longer, self.swing.step, self.cutoff)[:: self.stride]
+        """Low-pass signals that were at ``base`` before the record, shape (past + n_samples/stride, n_signals).
+
+        Zero-phase: a Kaiser window of 60 dB with a transition as wide as twice the cut-off, for it is short: borders
+        are lost.  After the record the last value goes on.
+        """
+        from scipy.signal import fftconvolve, firwin
+
+        reach = _low_pass_reach(self.swing.step, self.cutoff)
+        kernel = firwin(2 * reach + 1, self.cutoff, fs=1.0 / self.swing.step, window=("kaiser", KAISER))
+        before, after = np.repeat(base[None], self.past * self.stride + reach, 0), np.repeat(signals[-1:], reach, 0)
+        longer = np.concatenate([before, signals, after])
+        return np.asarray(fftconvolve(longer, kernel[:, None], mode="valid", axes=0))[:: self.stride]
 
     def angles(self, noise: FloatArray | float = 0.0) -> FloatArray:
         """The measured angles, low-passed, with more noise where something moves."""
