@@ -43,14 +43,22 @@ import difflib
 import re
 import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    InstanceOf,
+    TypeAdapter,
+    ValidationError,
+)
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
@@ -122,22 +130,24 @@ class _Prior(_Table):
     sd: float
 
 
-class _Constant(_Table):
-    """Of a model of equations."""
-
-    value: float
-    unit: str
-
-
 class _Range(_Table):
     start: float
     lower: float
     upper: float
     unit: str = ""
-    """Of a model of equations; any other has its own."""
-    prior: _Prior | None = None
+    prior: Annotated[_Prior, AfterValidator(lambda table: Prior(**dict(table)))] | None = None
     scale: float | None = None
     hard: bool = False
+
+
+_Free = Annotated[_Range, AfterValidator(lambda table: Free(**dict(table)))]
+
+
+class _Constant(_Table):
+    """Of a model of equations."""
+
+    value: float
+    unit: str
 
 
 def _untied(table: Any) -> Any:
@@ -149,7 +159,9 @@ def _untied(table: Any) -> Any:
     return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 
-_Values = Annotated[dict[str, float | _Range | InstanceOf[_Constant] | str], BeforeValidator(_untied)]
+_Value = float | _Free | InstanceOf[_Constant] | Annotated[str, AfterValidator(Tied)]
+
+_Values = Annotated[dict[str, _Value], BeforeValidator(_untied)]
 
 
 class _Equation(_Table):
@@ -197,10 +209,10 @@ class _Recording(_Table):
     use: Literal["fit", "validate"] = "fit"
     resample: bool | float | Literal["needed", "uneven"] = "needed"
     variable: str | None = None
-    initial: dict[str, float | _Range] = {}
+    initial: dict[str, float | _Free] = {}
     """States known at the start [rad], such as the angle of release, or to be found in a range."""
     weight: float = 1.0
-    release_time: float | _Range = 0.0
+    release_time: float | _Free = 0.0
     history: _History | None = None
     amplifier: Literal["on", "off"] | None = None
     """Whether the motor brakes by its back-EMF; off where nothing is said."""
@@ -434,9 +446,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
         Experiment.of(
-            r, model, outputs, {n: _number_or_free(f"initial {n} of {r.name}", v) for n, v in s.initial.items()},
-            before=before, weight=s.weight,
-            release_time=_number_or_free(f"release_time of {r.name}", s.release_time),
+            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=s.release_time,
             sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
             actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
             mask=s.mask, constants=_constants(r.name, s, model),
@@ -501,7 +511,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
 
     The paper's recipe fixes what is free: at the rig's value where one is named, else at the start.
     """
-    parameters = {n: _value(n, v) for n, v in spec.parameters.items()}
+    parameters = {n: v.value if isinstance(v, _Constant) else v for n, v in spec.parameters.items()}
     if paper:
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
                       if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
@@ -529,7 +539,7 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
             raise InputError(f"[model] {key} means nothing for a model of equations; leave it out.")
     roots = {n: parameters.get(v.to, v) if isinstance(v, Tied) else v for n, v in parameters.items()}
     values = {n: v.start if isinstance(v, Free) else v for n, v in roots.items()}
-    units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, _Range | _Constant)}
+    units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, Free | _Constant)}
     constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
     written = Equations(_equations(spec.equations), _equations(spec.outputs), spec.inputs,
                         _equations(spec.definitions), scene=spec.scene)  # fmt: skip
@@ -604,15 +614,18 @@ def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, 
     return {**same, "column": column, "scale": abs(scale) if isinstance(scale, int | float) else scale}
 
 
+QUANTITY: TypeAdapter[float | Free] = TypeAdapter(float | _Free, config=ConfigDict(strict=True, defer_build=True))
+
+
 def _of_sensor(channel: str, key: str, value: Any) -> float | Free:
     """A number, or the range of a value to be found."""
-    found: Any = value
-    if isinstance(value, dict):
-        with suppress(ValidationError):
-            found = _value(f"{key} of {channel}", _Range.model_validate(value))
-    if isinstance(found, bool) or not isinstance(found, int | float | Free):
-        raise InputError(SAYS("channel-value", channel=channel, key=key, value=value))
-    return found if isinstance(found, Free) else float(found)
+    try:
+        return QUANTITY.validate_python(value)
+    except ValidationError as error:
+        for fault in error.errors():
+            if fault["type"] == "value_error":
+                raise InputError(f"{key} of {channel}: {fault['ctx']['error']}") from None
+        raise InputError(SAYS("channel-value", channel=channel, key=key, value=value)) from None
 
 
 def _whence(text: str) -> str:
@@ -686,11 +699,11 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
     ]
 
 
-def _orders(specs: Mapping[str, float | _Range | _Constant | str], model: Model) -> dict[str, Value]:
+def _orders(specs: Mapping[str, Value], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
     refuse_unknown("order in [model.orders]", model.order_names, *specs)
     springpots = dict.fromkeys(model.springpot_orders.values(), SPRINGPOT_RANGE)
-    return {n: _value(n, specs.get(n, springpots.get(n, ORDER_RANGE))) for n in model.order_names}
+    return {n: specs.get(n, springpots.get(n, ORDER_RANGE)) for n in model.order_names}
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
@@ -698,26 +711,6 @@ def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str
     if not outputs:
         raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
     return outputs
-
-
-def _number_or_free(name: str, spec: float | _Range) -> float | Free:
-    value = _value(name, spec)
-    assert not isinstance(value, Tied)
-    return value
-
-
-def _value(name: str, spec: float | _Range | _Constant | str | Free) -> Value:
-    if isinstance(spec, str):
-        return Tied(spec)
-    if isinstance(spec, _Constant):
-        return spec.value
-    if not isinstance(spec, _Range):
-        return spec
-    try:
-        prior = None if spec.prior is None else Prior(spec.prior.mean, spec.prior.sd)
-        return Free(spec.start, spec.lower, spec.upper, prior, spec.scale, spec.hard)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
 
 
 # --- what pydantic says, in our words ----------------------------------------------------------------
@@ -741,6 +734,8 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
     where, kinds = _place(list(path)), [fault["type"] for fault in faults]
     if "extra_forbidden" in kinds:
         return f"{where} is unknown; {_close(path)}"
+    if "value_error" in kinds:
+        return f"{where}: {faults[kinds.index('value_error')]['ctx']['error']}"
     if "missing" in kinds:
         return f"{where} is missing."
     keys = next((_keys(fault) for fault in faults if fault["type"] == "model_type"), "")

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from fracid.errors import SMALLEST, InputError, brief, is_number, refuse_beyond
@@ -63,6 +63,8 @@ class Free:
     """Its typical size, by which a search measures steps; None: see above."""
     hard: bool = False
     """Whether its bounds hold where a search would go on beyond them (:mod:`fracid.problem.limits`)."""
+    unit: str = field(default="", repr=False, compare=False)
+    """Of a constant of a project's own equations; any other has its model's."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""
