@@ -118,28 +118,28 @@ class Simulator:
         return [self.memo.get(key, partial(compute, key, x)) for key, x in zip(keys, points, strict=True)]
 
     def _outputs(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray | Failure:
-        if e.means > 1:
-            outputs = self._fine._outputs(x, self._steps_of[e.name], run)
-            steps = min(self.parametrisation.substeps, e.means)
-            return outputs if isinstance(outputs, Failure) else means(outputs, steps)
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
-        model, names = self.parametrisation.model, self.parametrisation.outputs
+        return means(self._shown(x, e, run), min(self.parametrisation.substeps, e.means))
+
+    def _shown(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray:
+        """The outputs at the samples through which the run goes."""
+        model, names, (grid, substeps) = self.parametrisation.model, self.parametrisation.outputs, self._grid(e)
         if e.times is not None and not e.sensors and not model.derived:
             return np.column_stack([self._at_samples(x, e, run, n) for n in names])
         if e.sensors or any(n not in model.output_states for n in names):
             readings = self.parametrisation.readings(x, e, e.sensors)
             signals = [self._signal(x, e, run, n) for n in names]
             return np.column_stack([
-                _read(signal, e.time, readings.get(n, Reading()), even=e.times is None)
+                _read(signal, grid.time, readings.get(n, Reading()), even=e.times is None)
                 for n, signal in zip(names, signals, strict=True)
             ])  # fmt: skip
         columns = [model.output_states[n] for n in names]
         if e.release_time == 0.0:
-            return run.states[:: self.parametrisation.substeps, columns]
-        moving = e.time >= run.time[0]
+            return run.states[::substeps, columns]
+        moving = grid.time >= run.time[0]
         initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
-        return np.vstack([initial, run.at(e.time[moving])[:, columns]])
+        return np.vstack([initial, run.at(grid.time[moving])[:, columns]])
 
     def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
         """One output at uneven samples; those before the release have its first value."""
@@ -169,12 +169,11 @@ class Simulator:
 
     def trajectories(self, points: Sequence[FloatArray], e: Experiment) -> list[Trajectory]:
         """The runs of one recording from its release on, on its grid divided by `substeps`, one for each point."""
-        if e.means > 1:
-            return self._fine.trajectories(points, self._steps_of[e.name])
+        grid, substeps = self._grid(e)
         posed = [self._posed(x, e) for x in points]
         options = Options(self.method, self.memory, limit=self._limits[e.name])
         equations, initials = [equation for equation, _ in posed], [initial for _, initial in posed]
-        return integrate_all(equations, initials, e.step / self.parametrisation.substeps, self.steps(e), options)
+        return integrate_all(equations, initials, grid.step / substeps, self.steps(e), options)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
         orders, parameters, initial, release = self.parametrisation.unpack(x, e)
@@ -189,29 +188,25 @@ class Simulator:
         )  # fmt: skip
         return equation, InitialCondition(initial, time=release, history=history)
 
-    # --- coarser recordings ------------------------------------------------------------------------
-
-    @cached_property
-    def _steps_of(self) -> dict[str, Experiment]:
-        """Each coarser recording as the run goes through it: a sample a step, or all of its source."""
-        p = self.parametrisation
-        return {e.name: stepped(e, p.substeps, p.model.inputs) for e in p.experiments}
-
-    @cached_property
-    def _fine(self) -> Simulator:
-        """The simulator of those."""
-        p = self.parametrisation
-        steps = max(1, p.substeps // max(e.means for e in p.experiments))
-        fine = replace(p, experiments=tuple(self._steps_of.values()), substeps=steps)
-        return replace(self, parametrisation=fine, memo=None)
-
     # --- the grid of a run -------------------------------------------------------------------------
+
+    def _grid(self, e: Experiment) -> tuple[Experiment, int]:
+        """A recording as its run goes through it, and in how many steps a sample of that."""
+        substeps = self.parametrisation.substeps
+        return (e, substeps) if e.means == 1 else (self._stepped[e.name], max(1, substeps // e.means))
+
+    @cached_property
+    def _stepped(self) -> dict[str, Experiment]:
+        """Each coarser recording with a sample a step, or all of its source."""
+        p = self.parametrisation
+        return {e.name: stepped(e, p.substeps, p.model.inputs) for e in p.experiments if e.means > 1}
 
     def steps(self, e: Experiment) -> int:
         """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
         earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
         early = max(0.0, -earliest) + max((s.earliest for s in e.sensors.values()), default=0.0)
-        return e.steps * self.parametrisation.substeps + math.ceil(early * self.parametrisation.substeps / e.step)
+        grid, substeps = self._grid(e)
+        return grid.steps * substeps + math.ceil(early * substeps / grid.step)
 
     def history(self, x: FloatArray, e: Experiment) -> FloatArray | None:
         """The states before the start of one recording, as :func:`fracid.simulate` takes them; None without a past."""
@@ -220,8 +215,6 @@ class Simulator:
 
     def inputs(self, x: FloatArray, e: Experiment) -> Driven:
         """The inputs on the grid of a run from its release; before the first and after the last sample they stay."""
-        if e.means > 1:
-            return self._fine.inputs(x, self._steps_of[e.name])
         if e.name in self._fixed_inputs:
             return self._fixed_inputs[e.name]
         values = self.parametrisation.unpack(x, e)
@@ -238,20 +231,21 @@ class Simulator:
 
     def _driven(self, e: Experiment, release: float, actuators: Mapping[str, Reading]) -> Driven:
         """The inputs as actuators make them of those recorded, a column each, or one row for all."""
-        p, u, begun = self.parametrisation, e.all_inputs, self._first(e)
+        (grid, substeps), begun = self._grid(e), self._first(e)
+        u = grid.all_inputs
         if len(u) == 1 and not actuators:
             return Driven(u, u)
-        count = self.steps(e) + 1 + (0 if e.past is None else len(e.past) * p.substeps - begun)
-        first, spacing = begun / p.substeps + release / e.step, 1 / p.substeps
+        count = self.steps(e) + 1 + (0 if e.past is None else len(e.past) * substeps - begun)
+        first, spacing = begun / substeps + release / grid.step, 1 / substeps
         driven = []
-        for name, column in zip(p.model.inputs, u.T, strict=True):
+        for name, column in zip(self.parametrisation.model.inputs, u.T, strict=True):
             delay, gain, bias, lowpass, _ = actuators.get(name, Reading())
             if len(u) == 1:
                 driven.append(Driven(gain * column + bias, gain * column + bias))
             else:
                 kind = e.between.get(name, "line")
-                moved = between_samples(column, kind, first - delay / e.step, spacing, count)
-                filtered = low_passed_steps(moved, e.step * spacing, lowpass)
+                moved = between_samples(column, kind, first - delay / grid.step, spacing, count)
+                filtered = low_passed_steps(moved, grid.step * spacing, lowpass)
                 driven.append(Driven(*(gain * v + bias for v in filtered)))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
@@ -283,7 +277,7 @@ class Simulator:
         p = self.parametrisation
         model, rhs = p.model, getattr(p.model.rhs, "py_func", p.model.rhs)
         how = (model.name, model.zero, model.source, rhs.__module__, rhs.__qualname__, rhs.__code__.co_code,
-               p.outputs, self.method, self.memory.name, self.parametrisation.substeps, p.initial_state)  # fmt: skip
+               p.outputs, self.method, self.memory.name, p.substeps, p.initial_state)  # fmt: skip
         functions = (getattr(h, "py_func", h) for h in p.model.outputs.values() if not isinstance(h, int))
         how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
