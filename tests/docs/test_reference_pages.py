@@ -19,7 +19,7 @@ from fracid.findings import Finding
 from fracid.identification import CHANCE, IMITATION
 from fracid.models import MODELS, RIGS, model_from_name
 from fracid.optimise import OPTIMISERS, Outcome
-from fracid.problem import project
+from fracid.problem import Tied, project
 from fracid.problem.costs import COSTS
 from fracid.problem.project import PRESETS
 from fracid.recording import UNITS, Channel
@@ -145,7 +145,7 @@ def test_the_models_defaults_are_those_that_the_page_says():
 def test_the_example_of_the_page_is_a_project_file():
     example = re.search(r"```toml\n(.*?)```", PROJECT_FILE, re.DOTALL)[1]
     said = project._File.model_validate(tomllib.loads(example))
-    assert said.model.orders["mu"] == "lambda"
+    assert said.model.orders["mu"] == Tied("lambda")
 
 
 # --- reading the report ---------------------------------------------------------------------------------

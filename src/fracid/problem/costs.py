@@ -36,7 +36,7 @@ R. Lathrop, AIEE Trans. 72 (1953) 273.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -194,7 +194,7 @@ class Cost:
         squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
 
-    def join(self, costs: list[float], samples: list[int]) -> float:
+    def join(self, costs: list[float], samples: Sequence[float]) -> float:
         """Join the costs of several recordings: the root of the mean square, or else the sum.
 
         Examples

@@ -33,7 +33,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -84,7 +83,7 @@ class Criterion:
         return self._cost(errors, self._costs_by_output(errors)) * self._prior_factor(x)
 
     def _cost(self, errors: list[FloatArray], levels: FloatArray | None) -> float:
-        cost = self._joined([self.cost_function.value(e.time, r, e.scored) for e, r in self._pairs(errors)])
+        cost = self._joined(errors)
         if levels is None or not math.isfinite(cost):
             return cost
         return float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
@@ -94,12 +93,11 @@ class Criterion:
     def _pairs(self, errors: list[FloatArray]) -> list[tuple[Experiment, FloatArray]]:
         return list(zip(self.experiments, errors, strict=True))
 
-    def _joined(self, costs: list[float]) -> float:
-        """Join the recordings' costs, each by its weight."""
-        weights = [e.weight for e in self.experiments]
-        counts: list[Any] = [w * e.samples for w, e in zip(weights, self.experiments, strict=True)]
-        root = self.cost_function.root
-        return self.cost_function.join([c if root else w * c for w, c in zip(weights, costs, strict=True)], counts)
+    def _joined(self, errors: list[FloatArray]) -> float:
+        """The recordings' costs together, each by its weight."""
+        cost, counts = self.cost_function, [e.weight * e.samples for e in self.experiments]
+        costs = [cost.value(e.time, r, e.scored) * (1 if cost.root else e.weight) for e, r in self._pairs(errors)]
+        return cost.join(costs, counts)
 
     def shares(self) -> list[float]:
         """What each recording's rows are multiplied with, so that their squares add up as its cost does."""
@@ -135,10 +133,7 @@ class Criterion:
         """C_o of each output alone, at least that of its encoder's rounding; None where all count the same."""
         if self.weights == "equal":
             return None
-        costs = [
-            self._joined([self.cost_function.value(e.time, r[:, [o]], e.scored) for e, r in self._pairs(errors)])
-            for o in range(len(self.outputs))
-        ]
+        costs = [self._joined([r[:, [o]] for r in errors]) for o in range(len(self.outputs))]
         return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
 
     @cached_property
@@ -147,12 +142,7 @@ class Criterion:
         outputs = range(len(self.outputs))
         steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
-        return np.array([
-            self._joined([
-                self.cost_function.value(e.time, np.full((len(e.measured), 1), r), e.scored) for e in self.experiments
-            ])
-            for r in rounding
-        ])  # fmt: skip
+        return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments]) for r in rounding])
 
     # --- rows --------------------------------------------------------------------------------------
 

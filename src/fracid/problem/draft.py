@@ -59,7 +59,7 @@ from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
-from fracid.signals.swing import common_period, final_value, half_swings, quickening, stands, swing_period
+from fracid.signals.swing import common_period, final_value, half_periods, half_swings, quickening, stands, swing_period
 
 SAYS = Words("problem/draft.toml")
 
@@ -121,6 +121,9 @@ LIKE = 1.5
 TOP = math.radians(150)
 """Beyond this it is near upright, where a hair decides how it falls."""
 
+AT_REST = 0.05
+"""A pendulum that swings by less than this part of its largest swing is at rest."""
+
 QUICK, COUNTS = 5e-3, 8
 """Small swings that are quicker by this part show a joint that gives; those below so many of the encoder's steps show
 nothing."""
@@ -149,6 +152,13 @@ class Source:
     def read(self, columns: Mapping[str, Mapping[str, Any]] | None = None, **part: Any) -> Recording:
         """The recording, however unfit."""
         return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
+
+    def fit(self, columns: Mapping[str, Mapping[str, Any]], **part: Any) -> Recording:
+        """The recording with its blanks bridged; one of which nothing can be made is refused."""
+        recording = self.read(columns, **part).bridge_blanks()
+        for why in recording.report.unusable:
+            raise InputError(f"{self.file.name}: {why}")
+        return recording
 
     @property
     def table(self) -> Table:
@@ -254,22 +264,20 @@ def draft_project(
     part: dict[str, float | None] = {}
 
     def read() -> Recording:
-        return source.read(column_specs, **part).bridge_blanks()
+        return source.fit(column_specs, **part)
 
-    _refuse_unfit(read(), source)
+    _refuse_other_clock(read(), source)
     for complete in (_units, _wraps):
         notes += complete(read(), column_specs)
-    window = _window(read())
-    notes += (window.reason,) if window else ()
-    if window:
-        part = {"start": window.start, "stop": window.stop}
+    part, why = _window(read())
+    notes += why
     notes += _zeros(read(), column_specs)
     recording = read()
     notes += with_code(recording.report.reading, "interpolated")
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
-    page = _Page(recording, column_specs, rig_name, window, starts or {})
+    page = _Page(recording, column_specs, rig_name, part, starts or {})
     text = source.text(
         "rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None, rigs=RIGS,
         outputs=[*page.joints], broken=BROKEN, enough=ENOUGH,
@@ -277,14 +285,12 @@ def draft_project(
     return Draft(text, column_specs, notes)
 
 
-def _refuse_unfit(recording: Recording, source: Source) -> None:
-    """Too few samples, a pendulum that never moves, and a clock in another unit, whose constants would be nobody's.
+def _refuse_other_clock(recording: Recording, source: Source) -> None:
+    """A clock in another unit, with which the constants would be nobody's.
 
     Whoever says the unit of time, or the rate, is believed.
     """
     said = (source.time or {}).keys() & {"unit", "rate"}
-    for why in recording.report.unusable:
-        raise InputError(f"{source.file.name}: {why}")
     for f in recording.report.findings:
         if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not said:
             column = time_column(source.table, source.time)
@@ -351,45 +357,32 @@ def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], st
 # --- which part of it ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Window:
-    """The part of a recording that its clock and its samples leave whole."""
-
-    start: float | None
-    """[s]; None for the first sample."""
-    stop: float | None
-    """[s]; None for the last."""
-    reason: str
-
-
-def _window(recording: Recording) -> _Window | None:
-    """The part with most swings between what is missing, long gaps and jumps of the clock; None where it is all."""
+def _window(recording: Recording) -> tuple[dict[str, float | None], tuple[str, ...]]:
+    """The part that clock and samples leave whole, with most swings between gaps and jumps, and why; {} for all."""
     t, alpha = recording.time, recording.signals["alpha"]
     whole = np.ones(t.size, dtype=bool)  # held signals have no blanks
     gone = dropouts(t, recording.signals, recording.units)
     sound = without_dropouts(recording.signals, gone)
     sampled = np.all([whole, *(np.isfinite(x) for n, x in sound.items() if n not in recording.held)], axis=0)
     broken = _breaks(recording) | ~sampled[1:] | ~sampled[:-1]
-    if not broken.any() or t.size < FEWEST:
-        return None
     pieces = [p[sampled[p]] for p in np.split(np.arange(t.size), np.flatnonzero(broken) + 1)]
     pieces = [p for p in pieces if p.size >= FEWEST]
-    if not pieces:
-        return None
+    if not pieces or not broken.any():
+        return {}, ()
     best = max(pieces, key=lambda p: (half_swings(alpha[p]).size, p.size))
     before, after = t[: best[0]], t[best[-1] + 1 :]
     # where a clock goes back times come twice
     low = max(t[best[0]], np.nextafter(np.max(before, initial=-np.inf), np.inf))
     high = min(t[best[-1]], np.nextafter(np.min(after, initial=np.inf), -np.inf))
     if np.count_nonzero((t[best] >= low) & (t[best] <= high)) < max(FEWEST, best.size // 2):
-        return None
+        return {}, ()
     names = " and ".join(dict.fromkeys(d.signal for d in gone))
     sound_is = f"{names} does not drop out" if gone else "no sample is missing and the clock is even"
-    return _Window(
-        None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
-        None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
-        f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",
-    )
+    part = {
+        "start": None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
+        "stop": None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
+    }
+    return part, (f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",)
 
 
 def _breaks(recording: Recording) -> NDArray[np.bool_]:
@@ -466,7 +459,7 @@ class _Page:
     sharp = SHARP
 
     def __init__(
-        self, recording: Recording, columns: Columns, rig: str, window: _Window | None, starts: Mapping[str, float]
+        self, recording: Recording, columns: Columns, rig: str, window: Mapping[str, Any], starts: Mapping[str, float]
     ) -> None:
         self.recording, self.rig, self.window, self.starts = recording, rig, window, starts
         self.model = rotary_pendulum(rig)
@@ -540,8 +533,9 @@ class _Page:
     @cached_property
     def _inertia(self) -> float:
         """C1 of a pendulum whose arm stands still, from its period: C4/ω²."""
-        omega = 2 * math.pi / (self.recording.report.clock.step * swing_period(self._swing))
-        return self.own["C4"] / omega**2 if omega > 0 else self.own["C1"]
+        crossings, _ = half_periods(self._swing, AT_REST * np.abs(self._swing).max())
+        half = self.recording.report.clock.step * float(np.median(np.diff(crossings) if crossings.size > 1 else 0.0))
+        return self.own["C4"] * (half / math.pi) ** 2 or self.own["C1"]
 
     @cached_property
     def _slower(self) -> float:

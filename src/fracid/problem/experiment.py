@@ -233,17 +233,12 @@ class Experiment(CardDisplay):
 
     def until(self, horizon: float) -> Experiment:
         """Keep the first `horizon` seconds, those that are not scored beside them."""
-        if self.times is not None:
-            n = max(3, int(np.searchsorted(self.times, horizon, side="right")))
-            return self._first(n, _steps_to(float(self.times[min(n, len(self.times)) - 1]), self.step) + 1)
-        n = max(3, round(horizon / self.step) + 1)
+        within = round(horizon / self.step) + 1 if self.times is None else np.count_nonzero(self.times <= horizon)
+        n = max(3, int(within))
         if self.scored is not None:
             n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
         n = min(len(self.measured), n)
-        return self._first(n, n)
-
-    def _first(self, n: int, on_the_grid: int) -> Experiment:
-        """The first samples, and as many inputs as the grid has up to the last of them."""
+        on_the_grid = n if self.times is None else _steps_to(float(self.times[n - 1]), self.step) + 1
         times, deviation = (None if a is None else a[:n] for a in (self.times, self.deviation))
         return replace(self, measured=self.measured[:n], inputs=self.inputs[:on_the_grid], times=times,
                        deviation=deviation, source=self.source_of(0, n))  # fmt: skip

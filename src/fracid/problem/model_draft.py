@@ -144,9 +144,7 @@ class _Page:
 
     def _recording_of(self, file: Path) -> Recording:
         channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
-        recording = replace(self.source, file=file).read(channels).bridge_blanks()
-        for why in recording.report.unusable:
-            raise InputError(f"{file.name}: {why}")
+        recording = replace(self.source, file=file).fit(channels)
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
@@ -297,11 +295,6 @@ class _Page:
         for state, output in self.table["model"].get("begins", {}).items():
             y = recording.signals[output][np.isfinite(recording.signals[output])]
             yield state, float(y[0]), float(np.ptp(y))
-
-    @staticmethod
-    def rounded(values: Mapping[str, float]) -> dict[str, float]:
-        """To six digits."""
-        return {n: float(f"{v:.6g}") for n, v in values.items()}
 
     @staticmethod
     def crowded(recording: Recording) -> bool:

@@ -28,7 +28,7 @@ The rate of a state i is the state j of which the model says :math:`D^q x_i = x_
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -172,15 +172,13 @@ class Parametrisation:
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""
         vectors = [v.copy() for v in self._fixed[e.name]]
-        for i in self._acting[e.name]:
-            vector, where = self._places[i]
-            vectors[vector][where] = x[i]
+        for i, vector, where, base, sign in self._moves[e.name]:
+            vectors[vector][where] = base + sign * x[i]
         orders, parameters, initial, release = vectors
         for state, nu in self.model.complements:
             orders[state] = 1.0 - parameters[nu]
-        for state, i in self._springpots:
-            orders[state] = 1.0 - x[i]
-        parameters[self._constants[e.name][0]] = self._constants[e.name][1]
+        for name, value in e.constants.items():
+            parameters[self.model.parameter_names.index(name)] = value
         if e.sensors and self.initial_state in ("measured", "held"):
             found = [i for i, n in enumerate(self.model.states) if isinstance(e.initial.get(n), Free)]
             taken = self._initial_guess(e, parameters)
@@ -209,13 +207,25 @@ class Parametrisation:
         return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
 
     @cached_property
-    def _acting(self) -> dict[str, list[int]]:
-        """For each recording the unknowns that its run takes: those that all share, and its own."""
-        by_experiment: dict[str | None, list[int]] = {}
+    def _moves(self) -> dict[str, list[tuple[int, int, list[int], float, float]]]:
+        """For each recording the unknowns that its run takes, those that all share and its own.
+
+        Which, in which of the vectors of :meth:`unpack`, which entries there, and a and b of these: a + b x.
+        """
+        model, moves = self.model, dict[str | None, list[tuple[int, int, list[int], float, float]]]()
+        kinds: dict[str, Iterable[Any]] = {
+            "order": model.orders, "parameter": model.parameter_names, "initial": model.states,
+            "time": ("release_time",),
+        }  # fmt: skip
         for i, u in enumerate(self.unknowns):
-            by_experiment.setdefault(u.experiment, []).append(i)
+            entries = [k for k, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target]
+            own = moves.setdefault(u.experiment, [])
+            own.append((i, [*kinds].index(u.kind), entries, 0.0, 1.0))
+            if u.kind == "order":
+                pots = [k for k, n in model.springpot_orders.items() if self.ties.get(n, n) == u.target]
+                own.append((i, 0, pots, 1.0, -1.0))
         return {
-            e.name: [i for of in dict.fromkeys((None, e.recording.name, e.name)) for i in by_experiment.get(of, ())]
+            e.name: [m for of in dict.fromkeys((None, e.recording.name, e.name)) for m in moves.get(of, ())]
             for e in self.experiments
         }
 
@@ -227,33 +237,6 @@ class Parametrisation:
             e.name: (orders, parameters, self._initial_guess(e, parameters), np.array([start_of(e.release_time)]))
             for e in self.experiments
         }
-
-    @cached_property
-    def _constants(self) -> dict[str, tuple[list[int], list[float]]]:
-        """For each recording which parameters it knows for itself, and their values."""
-        names = self.model.parameter_names
-        return {e.name: ([names.index(n) for n in e.constants], [*e.constants.values()]) for e in self.experiments}
-
-    @cached_property
-    def _places(self) -> tuple[tuple[int, list[int]], ...]:
-        """Where each unknown goes: which of the vectors of :meth:`unpack`, and its entries there."""
-        kinds: dict[str, tuple[Any, ...]] = {
-            "order": self.model.orders, "parameter": self.model.parameter_names, "initial": self.model.states,
-            "time": ("release_time",),
-        }  # fmt: skip
-        return tuple(
-            ([*kinds].index(u.kind), [i for i, n in enumerate(kinds[u.kind]) if self.ties.get(n, n) == u.target])
-            for u in self.unknowns
-        )
-
-    @cached_property
-    def _springpots(self) -> tuple[tuple[int, int], ...]:
-        """The state of each springpot whose order is unknown, and which unknown that is."""
-        return tuple(
-            (state, i)
-            for state, name in self.model.springpot_orders.items() for i, u in enumerate(self.unknowns)
-            if u.kind == "order" and u.target == self.ties.get(name, name)
-        )  # fmt: skip
 
     # --- values and ties ---------------------------------------------------------------------------
 

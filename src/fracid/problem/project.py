@@ -42,7 +42,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -50,15 +50,16 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
+    GetPydanticSchema,
     InstanceOf,
     TypeAdapter,
     ValidationError,
 )
+from pydantic_core import core_schema
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
@@ -125,6 +126,13 @@ class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True, defer_build=True)
 
 
+def _read_as(table: type, record: Callable[[Any], Any]) -> GetPydanticSchema:
+    """What makes a record of a table of the file, once that has been checked."""
+    return GetPydanticSchema(
+        lambda _, handler: core_schema.no_info_after_validator_function(record, handler.generate_schema(table))
+    )
+
+
 class _Prior(_Table):
     mean: float
     sd: float
@@ -135,12 +143,12 @@ class _Range(_Table):
     lower: float
     upper: float
     unit: str = ""
-    prior: Annotated[_Prior, AfterValidator(lambda table: Prior(**dict(table)))] | None = None
+    prior: Annotated[Prior, _read_as(_Prior, lambda table: Prior(**dict(table)))] | None = None
     scale: float | None = None
     hard: bool = False
 
 
-_Free = Annotated[_Range, AfterValidator(lambda table: Free(**dict(table)))]
+_Free = Annotated[Free, _read_as(_Range, lambda table: Free(**dict(table)))]
 
 
 class _Constant(_Table):
@@ -159,7 +167,7 @@ def _untied(table: Any) -> Any:
     return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 
-_Value = float | _Free | InstanceOf[_Constant] | Annotated[str, AfterValidator(Tied)]
+_Value = float | _Free | InstanceOf[_Constant] | Annotated[Tied, _read_as(str, Tied)]
 
 _Values = Annotated[dict[str, _Value], BeforeValidator(_untied)]
 
@@ -511,7 +519,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
 
     The paper's recipe fixes what is free: at the rig's value where one is named, else at the start.
     """
-    parameters = {n: v.value if isinstance(v, _Constant) else v for n, v in spec.parameters.items()}
+    parameters = _plain(spec.parameters)
     if paper:
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
                       if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
@@ -544,6 +552,10 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     written = Equations(_equations(spec.equations), _equations(spec.outputs), spec.inputs,
                         _equations(spec.definitions), scene=spec.scene)  # fmt: skip
     return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
+
+
+def _plain(values: Mapping[str, _Value]) -> dict[str, Value]:
+    return {n: v.value if isinstance(v, _Constant) else v for n, v in values.items()}
 
 
 def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:
@@ -699,11 +711,11 @@ def _shared(recordings: tuple[Recording, ...]) -> list[str]:
     ]
 
 
-def _orders(specs: Mapping[str, Value], model: Model) -> dict[str, Value]:
+def _orders(specs: Mapping[str, _Value], model: Model) -> dict[str, Value]:
     """Those that are left out are free."""
     refuse_unknown("order in [model.orders]", model.order_names, *specs)
     springpots = dict.fromkeys(model.springpot_orders.values(), SPRINGPOT_RANGE)
-    return {n: specs.get(n, springpots.get(n, ORDER_RANGE)) for n in model.order_names}
+    return dict.fromkeys(model.order_names, ORDER_RANGE) | springpots | _plain(specs)
 
 
 def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:

@@ -204,20 +204,17 @@ def with_sensors(
     InputError
         If two recordings give one quantity two ranges, or the model has a parameter of that name.
     """
-    more, ranges, own = list(model.parameters), dict(parameters), {p.name: p for p in model.parameters}
+    ranges, own = dict(parameters), {p.name: p for p in model.parameters}
     stated: dict[str, Free] = {}
     for channel, sensor in ((c, s) for table in sensors for c, s in table.items()):
         for name, value in sensor.free(channel).items():
             constant = _parameter(name, value, channel, units.get(channel, "1"))
             if stated.setdefault(name, value) != value:
                 raise InputError(SAYS("two-ranges", name=name, one=_range(stated[name]), other=_range(value)))
-            if name not in own:
-                own[name] = constant
-                more.append(constant)
-            elif own[name].description != constant.description:
+            if own.setdefault(name, constant).description != constant.description:
                 raise InputError(f"{name} is free, but {model.name} has a parameter of that name: free that instead.")
             ranges.setdefault(name, value)
-    return (model if len(more) == len(model.parameters) else replace(model, parameters=tuple(more))), ranges
+    return (replace(model, parameters=tuple(own.values())) if len(own) > len(model.parameters) else model), ranges
 
 
 def _parameter(name: str, value: Free, channel: str, unit: str) -> Parameter:

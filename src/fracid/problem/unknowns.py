@@ -73,8 +73,7 @@ class Free:
                 raise InputError(f"{name} = {brief(value)}: expected a number.")
         if not self.lower <= self.start <= self.upper or self.lower == self.upper:
             raise InputError(SAYS("range", start=self.start, lower=self.lower, upper=self.upper))
-        finite = {n: v for n, v in (("lower", self.lower), ("start", self.start), ("upper", self.upper))
-                  if math.isfinite(v)}  # fmt: skip
+        finite = {n: v for n in ("lower", "start", "upper") if math.isfinite(v := getattr(self, n))}
         for name, value in finite.items():
             refuse_beyond(name, value)
         largest = max(map(abs, finite.values()))

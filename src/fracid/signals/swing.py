@@ -183,10 +183,10 @@ def quickening(alpha: FloatArray, floor: float) -> float:
 
     noise = min(CLEAR * white_noise(alpha), BEYOND * float(np.max(np.abs(alpha)))) if alpha.size > 3 else 0.0
     floor = max(floor, noise)  # else each sample of a long rest may be a swing
-    _, extremes = _half_periods(alpha, floor)
+    _, extremes = half_periods(alpha, floor)
     if len(extremes) < 3:
         return 0.0
-    crossings, extremes = _half_periods(alpha - np.median(extremes[:-2] + 2 * extremes[1:-1] + extremes[2:]) / 4, floor)
+    crossings, extremes = half_periods(alpha - np.median(extremes[:-2] + 2 * extremes[1:-1] + extremes[2:]) / 4, floor)
     if len(crossings) < 4 * FEWEST:
         return 0.0
     size = np.abs(extremes)
@@ -201,8 +201,17 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     return float(change) if abs(change) > chance else 0.0
 
 
-def _half_periods(y: FloatArray, floor: float) -> tuple[FloatArray, FloatArray]:
-    """Where a signal goes through zero, and its furthest value between each two of these."""
+def half_periods(y: FloatArray, floor: float) -> tuple[FloatArray, FloatArray]:
+    """Where a signal goes through zero [samples], and its furthest value between each two of these.
+
+    What is not larger than the floor is no motion.
+
+    Examples
+    --------
+    >>> crossings, extremes = half_periods(np.cos(np.pi * np.arange(400) / 100), 0.01)
+    >>> crossings.round(6).tolist(), extremes.tolist()
+    ([50.0, 150.0, 250.0, 350.0], [-1.0, 1.0, -1.0])
+    """
     clear = np.flatnonzero(np.abs(y) > floor)
     turns = np.flatnonzero(np.signbit(y[clear[1:]]) != np.signbit(y[clear[:-1]]))
     crossings = np.array([_crossing(y, a, b) for a, b in zip(clear[turns], clear[turns + 1], strict=True)])
