@@ -170,7 +170,7 @@ def test_the_order_that_is_off_alone_stays_where_it_is_and_the_others_are_intege
     subject = subject_of(RIG, SPACE, free=FREE, orders={"lambda": 0.9, "mu": 0.95})
     rig = subject.at({"lambda": 1.0})
     assert rig.problem.order_starts == {"lambda": 1.0, "mu": 0.95}
-    assert rig.values[rig.names.index("lambda")] == 1.0
+    assert rig.shared[rig.names.index("lambda")].range.start == 1.0
 
 
 @pytest.mark.broad

@@ -336,7 +336,7 @@ def said(**changes):
     } | changes
     used = lambda use: {n: r for n, r in result["recordings"].items() if r["use"] == use}  # noqa: E731
     shown = lambda n, v: f"{math.degrees(v):.2g}°"  # noqa: E731
-    return SimpleNamespace(result=result, used=used, shown=shown, analyses={}, beside=lambda _: {})
+    return SimpleNamespace(result=result, used=used, shown=shown, residuals={}, beside=lambda _: {})
 
 
 RIVAL = {"structure": "every order 1", "cost": 0.04, "bic_gain_of_the_fractional_model": 500.0, "warning": ""}

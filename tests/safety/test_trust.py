@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import shlex
 import sys
 from importlib.util import cache_from_source
@@ -16,7 +17,7 @@ import pytest
 import fracid
 from fracid.cli import main
 from fracid.safety.user_code import run_file
-from fracid.selection.comparison import _origin
+from fracid.selection.comparison import _Given
 from fracid.workflows.resumption import safe_words
 from program import run
 
@@ -137,14 +138,14 @@ def test_from_python_the_caller_says_so(folder):
 
 
 def test_another_process_trusts_what_this_one_was_told_to_and_nothing_else(folder):
-    origin = _origin(fracid.load_project("rig.toml", trust=True), (), "processes")
-    assert origin.load()[0].model.name == "spring"
+    sent = pickle.dumps(_Given.of(fracid.load_project("rig.toml", trust=True), ()))
+    assert pickle.loads(sent).problem.model.name == "spring"
     Path("rig.toml").write_text(PROJECT.format(orders="lambda = 1.0\nmu = 1.0", fit=""))
-    origin = _origin(fracid.load_project("rig.toml"), (), "processes")
+    sent = pickle.dumps(_Given.of(fracid.load_project("rig.toml"), ()))
     Path("rig.toml").write_text(MODEL)
     Path("ran").unlink()
     with pytest.raises(fracid.NotTrusted):
-        origin.load()
+        pickle.loads(sent)
     assert not Path("ran").exists()
 
 

@@ -119,13 +119,12 @@ def say_undrawn(run: FinishedRun) -> None:
 
 
 def _say_next(run: FinishedRun, console: Console) -> None:
-    from fracid.selection.ladder import has_friction
 
     trust = bool(run.project.own_code)
     page = typed("report", run.folder, "--open", trust=trust), "look at the page"
     noise = typed("resid", run.folder, trust=trust), "are the residuals white noise, or does the model lack something?"
     ladder = typed("compare", run.project.path, trust=trust), "do the orders help, or is it friction?"
-    say_next(console, page, noise, *[ladder] * has_friction(run.project.problem.model))
+    say_next(console, page, noise, *[ladder] * bool(run.project.problem.model.friction))
 
 
 def show_figures(run: FinishedRun, console: Console) -> None:

@@ -56,11 +56,10 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
         for effect, sentence in a.sentences.items():
             say(console, escape(sentence), f"  [dim]{effect:10}[/dim]  ")
     console.print()
-    from fracid.selection.ladder import has_friction
 
     project, trust = analysis.run.project, bool(analysis.run.project.own_code)
     step = typed("profile", analysis.run.folder, trust=trust), "which values do the data exclude?"
-    if has_friction(project.problem.model):
+    if project.problem.model.friction:
         step = typed("compare", project.path, trust=trust), "would another model leave smaller residuals?"
     print_study(console, analysis, step)
 

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -69,20 +69,48 @@ VAGUE = 1e-8
 
 @dataclass(frozen=True)
 class Alternatives:
-    """Sums of T for each candidate."""
+    """What the models of all arms may move, from one origin, and sums of T for each candidate."""
 
-    names: tuple[str, ...]
-    """Of the alternatives."""
-    columns: tuple[tuple[int, ...], ...]
-    """Which parameters each of them may move."""
+    origin: Mapping[str, float]
+    """Value of each parameter that all alternatives may move."""
+    extra: Mapping[str, tuple[str, ...]]
+    """Element → what it frees."""
+    moved: tuple[str, ...]
+    """All that is free, in order."""
     scale: FloatArray
-    """Typical size of each parameter, shape (n,)."""
-    parts: tuple[FloatArray, ...]
-    """c, b and A of each candidate, shapes (1, n_candidates), (1, n_candidates, n) and (1, n_candidates, n, n)."""
-    base: tuple[FloatArray, ...]
-    """The same without any candidate, shapes (1,), (1, n) and (1, n, n)."""
-    allowed: tuple[int, ...]
+    """Typical size of each, shape (n,)."""
+    allowed: tuple[int, ...] = ()
     """Which of the candidates the parts are of."""
+    parts: tuple[FloatArray, ...] = ()
+    """c, b and A of each candidate, shapes (1, n_candidates), (1, n_candidates, n) and (1, n_candidates, n, n)."""
+
+    @classmethod
+    def of(cls, rivals: Sequence[_Rival]) -> Alternatives:
+        """Before any candidate."""
+        origin = {n: v for rival in reversed(rivals) for n, v in rival.values.items()}
+        extra: dict[str, tuple[str, ...]] = {}
+        for rival in rivals:
+            for element, names in rival.extra.items():
+                extra[element] = tuple(dict.fromkeys((*extra.get(element, ()), *names)))
+        moved = tuple(dict.fromkeys((*origin, *(n for more in extra.values() for n in more))))
+        sizes = {n: size for rival in reversed(rivals) for n, size in rival.sizes.items()}
+        return cls(origin, extra, moved, np.array([sizes[n] for n in moved]))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the alternatives."""
+        return FRICTION, *self.extra
+
+    @cached_property
+    def columns(self) -> tuple[tuple[int, ...], ...]:
+        """Which parameters each of them may move."""
+        own = tuple(range(len(self.origin)))
+        return own, *((*own, *(self.moved.index(n) for n in names)) for names in self.extra.values())
+
+    @property
+    def base(self) -> tuple[FloatArray, ...]:
+        """The sums without any candidate, shapes (1,), (1, n) and (1, n, n)."""
+        return np.zeros(1), np.zeros((1, len(self.moved))), VAGUE * np.diag(self.scale**-2.0)[None]
 
     def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
         """−log(1 + T) of the nearest alternative."""
@@ -172,12 +200,13 @@ def orders_alone(
     ('friction', (1, 3))
     """
     rigs = _one_order_off(subject, of)
-    rivals = {n: _rivals(rig, _by_arm(candidates, _few), {}) for n, rig in rigs.items()}
+    few = [c for own in _by_arm(candidates).values() for c in _few(own)]
+    rivals = {n: rivals_of(rig, few) for n, rig in rigs.items()}
     every = range(len(candidates))
     first = OrdersAlone({n: alternatives_of(rig, candidates, every, rivals[n]) for n, rig in rigs.items()})
     chosen = first.chosen(count)
-    short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in dict.fromkeys(chosen)]
-    rivals = {n: _rivals(rig, _by_arm(some, list), rivals[n]) for n, rig in rigs.items()}
+    short, some = sorted({*chosen, *first.short(SHORTLIST)}), [candidates[i] for i in chosen]
+    rivals = {n: rivals_of(rig, some, rivals[n]) for n, rig in rigs.items()}
     return OrdersAlone({n: alternatives_of(rig, candidates, short, rivals[n]) for n, rig in rigs.items()})
 
 
@@ -194,9 +223,15 @@ def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
     return {n: subject.at({m: v for m, v in integer.items() if m != n}) for n in told}
 
 
-def rivals_of(subject: Subject, experiments: Sequence[Candidate]) -> dict[str, _Rival]:
-    """Arm → the integer-order model that fits its experiments best, of a set with repetitions."""
-    return _rivals(subject, _by_arm([*dict.fromkeys(experiments)], list), {})
+def rivals_of(
+    subject: Subject, experiments: Sequence[Candidate], known: Mapping[str, _Rival] | None = None
+) -> dict[str, _Rival]:
+    """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
+    fitted = {arm: _rival(subject, some) for arm, some in _by_arm([*dict.fromkeys(experiments)]).items()}
+    rivals = {arm: rival for arm, rival in {**(known or {}), **fitted}.items() if rival is not None}
+    if not rivals:
+        raise InputError("No run of the model reaches the end of a candidate.")
+    return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
 
 def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapping[str, _Rival]) -> dict[str, float]:
@@ -226,7 +261,7 @@ def with_states(subject: Subject, experiments: Sequence[Candidate], rivals: Mapp
     ['presliding', "Stribeck's friction"]
     """
     friction, squares = 0.0, dict[str, float]()
-    for arm, done in _by_arm(experiments, list).items():
+    for arm, done in _by_arm(experiments).items():
         times, rival = Counter(done), rivals.get(arm)
         if rival is None:
             continue
@@ -250,12 +285,10 @@ def _square(subject: Subject, rival: Rival, counts: Sequence[int]) -> float:
     return subject.worth * sum(k * float(np.sum(e**2 / variances)) for k, e in zip(counts, errors, strict=True))
 
 
-def _by_arm(
-    candidates: Sequence[Candidate], some: Callable[[Sequence[Candidate]], list[Candidate]]
-) -> dict[str, list[Candidate]]:
-    """Arm → some of its candidates, the free one first."""
-    arms = sorted({c.arm for c in candidates}, key=ARMS.index)
-    return {arm: some([c for c in candidates if c.arm == arm]) for arm in arms}
+def _by_arm(candidates: Sequence[Candidate]) -> dict[str, list[Candidate]]:
+    """Arm → its candidates, the free one first."""
+    arms = {arm: [c for c in candidates if c.arm == arm] for arm in ARMS}
+    return {arm: own for arm, own in arms.items() if own}
 
 
 def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -269,7 +302,7 @@ def alternatives_of(
     subject: Subject, candidates: Sequence[Candidate], which: Sequence[int], rivals: Mapping[str, _Rival]
 ) -> Alternatives:
     """The integer-order alternatives of some candidates, about the models that fit them best."""
-    common = _Common.of([*rivals.values()])
+    none = Alternatives.of([*rivals.values()])
 
     def sums(group: list[int]) -> list[tuple[FloatArray, ...]]:
         at = [which[i] for i in group]
@@ -278,7 +311,7 @@ def alternatives_of(
         rival = rivals.get(longest.arm)
         if problem is None or rival is None:
             return []
-        return _sums(subject, rival, common, problem, [candidates[i].samples for i in at])
+        return _sums(subject, rival, none, problem, [candidates[i].samples for i in at])
 
     groups = by_motion([candidates[i] for i in which])
     rows = {which[i]: row for group, found in zip(groups, in_threads(subject.jobs, sums, groups), strict=True)
@@ -287,9 +320,7 @@ def alternatives_of(
         raise InputError("No run of the integer-order model reaches the end of a candidate.")
     allowed = tuple(sorted(rows))
     parts = tuple(np.array([part]) for part in zip(*(rows[i] for i in allowed), strict=True))
-    vague = VAGUE * np.diag(common.scale**-2.0)
-    base = np.zeros(1), np.zeros((1, len(common.names))), vague[None]
-    return Alternatives((FRICTION, *common.extra), common.columns, common.scale, parts, base, allowed)
+    return replace(none, allowed=allowed, parts=parts)
 
 
 @dataclass(frozen=True)
@@ -309,48 +340,6 @@ class _Rival:
     def of(self, problem: Problem) -> Problem:
         """This model of the experiments of another problem of that arm."""
         return replace(problem, orders=self.problem.orders, parameters=self.problem.parameters, memo=None)
-
-
-@dataclass(frozen=True)
-class _Common:
-    """What the models of all arms may move, from one origin."""
-
-    origin: Mapping[str, float]
-    """Value of each parameter that all alternatives may move."""
-    extra: Mapping[str, tuple[str, ...]]
-    """Element → what it frees."""
-    names: tuple[str, ...]
-    """Of all that is free, in order."""
-    scale: FloatArray
-    """Typical size of each, shape (n,)."""
-
-    @classmethod
-    def of(cls, rivals: Sequence[_Rival]) -> _Common:
-        origin = {n: v for rival in reversed(rivals) for n, v in rival.values.items()}
-        extra: dict[str, tuple[str, ...]] = {}
-        for rival in rivals:
-            for element, names in rival.extra.items():
-                extra[element] = tuple(dict.fromkeys((*extra.get(element, ()), *names)))
-        names = (*origin, *dict.fromkeys(n for more in extra.values() for n in more if n not in origin))
-        sizes = {n: size for rival in reversed(rivals) for n, size in rival.sizes.items()}
-        return cls(origin, extra, names, np.array([sizes[n] for n in names]))
-
-    @property
-    def columns(self) -> tuple[tuple[int, ...], ...]:
-        """Which of the names each alternative may move."""
-        own = tuple(range(len(self.origin)))
-        return (own, *((*own, *(self.names.index(n) for n in names)) for names in self.extra.values()))
-
-
-def _rivals(
-    subject: Subject, experiments: Mapping[str, Sequence[Candidate]], known: Mapping[str, _Rival]
-) -> dict[str, _Rival]:
-    """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
-    fitted = {arm: _rival(subject, some) for arm, some in experiments.items()}
-    rivals = {arm: rival for arm, rival in ({**known, **fitted}).items() if rival is not None}
-    if not rivals:
-        raise InputError("No run of the model reaches the end of a candidate.")
-    return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
 
 def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
@@ -396,7 +385,7 @@ def _simulated(subject: Subject, c: Candidate, name: str) -> Problem | None:
 
 
 def _sums(
-    subject: Subject, rival: _Rival, common: _Common, problem: Problem, samples: Sequence[int]
+    subject: Subject, rival: _Rival, table: Alternatives, problem: Problem, samples: Sequence[int]
 ) -> list[tuple[FloatArray, ...]]:
     """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
     here = rival.of(problem)
@@ -413,8 +402,8 @@ def _sums(
             columns |= {n: more[0][..., k] for k, n in enumerate(names)}
     still = np.zeros(J.errors[0].shape)
     root = np.array([1 / math.sqrt(subject.noise_of(n).variance) for n in problem.outputs])
-    rows = np.stack([-columns.get(n, still) for n in (*common.names, *own)], axis=-1) * root[:, None]
-    n, off = len(common.names), np.array([rival.values.get(n, v) - v for n, v in common.origin.items()])
+    rows = np.stack([-columns.get(n, still) for n in (*table.moved, *own)], axis=-1) * root[:, None]
+    n, off = len(table.moved), np.array([rival.values.get(n, v) - v for n, v in table.origin.items()])
     missed = J.errors[0] * root + rows[..., : len(off)] @ off
     sums: list[tuple[FloatArray, ...]] = []
     for count in samples:

@@ -27,7 +27,6 @@ from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
-from fracid.safety.json_files import json_number
 from fracid.tasks.job import Counter, Progress, in_threads
 from fracid.tasks.progress import Observer
 
@@ -149,7 +148,10 @@ def design(
         chosen = each.chosen(experiments)
         alone = each.nearest(chosen)
         watching.stage("integer-order models of the chosen experiments")
-        distances = _distances(subject, [candidates[i] for i in chosen])
+        done = [candidates[i] for i in chosen]
+        rivals = rivals_of(subject, done)
+        together = alternatives_of(subject, done, range(len(done)), rivals)
+        distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals)}
     else:
         parts, base = _stacked([[t for _, t in possible]]), _stacked([subject.known(VAGUE)])
         objective = objective_named(name, subject.scale, places)
@@ -160,13 +162,6 @@ def design(
     watching.stage("")
     return _plan(subject, possible, chosen, criterion=name, of=narrowed,
                  excluded=len(tables) - len(possible), distances=distances, alone=alone)  # fmt: skip
-
-
-def _distances(subject: Subject, done: Sequence[Candidate]) -> dict[str, float]:
-    """Integer-order alternative → how far it stays from the chosen experiments."""
-    rivals = rivals_of(subject, done)
-    together = alternatives_of(subject, done, range(len(done)), rivals)
-    return {**together.distances(range(len(done))), **with_states(subject, done, rivals)}
 
 
 def subject_of(
@@ -306,9 +301,8 @@ def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
     """Values from their intervals, or from a tenth around a constant of which none is known; within their bounds."""
     rng = np.random.default_rng(seed)
     covariance = subject.known(NOMINAL).covariance(subject.scale)
-    ranges = [u.range for u in subject.problem.unknowns if u.experiment is None]
-    lower, upper = np.array([r.lower for r in ranges]), np.array([r.upper for r in ranges])
-    return [np.clip(rng.multivariate_normal(subject.values, covariance, method="eigh"), lower, upper)
+    values, lower, upper = np.array([(u.range.start, u.range.lower, u.range.upper) for u in subject.shared]).T
+    return [np.clip(rng.multivariate_normal(values, covariance, method="eigh"), lower, upper)
             for _ in range(draws)]  # fmt: skip
 
 
@@ -322,15 +316,14 @@ def _plan(
     names, scale, base = subject.names, subject.scale, subject.known(VAGUE)
     total = sum((possible[i][1] for i in chosen), base)
     before, after = (np.sqrt(np.diag(i.covariance(scale))) for i in (base, total))
-    expected = {n: Value(v, u, e if e < s else None, b if b < s else None) for n, v, u, e, b, s
-                in zip(names, subject.values.tolist(), subject.units, after.tolist(), before.tolist(),
-                       scale.tolist(), strict=True)}  # fmt: skip
+    rows = zip(subject.shared, after.tolist(), before.tolist(), scale.tolist(), strict=True)
+    expected = {u.name: Value(u.range.start, u.unit, e if e < s else None, b if b < s else None)
+                for u, e, b, s in rows}  # fmt: skip
     landscape = tuple(
         (c, dict(zip(names, np.sqrt(np.diag((base + i).covariance(scale))).tolist(), strict=True)))
         for c, i in possible
     )  # fmt: skip
-    plan = Plan(
+    return Plan(
         subject=subject, name=subject.name, experiments=tuple(possible[i][0] for i in chosen), expected=expected,
-        candidates=len(possible), landscape=landscape, covariance=total.covariance(scale), gain={}, **said,
+        candidates=len(possible), landscape=landscape, covariance=total.covariance(scale), **said,
     )  # fmt: skip
-    return replace(plan, gain={n: json_number(factor) for n, factor in plan.gain_over().items()})

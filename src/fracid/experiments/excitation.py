@@ -185,7 +185,5 @@ def _peaks(peak: float) -> tuple[float, ...]:
 
 
 def _sines(time: FloatArray, frequency: FloatArray, phase: FloatArray) -> FloatArray:
-    total = np.zeros(len(time))
-    for f, φ in zip(frequency.tolist(), phase.tolist(), strict=True):
-        total += np.sin(2 * np.pi * f * time + φ)
-    return total
+    lines = zip(frequency.tolist(), phase.tolist(), strict=True)
+    return np.asarray(sum(np.sin(2 * np.pi * f * time + φ) for f, φ in lines))

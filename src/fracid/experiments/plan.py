@@ -33,14 +33,13 @@ from fracid.experiments.space import Candidate
 from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Style, draw
 from fracid.fit import Fit
-from fracid.problem import Free
-from fracid.problem.toml_text import toml_value
+from fracid.problem.toml_text import plain_value, toml_value
 from fracid.problem.unknowns import Value as Given
-from fracid.problem.unknowns import start_of
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_text
+from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
 from fracid.units import GREEK
 
@@ -100,8 +99,6 @@ class Plan(CardDisplay, Record):
     """Repetitions stand there as often as they are to be done."""
     expected: Mapping[str, Value]
     """Name of each free value → what is to be expected."""
-    gain: Mapping[str, Number]
-    """By what factor its interval becomes narrower than the recordings so far predict; None where there is none now."""
     candidates: int
     """Candidates that are possible."""
     excluded: int
@@ -115,6 +112,11 @@ class Plan(CardDisplay, Record):
     """Each candidate with the standard errors that it alone would leave."""
     covariance: Beside[FloatArray] = UNREAD
     """Covariance of the free values after the plan, shape (n, n)."""
+
+    @computed
+    def gain(self) -> dict[str, float | None]:
+        """By what factor each interval becomes narrower than the recordings so far predict; None where none is now."""
+        return {n: json_number(factor) for n, factor in self.gain_over().items()}
 
     def gain_over(self, run: Fit | None = None) -> dict[str, float]:
         """By what factor the interval of each value becomes narrower.
@@ -336,7 +338,7 @@ def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: b
         values = {q.name: q.value for q in p.model.parameters} | values
     if clamped:
         values["J_theta"] = 1e3
-    fit = {"outputs": _outputs(plan), "initial_state": plan.subject.space.initial_state, "weights": p.weights,
+    fit = {"outputs": [*subject.outputs], "initial_state": plan.subject.space.initial_state, "weights": p.weights,
            "method": p.method}  # fmt: skip
     if p.per_recording:
         fit["per_recording"] = list(p.per_recording)
@@ -344,20 +346,16 @@ def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: b
     copied = "\n# copy that file beside this one" * (".py:" in str(head.get("name")))
     return "\n\n".join((
         f"{said}\n{_table('[model]', head)}{copied}",
-        _table("[model.parameters]", {n: _plain(v) for n, v in values.items()}),
-        _table("[model.orders]", {n: _plain(v) for n, v in p.orders.items()}),
+        _table("[model.parameters]", {n: plain_value(v) for n, v in values.items()}),
+        _table("[model.orders]", {n: plain_value(v) for n, v in p.orders.items()}),
         *(_table(f"[[recording]]  # {c}", _recording(plan, k, c)) for k, c in experiments),
         _table("[fit]", fit),
     )) + "\n"  # fmt: skip
 
 
-def _outputs(plan: Plan) -> list[str]:
-    return list(plan.subject.space.sensors or plan.subject.problem.outputs)
-
-
 def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
     """The table of one experiment, with what the recording so far says of its signals."""
-    p, known, outputs = plan.subject.problem, plan.subject.table.get("recording", {}), _outputs(plan)
+    p, known, outputs = plan.subject.problem, plan.subject.table.get("recording", {}), plan.subject.outputs
     entries: dict[str, Any] = {
         "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
         "initial": {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs},
@@ -380,11 +378,3 @@ def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
 
 def _table(heading: str, entries: Mapping[str, Any]) -> str:
     return "\n".join([heading, *(f"{name} = {toml_value(value)}" for name, value in entries.items())])
-
-
-def _plain(value: Given) -> Any:
-    """A number, a range, or another's name."""
-    if isinstance(value, Free):
-        ends = {"start": value.start, "lower": value.lower, "upper": value.upper}
-        return {k: v for k, v in ends.items() if math.isfinite(v)}
-    return start_of(value) if isinstance(value, float | int) else value.to

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -177,17 +177,16 @@ class DesignSpace(CardDisplay):
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Every combination; a clamped arm needs a release and no voltage."""
-        return tuple(self._candidates())
-
-    def _candidates(self) -> Iterator[Candidate]:
         settings = [tuple(zip(self.constants, map(float, s), strict=True))
                     for s in product(*map(_several, self.constants.values()))]  # fmt: skip
         decisions = product(
             _several(self.arm), self.voltages, self.angles, settings, _several(self.rate), _several(self.seconds)
         )
-        for arm, voltage, release, constants, rate, seconds in decisions:
-            if (arm == "free" or (voltage is None and release != 0.0)) and (release != 0.0 or voltage is not None):
-                yield Candidate(release, float(seconds), float(rate), arm, voltage, constants)
+        return tuple(
+            Candidate(release, float(seconds), float(rate), arm, voltage, constants)
+            for arm, voltage, release, constants, rate, seconds in decisions
+            if (release != 0.0 or voltage is not None) and (arm == "free" or (voltage is None and release != 0.0))
+        )
 
     def applied(self, voltage: Excitation, time: FloatArray) -> FloatArray:
         """A voltage at some times, as the amplifier gives it: the nearest of its steps within the peak.
@@ -206,12 +205,8 @@ class DesignSpace(CardDisplay):
 
     def within_limits(self, outputs: Mapping[str, FloatArray], rate: float) -> bool:
         """Whether simulated outputs stay within the limits."""
-        for name, limit in self.limits.items():
-            y = outputs[name.removesuffix(SPEED)]
-            y = np.diff(y) * rate if name.endswith(SPEED) else y
-            if not np.max(np.abs(y)) <= limit:
-                return False
-        return True
+        signals = {**outputs, **{f"{name}{SPEED}": np.diff(y) * rate for name, y in outputs.items()}}
+        return all(np.max(np.abs(signals[name])) <= limit for name, limit in self.limits.items())
 
 
 def by_motion(candidates: Sequence[Candidate]) -> list[list[int]]:

@@ -30,11 +30,11 @@ from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
 from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, nothing, of_samples
-from fracid.experiments.space import Candidate, DesignSpace
+from fracid.experiments.space import SPEED, Candidate, DesignSpace
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem, Tied
-from fracid.problem.unknowns import Value
+from fracid.problem.unknowns import Unknown, Value
 from fracid.solver.inputs import Between
 from fracid.units import GREEK
 
@@ -62,15 +62,10 @@ class Subject:
 
     problem: Problem
     """Every free value starts where it is; one recording at least, as a pattern of the sensors."""
-    names: tuple[str, ...]
-    """The free values that all experiments share."""
-    values: FloatArray
-    """Shape (n_names,)."""
-    units: tuple[str, ...]
     noise: Mapping[str, Noise]
     """Output → its noise."""
     excess: FloatArray
-    """By what the variance of each value exceeds that of white noise, shape (n_names,)."""
+    """By what the variance of each shared value exceeds that of white noise, shape (n_shared,)."""
     step: float
     """Largest step of the solver [s]."""
     recorded: Information
@@ -87,10 +82,25 @@ class Subject:
     """Threads that work on it."""
 
     @cached_property
+    def shared(self) -> tuple[Unknown, ...]:
+        """The free values that all experiments share."""
+        return tuple(u for u in self.problem.unknowns if u.experiment is None)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(u.name for u in self.shared)
+
+    @cached_property
     def scale(self) -> FloatArray:
-        """Typical size of each value, shape (n_names,)."""
-        shared = np.array([u.experiment is None for u in self.problem.unknowns])
-        return np.asarray(self.problem.space.sizes(self.problem.start)[shared])
+        """Typical size of each, shape (n_shared,)."""
+        sizes = self.problem.named(self.problem.space.sizes(self.problem.start))
+        return np.array([sizes[n] for n in self.names])
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """What is recorded."""
+        return tuple(self.space.sensors) or self.problem.outputs
 
     @cached_property
     def worth(self) -> float:
@@ -120,8 +130,7 @@ class Subject:
 
     def at(self, values: Mapping[str, float]) -> Subject:
         """The same rig with other values of some of what is free and of orders, within bounds that hold them."""
-        at = np.array([values.get(n, v) for n, v in zip(self.names, self.values.tolist(), strict=True)])
-        return replace(self, problem=_starting_at(self.problem, values), values=at)
+        return replace(self, problem=_starting_at(self.problem, values))
 
     def noise_of(self, output: str) -> Noise:
         """The noise of an output; that of a sensor that is added is the largest of the others."""
@@ -162,14 +171,12 @@ class Subject:
 
     def problem_of(self, c: Candidate) -> Problem:
         """The problem of one candidate alone, every free value at its own."""
-        p, space = self.problem, self.space
-        parameters = {**p.parameters, "J_theta": CLAMPED} if c.arm == "clamped" else p.parameters
-        outputs = tuple(space.sensors) or p.outputs
-        e = replace(self, problem=replace(p, outputs=outputs, memo=None)).experiment(c)
-        return replace(
-            p, experiments=(e,), parameters=parameters, outputs=outputs, initial_state=space.initial_state,
-            substeps=max(1, math.ceil(1 / c.rate / self.step - 1e-9)), memo=None,
-        )  # fmt: skip
+        p = replace(self.problem, outputs=self.outputs, memo=None)
+        e = replace(self, problem=p).experiment(c)
+        clamped = {"J_theta": CLAMPED} if c.arm == "clamped" else {}
+        substeps = max(1, math.ceil(1 / c.rate / self.step - 1e-9))
+        return replace(p, experiments=(e,), parameters={**p.parameters, **clamped}, substeps=substeps,
+                       initial_state=self.space.initial_state)  # fmt: skip
 
     def _first_value(self, output: str, c: Candidate) -> float:
         """Where an output begins: the released one at the angle of release from its rest."""
@@ -194,8 +201,8 @@ class Subject:
         model, space = self.problem.model, self.space
         refuse_unknown("sensor", model.outputs, *space.sensors)
         for name in space.limits:
-            if name.removesuffix("_speed") not in (tuple(space.sensors) or self.problem.outputs):
-                raise unknown_name("output in limits", name, tuple(space.sensors) or self.problem.outputs)
+            if name.removesuffix(SPEED) not in self.outputs:
+                raise unknown_name("output in limits", name, self.outputs)
         for name in space.constants:
             model.parameter(name)
             if isinstance(self.problem.parameters.get(name), Free | Tied):
@@ -283,13 +290,11 @@ def subject_of_problem(
         orders={n: held.get(n, v) for n, v in problem.orders.items()},
         parameters={n: held.get(n, v) for n, v in problem.parameters.items()},
     )  # fmt: skip
-    names = tuple(u.name for u, k in zip(unknowns, shared, strict=True) if k)
-    intervals = {n: interval for k, n in enumerate(problem.names)
-                 if n in names and (interval := precision.interval(x, k)) is not None}  # fmt: skip
-    start = {n: v for n, v in values.items() if n in names or n in problem.per_recording}
+    intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
+                 if (interval := precision.interval(x, k)) is not None}  # fmt: skip
+    start = {n: v for n, v in values.items() if n not in held and (n in problem.per_recording or n in problem.names)}
     return Subject(
-        _starting_at(fixed, start), names, x[shared], tuple(u.unit for u, k in zip(unknowns, shared, strict=True) if k),
-        noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
+        _starting_at(fixed, start), noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
         name or problem.model.name, table or {}, space, jobs,
     )  # fmt: skip
 
@@ -336,8 +341,8 @@ def subject_of_model(
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
     count, finest = len(problem.names), FINE if model.angles else math.inf
     return Subject(
-        problem, problem.names, problem.start, tuple(u.unit for u in problem.unknowns),
-        dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name, {}, space,
+        problem, dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name,
+        {}, space,
     )  # fmt: skip
 
 

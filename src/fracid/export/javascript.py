@@ -6,7 +6,6 @@ runs.  The right-hand side is the model's own, written from its source.
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 from fracid.arrays import FloatArray
@@ -32,7 +31,8 @@ def solver() -> str:
 
 def program(problem: Problem) -> dict[str, Any]:
     """What ``Fracid.simulate`` must know of a problem beside its right-hand side and its values."""
-    return program_of(problem.model, problem.method, _tolerance(problem))
+    tolerance = problem.memory.tolerance
+    return program_of(problem.model, problem.method, None if tolerance is None else tolerance or TIGHT)
 
 
 def program_of(model: Model, method: str, tolerance: float | None) -> dict[str, Any]:
@@ -55,14 +55,6 @@ def _scheme(method: Method) -> dict[str, Any]:
             "lastFirst": method.exported.last_first}  # fmt: skip
 
 
-def _tolerance(problem: Problem) -> float | None:
-    """Of the exponentials; None where the memory is not of exponentials."""
-    if problem.memory.name == "full":
-        return TIGHT
-    named = re.match(r"compressed\(([^,)]+)", problem.memory.name)
-    return float(named[1]) if named else None
-
-
 def no_javascript(problem: Problem) -> str:
     """Why a problem cannot be simulated in JavaScript; empty if it can.
 
@@ -79,7 +71,7 @@ def no_javascript(problem: Problem) -> str:
     if not _scheme(METHODS[problem.method]):
         known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
         return f"The method {problem.method} is not written in JavaScript; {known} are."
-    if _tolerance(problem) is None:
+    if problem.memory.tolerance is None:
         return f"The memory {problem.memory.name} is not written in JavaScript; compressed and full are."
     return ""
 

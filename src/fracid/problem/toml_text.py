@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
+
+from fracid.problem.unknowns import Free, Tied, Value
 
 
 def toml_value(value: Any) -> str:
@@ -66,3 +69,20 @@ def toml_key(name: str) -> str:
     ('b_alpha', '"release 92°"')
     """
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
+def plain_value(value: Value, at: float | None = None) -> Any:
+    """An order or a parameter as a project file has it: a number, a range from `at` on, or another's name.
+
+    Examples
+    --------
+    >>> plain_value(Free(0.1, 0.0), 0.2), plain_value(2)
+    ({'start': 0.2, 'lower': 0.0}, 2.0)
+    """
+    if isinstance(value, Tied):
+        return value.to
+    if not isinstance(value, Free):
+        return float(value)
+    start = value.start if at is None else min(max(at, value.lower), value.upper)
+    ends = {"start": start, "lower": value.lower, "upper": value.upper}
+    return {k: v for k, v in ends.items() if math.isfinite(v)}

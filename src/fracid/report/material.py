@@ -27,7 +27,7 @@ from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison
 from fracid.units import shown_unit
-from fracid.validation.residual_analyses import Analyses, Residuals, analysed
+from fracid.validation.residual_analyses import Analyses, analysed
 
 BESIDE: dict[str, tuple[type[Block | Record], str]] = {
     "profiles.json": (Profiles, "fracid profile RUN"),
@@ -50,12 +50,12 @@ class Material:
     """Of this session, or as it was read back."""
     plane: CostPlane | None = None
     """The cost over two free orders."""
-    tested: Residuals | None = None
+    tested: Analyses | None = None
     """Each residual, where somebody has had it tested before."""
 
     @classmethod
     def of(
-        cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, tested: Residuals | None = None
+        cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, tested: Analyses | None = None
     ) -> Material:
         """From a fit that is written to its folder."""
         try:
@@ -94,14 +94,9 @@ class Material:
         return in_unit(value, self.unit(signal), form)
 
     @cached_property
-    def residuals(self) -> Residuals:
+    def residuals(self) -> Analyses:
         """Each residual, tested."""
         return analysed(self.fit.recordings, self.project.resolutions) if self.tested is None else self.tested
-
-    @cached_property
-    def analyses(self) -> Analyses:
-        """What each residual says."""
-        return {name: {n: r.analysis for n, r in outputs.items()} for name, outputs in self.residuals.items()}
 
     @cached_property
     def as_recorded(self) -> dict[str, Recording]:

@@ -44,7 +44,7 @@ from fracid.safety.door import write_text
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import number
 from fracid.validation.discretisation import COARSE_STEP
-from fracid.validation.residual_analyses import Residuals
+from fracid.validation.residual_analyses import Analyses
 
 REPORT = "report.html"
 
@@ -75,7 +75,7 @@ SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "planes.js",
 
 def write_report(
     folder: str | Path, fit: Fit | None = None, project: Project | None = None, *, plane: CostPlane | None = None,
-    jobs: int = 1, out: str | Path | None = None, trust: bool = False, residuals: Residuals | None = None,
+    jobs: int = 1, out: str | Path | None = None, trust: bool = False, residuals: Analyses | None = None,
 ) -> Path:  # fmt: skip
     """Write the page of a run or of a study, one HTML file that opens offline; of a folder of runs, an index of them.
 
@@ -241,7 +241,7 @@ def _context(material: Material) -> dict[str, Any]:
         "latex": equations(model, result, _driven(material), "LaTeX"),
         "no_rival": _no_rival(result),
         "rows": rows, "per_recording": own,
-        "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.analyses.values())
+        "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.residuals.values())
                       for n, a in outputs.items()],
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),

@@ -21,7 +21,7 @@ from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import joined, letter
 from fracid.units import number
-from fracid.validation.residual_analyses import Residual
+from fracid.validation.residual_records import ResidualAnalysis
 
 POINTS = 20_001
 """Of one recording: 35 s at 500 Hz, or 20 s at 1 kHz, whole."""
@@ -133,9 +133,9 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
 # --- residuals -----------------------------------------------------------------------------------
 
 
-def residual_charts(residual: Residual, factor: float) -> Iterator[Chart]:
+def residual_charts(residual: ResidualAnalysis, factor: float) -> Iterator[Chart]:
     """Autocorrelation, spectrum and normal probability plot of one residual; none where there is too little."""
-    a, curves = residual.analysis, residual.curves
+    curves = residual.curves
     if curves is None:
         return
     ρ = Series("correlation", curves.correlation, "first")
@@ -143,7 +143,7 @@ def residual_charts(residual: Residual, factor: float) -> Iterator[Chart]:
                 bands=(Band("y", -curves.white, curves.white),))  # fmt: skip
     if curves.frequency.size:
         S = Series("power per Hz", factor**2 * curves.power, "first")
-        marks = (Mark("x", a.spectrum.swing, "swing"),) if a.spectrum.swing else ()
+        marks = (Mark("x", residual.spectrum.swing, "swing"),) if residual.spectrum.swing else ()
         yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", (S,), "frequency", logx=True,
                     logy=True, marks=marks)  # fmt: skip
     lines = Series("residual", curves.ordered, "points"), Series("normal", curves.quantile, "dashed")

@@ -344,7 +344,7 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
 
 def _tested(material: Material, use: str) -> list[ResidualAnalysis]:
     """The residuals of the recordings of one use that were long enough to be tested."""
-    analyses = (a for outputs in material.analyses.values() for a in outputs.values())
+    analyses = (a for outputs in material.residuals.values() for a in outputs.values())
     return [a for a in analyses if a.use == use and a.whiteness.thinning]
 
 

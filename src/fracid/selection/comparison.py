@@ -49,7 +49,7 @@ from fracid.estimation.search import search
 from fracid.estimation.windows import PARTS, chosen_window, windowed
 from fracid.findings import Words, with_code
 from fracid.models.friction import SPRINGPOT
-from fracid.optimise import OPTIMISERS, Evaluation, nelder_mead
+from fracid.optimise import OPTIMISERS, Entry, Evaluation, nelder_mead
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
@@ -169,27 +169,29 @@ def compare(
     'Orders make no difference, an integer-order model predicts as well'
     """
     _made.cache_clear()
-    origin = _origin(problem, validation, executor)
-    base, others, _ = origin.load()
+    given = _Given.of(problem, validation)
+    if executor != "threads" and not given.file:
+        raise InputError(SAYS("in-memory", executor=executor))
+    base = given.problem
     if isinstance(problem, Project):
         seed, starts = problem.seed if seed is None else seed, problem.starts if starts is None else starts
     seed, starts = 1 if seed is None else seed, starts or 1
-    folds = _folds(base, others, leave_one_out)
+    folds = _folds(base, given.validation, leave_one_out)
     optimiser = problem.optimiser if isinstance(problem, Project) else "multistart"
-    whole = _Place(origin, tuple(sorted(keep)), None if rungs is None else tuple(rungs), leave_one_out)
+    whole = _Place(given, tuple(sorted(keep)), None if rungs is None else tuple(rungs), leave_one_out)
     study = _Study(whole, folds, optimiser, seed, starts, Execution(executor, jobs, journal, progress))
     if evidence:
         for s in study.ladder(WHOLE).structures:
             require_evidence(s.problem)
-    fits = study.fit()
-    rows, samples = _rows(study.ladder(WHOLE), fits, folds, base)
+    study.fit()
     longest = max(base.experiments, key=lambda e: e.time[-1])
     long = (SAYS("long-recordings", e=longest, length=longest.time[-1]),) if is_coarse(base) else ()
     notes = (*long, *(b.sentence for b in study.whole.opened))
     fixed_step = not is_coarse(base) and (not isinstance(problem, Project) or problem.fixed_step)
-    if not fixed_step and (substeps := study.substeps(rows)) > base.substeps:
-        fits, notes = study.fit_again(fits, substeps), (*notes, SAYS("refined", substeps=substeps, base=base))
-        rows, samples = _rows(study.ladder(WHOLE), fits, folds, base)
+    if not fixed_step and (substeps := study.substeps()) > base.substeps:
+        study.fit(substeps)
+        notes = (*notes, SAYS("refined", substeps=substeps, base=base))
+    rows, samples = study.rows()
     if evidence:
         rows, without = study.with_odds(rows, samples)
         notes += without
@@ -220,44 +222,34 @@ def _folds(problem: Problem, others: Sequence[Experiment], leave_one_out: bool) 
 
 
 @dataclass(frozen=True, eq=False)
-class _InMemory:
-    """A problem as it is given; for threads."""
+class _Given:
+    """What is compared; other processes load its project's file themselves, for compiled code does not travel."""
 
     problem: Problem
     validation: tuple[Experiment, ...]
     alternatives: Mapping[str, Problem] = field(default_factory=dict)
     """Models of integer order beside the ladder."""
+    file: tuple[str, str | None, str, bool] | None = None
+    """The project's path, preset and SHA-256, and whether its own code is trusted; None where there is none."""
 
-    def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
-        return self.problem, self.validation, self.alternatives
+    @classmethod
+    def of(cls, source: Problem | Project, validation: Sequence[Experiment]) -> _Given:
+        if isinstance(source, Problem):
+            return cls(*to_compare(source, validation))
+        digest = hashlib.sha256(source.text.encode()).hexdigest()
+        file = str(Path(source.path).resolve()), source.preset, digest, bool(source.own_code)
+        return cls(*to_compare(source.problem, (*source.validation, *validation)), source.alternatives, file)
 
-
-@dataclass(frozen=True)
-class _OfFile:
-    """A project file, which other processes load themselves: a model's compiled code does not travel."""
-
-    path: str
-    preset: str | None
-    sha256: str
-    trust: bool
-
-    def load(self) -> tuple[Problem, tuple[Experiment, ...], Mapping[str, Problem]]:
-        project = load_project(self.path, preset=self.preset, trust=self.trust)
-        if hashlib.sha256(project.text.encode()).hexdigest() != self.sha256:
-            raise InputError(f"{self.path} has changed since the comparison began; begin it again.")
-        return *to_compare(project.problem, project.validation), project.alternatives
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _of_file, self.file or ()
 
 
-def _origin(problem: Problem | Project, validation: Sequence[Experiment], executor: str) -> _InMemory | _OfFile:
-    if isinstance(problem, Project) and executor != "threads":
-        digest = hashlib.sha256(problem.text.encode()).hexdigest()
-        return _OfFile(str(Path(problem.path).resolve()), problem.preset, digest, bool(problem.own_code))
-    if isinstance(problem, Project):
-        compared, others = to_compare(problem.problem, (*problem.validation, *validation))
-        return _InMemory(compared, others, problem.alternatives)
-    if executor != "threads":
-        raise InputError(SAYS("in-memory", executor=executor))
-    return _InMemory(*to_compare(problem, validation))
+@lru_cache(maxsize=1)
+def _of_file(path: str, preset: str | None, sha256: str, trust: bool) -> _Given:
+    given = _Given.of(load_project(path, preset=preset, trust=trust), ())
+    if given.file is None or given.file[2] != sha256:
+        raise InputError(f"{path} has changed since the comparison began; begin it again.")
+    return given
 
 
 @dataclass(frozen=True)
@@ -274,7 +266,7 @@ class _Fold:
 class _Place:
     """Which recordings a task fits, and which it does not see; and how all structures are fitted."""
 
-    origin: _InMemory | _OfFile
+    given: _Given
     keep: tuple[str, ...]
     """Parameters that are as the project has them."""
     rungs: tuple[str, ...] | None
@@ -298,16 +290,17 @@ class _Place:
 
 @lru_cache(maxsize=128)
 def _made(place: _Place) -> _Fold:
-    problem, validation, alternatives = place.origin.load()
-    problem = reopened(replace(problem, substeps=place.substeps or problem.substeps), place.opened)
-    every = (*problem.experiments, *validation) if place.leave_one_out else problem.experiments
-    fitted = tuple(e for e in every if e.name not in place.held_out)
-    others = tuple(e for e in (*problem.experiments, *validation) if e.name in place.held_out)
+    given = place.given
+    substeps = place.substeps or given.problem.substeps
+    problem = reopened(replace(given.problem, substeps=substeps), place.opened)
+    every = (*problem.experiments, *given.validation)
+    fitted = tuple(e for e in (every if place.leave_one_out else problem.experiments) if e.name not in place.held_out)
+    others = tuple(e for e in every if e.name in place.held_out)
     window = chosen_window(problem)
     window = window and window / PARTS  # where any start leads to the minimum
     fitted_problem = replace(problem, experiments=fitted)
     fitted_problem = windowed(fitted_problem, window) if window else fitted_problem
-    beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in alternatives.items()}
+    beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in given.alternatives.items()}
     every_structure = ladder(fitted_problem, keep=place.keep, rungs=place.rungs, others=others, alternatives=beside)
     return _Fold(others, every_structure, window)
 
@@ -325,10 +318,7 @@ def _fit_project(
     given, watch, opened = place.fold.ladder.given, Watch(jobs), tuple[OpenedBound, ...]()
     if given.names:
         entry = OPTIMISERS[optimiser]
-        if given.cost_function.loss is None:
-            entry = OPTIMISERS["differential-evolution"]
-        elif entry.keeps_its_own:
-            entry = OPTIMISERS["multistart"]
+        entry = _optimiser(given) if entry.keeps_its_own or given.cost_function.loss is None else entry
         ends = [search(given, entry, np.random.default_rng(seed), starts=starts, watch=watch)[0].best]
         if before is not None:
             ends.append(_descended(given, embedded(given, before), watch))
@@ -339,6 +329,10 @@ def _fit_project(
         best = given.evaluate(given.start)
     values = assignment(given, best.point) if math.isfinite(best.cost) else {}
     return as_json(GivenBlock, {"values": values, "opened": opened, "work": watch.work})
+
+
+def _optimiser(problem: Problem) -> Entry:
+    return OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
 
 
 def _fit_structure(
@@ -405,8 +399,7 @@ def _fitted(
     elif late_rungs(problem) and problem.cost_function.loss is not None and set(below) - {GIVEN}:
         begun += _climbed(structure, watch)
     else:
-        optimiser = OPTIMISERS["differential-evolution" if problem.cost_function.loss is None else "multistart"]
-        result, _ = search(problem, optimiser, np.random.default_rng(seed), starts=starts, watch=watch)
+        result, _ = search(problem, _optimiser(problem), np.random.default_rng(seed), starts=starts, watch=watch)
         lowest = min((end.cost for end, _ in begun), default=math.inf)
         if result.best.cost <= lowest and problem.cost_function.loss is not None:
             return result.best, f"from its own start, {result.outcome.value}"
@@ -490,10 +483,6 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
 # --- all of them -----------------------------------------------------------------------------------------
 
 
-Fits = dict[tuple[str, str], FittedBlock]
-"""(Fold, structure) → its fit."""
-
-
 @dataclass
 class _Study:
     """The fits of all folds, in waves."""
@@ -506,6 +495,8 @@ class _Study:
     seed: int
     starts: int
     execution: Execution
+    total: int = 0
+    """Fits, done and to do."""
     done: int = 0
     earlier: int = 0
     """Of the fits that are done, those that were in the journal before."""
@@ -513,6 +504,8 @@ class _Study:
     """Of the fits that are done, as their watches count it, whether they were in the journal or not."""
     given: Mapping[str, dict[str, float]] = field(default_factory=dict)
     """Fold → all values of the project as it stands, fitted; nothing where no run of it ends."""
+    fits: dict[tuple[str, str], FittedBlock] = field(default_factory=dict)
+    """(Fold, structure) → its fit."""
     began: float = field(default_factory=time.perf_counter)
 
     def place(self, fold: str = WHOLE) -> _Place:
@@ -521,39 +514,30 @@ class _Study:
     def ladder(self, fold: str) -> Ladder:
         return self.place(fold).fold.ladder
 
-    def fit(self) -> Fits:
-        """What :func:`_fit_structure` gave of each structure in each fold."""
-        self.total = sum(1 + len(self.ladder(fold).structures) for fold in self.folds)
-        self._fit_project("")
-        return self._fit_structures({}, {})
+    def fit(self, substeps: int | None = None) -> None:
+        """Fit all structures, in waves; at a finer step, those that have a minimum once more, each from it."""
+        coarse, self.whole = self.ladder(WHOLE).given.substeps, replace(self.whole, substeps=substeps)
+        before = {at: (dict(fit.row.values), fit.row.outcome, coarse) for at, fit in self.fits.items() if fit.ended}
+        finer = f"{substeps} steps a sample" if substeps else ""
+        note = f"again, with {finer}" if finer else ""
+        self.total += len(self.folds) + (len(before) or sum(len(self.ladder(f).structures) for f in self.folds))
+        self._fit_project(note)
+        for wave in self._waves():
+            asked = [(fold, s) for fold, s in wave if (fold, s.name) in before or (fold, s.name) not in self.fits]
+            self.fits |= self._run_fits(FittedBlock, _fit_structure, {
+                (fold, s.name): Task(" | ".join(filter(None, (s.name, fold and f"without {fold}", finer))), (
+                    *self._arguments(fold, s, len(wave)), before.get((fold, s.name)),
+                )) for fold, s in asked
+            }, note)  # fmt: skip
 
-    def substeps(self, rows: Sequence[Row]) -> int:
+    def substeps(self) -> int:
         """The steps a sample at which the best rows of either kind are quiet."""
-        kinds = [[row for row in rows if row.fractional == kind and math.isfinite(row.cost)] for kind in (False, True)]
+        kinds = [[row for row in self.rows()[0] if row.fractional == kind and math.isfinite(row.cost)]
+                 for kind in (False, True)]  # fmt: skip
         best = [best_of(kind) for kind in kinds if kind]
         widths, jobs = {row.name: _half_widths(row) for row in best}, max(1, self.execution.jobs // 2)
         results = self._follow("step", "is the step fine enough?", _choose_step, best, widths, jobs)
         return max((int(found["substeps"]) for found in results.values()), default=1)
-
-    def fit_again(self, fits: Fits, substeps: int) -> Fits:
-        """All fits once more, at a finer step, each from its minimum."""
-        coarse, self.whole = self.ladder(WHOLE).given.substeps, replace(self.whole, substeps=substeps)
-        before = {at: (dict(fit.row.values), fit.row.outcome, coarse) for at, fit in fits.items() if fit.ended}
-        self.total += len(self.folds) + len(before)
-        self._fit_project(note := f"again, with {substeps} steps a sample")
-        return self._fit_structures(fits, before, f" | {substeps} steps a sample", note)
-
-    def _fit_structures(self, fits: Fits, before: Mapping[tuple[str, str], Any], key: str = "", note: str = "") -> Fits:
-        """All structures in waves; of those that were fitted before, the ones that have a minimum, each from it."""
-        fits = dict(fits)
-        for wave in self._waves():
-            asked = [(fold, s) for fold, s in wave if (fold, s.name) in before or (fold, s.name) not in fits]
-            fits |= self._run_fits(FittedBlock, _fit_structure, {
-                (fold, s.name): Task(_key(fold, s) + key, (
-                    *self._arguments(fold, s, fits, len(wave)), before.get((fold, s.name)),
-                )) for fold, s in asked
-            }, note)  # fmt: skip
-        return fits
 
     def _fit_project(self, again: str) -> None:
         """Fit the project as it stands, in each fold, and open the bounds that stop it for every structure."""
@@ -579,27 +563,37 @@ class _Study:
                 waves.setdefault(level[s.name], []).append((fold, s))
         return iter(waves[k] for k in sorted(waves))
 
-    def _arguments(self, fold: str, s: Structure, fits: Fits, beside: int) -> tuple[Any, ...]:
+    def _arguments(self, fold: str, s: Structure, beside: int) -> tuple[Any, ...]:
         place = self.place(fold)
-        ended = {n: fits[fold, n].row for n in s.below if fits[fold, n].ended}
+        ended = {n: self.fits[fold, n].row for n in s.below if self.fits[fold, n].ended}
         below = {n: assignment(*place.minimum(n, row.values)) for n, row in ended.items()}
         below |= {GIVEN: self.given[fold]} if self.given[fold] else {}
         return place, s.name, below, self.seed, self.starts, max(1, self.execution.jobs // beside)
 
+    def rows(self) -> tuple[tuple[Row, ...], float]:
+        """The table's rows, and the samples that the residuals of the best in sample are worth."""
+        hierarchy = self.ladder(WHOLE)
+        whole = {s.name: self.fits[WHOLE, s.name] for s in hierarchy.structures}
+        samples = min(whole.values(), key=lambda fit: fit.row.cost).samples
+        criteria = {n: math.inf if fit.squares is None
+                    else schwarz(fit.squares, fit.row.parameters, samples, hierarchy.given.cost_function)
+                    for n, fit in whole.items()}  # fmt: skip
+        lowest = min(criteria.values())
+        rows = []
+        for name, fit in whole.items():
+            own = {fold: self.fits[fold, name] for fold in self.folds if (fold, name) in self.fits}
+            held_out = {n: score for other in own.values() for n, score in other.row.held_out.items()}
+            beyond = {n: y for fold, other in own.items() for n, y in other.curves.items() if n in self.folds[fold]}
+            bic = criteria[name] - lowest if math.isfinite(lowest) else math.inf
+            rows.append(replace(fit.row, bic=bic, held_out=held_out, curves={**fit.curves, **beyond}))
+        return tuple(rows), samples
+
     def _run_fits(
-        self, kind: type[FittedBlock | GivenBlock], work: Callable[..., Any], tasks: Mapping[Any, Task], note: str = ""
+        self, kind: type[FittedBlock | GivenBlock], work: Callable[..., Any], tasks: Mapping[Any, Task], note: str
     ) -> dict[Any, Any]:
         """What each task finds, as a block of that kind."""
-        before = self.earlier
-
-        def over_all(p: Progress) -> None:
-            self.earlier = before + p.earlier
-            self._tell(self.done + p.done, note)
-
-        part = Part("fits", self.done, self.total)
-        results = replace(self.execution, progress=over_all, part=part).run(work, [*tasks.values()])
+        found = {name: record_of(kind, result) for name, result in self._run(work, tasks, note).items()}
         self.done += len(tasks)
-        found = {name: record_of(kind, results[task.key]) for name, task in tasks.items()}
         self.work += sum(block.work for block in found.values())
         return found
 
@@ -609,15 +603,21 @@ class _Study:
         """What follows from the fits of some structures to all recordings; those stay what is counted."""
         tasks = {row.name: Task(f"{what} | {row.name}", (self.place(), row.name, dict(row.values), *more))
                  for row in rows}  # fmt: skip
-        part = Part("fits", self.done, self.total, beside=True)
-        execution = replace(self.execution, progress=lambda _: self._tell(self.done, note), part=part)
-        results = execution.run(work, [*tasks.values()])
-        return {name: results[task.key] for name, task in tasks.items()}
+        return self._run(work, tasks, note, beside=True)
 
-    def _tell(self, done: int, note: str) -> None:
-        if self.execution.progress is not None:
+    def _run(
+        self, work: Callable[..., Any], tasks: Mapping[Any, Task], note: str, *, beside: bool = False
+    ) -> dict[Any, Any]:
+        part, before, tell = Part("fits", self.done, self.total, beside), self.earlier, self.execution.progress
+
+        def over_all(p: Progress) -> None:
+            self.earlier = before + (0 if beside else p.earlier)
             seconds = time.perf_counter() - self.began
-            self.execution.progress(Progress(done, self.total, self.earlier, seconds, note=note, even=False))
+            if tell is not None:
+                tell(Progress(part.done(p.done), self.total, self.earlier, seconds, note=note, even=False))
+
+        results = replace(self.execution, progress=over_all, part=part).run(work, [*tasks.values()])
+        return {name: results[task.key] for name, task in tasks.items()}
 
     def with_odds(self, rows: Sequence[Row], samples: float) -> tuple[tuple[Row, ...], tuple[str, ...]]:
         """The rows with their posterior odds, and why some have none."""
@@ -631,7 +631,7 @@ class _Study:
 
     def alternative(self, comparison: Comparison, row: Row) -> Alternative | None:
         """What of integer order comes nearest to a fractional structure."""
-        own = self.whole.origin.load()[2]
+        own = self.whole.given.alternatives
         others = {r.name: dict(r.values) for r in comparison.rows if r.friction in own and math.isfinite(r.cost)}
         how = {"starts": self.starts, "seed": self.seed}
         watch = Watch(self.execution.jobs, most=MORE * max(TIMES * self.work, LEAST))
@@ -660,10 +660,6 @@ def _choose_step(
     if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
     return {"substeps": quiet_substeps(problem, x, widths[name], jobs=jobs)}
-
-
-def _key(fold: str, s: Structure) -> str:
-    return f"{s.name} | without {fold}" if fold else s.name
 
 
 def _test_amplitude(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
@@ -729,26 +725,3 @@ def _springpots(row: Row, problem: Problem) -> list[str]:
     kinds = problem.model.friction
     return [f"{n} = {v:.3g}" for n, v in row.values.items() if n in kinds and kinds[n].rung == SPRINGPOT.rung
             and kinds[n].off > 0.0 and row.values.get(n.replace("_order", ""), 0.0) > 0.0]  # fmt: skip
-
-
-# --- from results to rows and a verdict --------------------------------------------------------------------
-
-
-def _rows(
-    hierarchy: Ladder, fits: Fits, folds: Mapping[str, tuple[str, ...]], problem: Problem
-) -> tuple[tuple[Row, ...], float]:
-    """The table's rows, and the samples that the residuals of the best in sample are worth."""
-    whole = {s.name: fits[WHOLE, s.name] for s in hierarchy.structures}
-    samples = min(whole.values(), key=lambda fit: fit.row.cost).samples
-    criteria = {n: math.inf if fit.squares is None
-                else schwarz(fit.squares, fit.row.parameters, samples, problem.cost_function)
-                for n, fit in whole.items()}  # fmt: skip
-    lowest = min(criteria.values())
-    rows = []
-    for name, fit in whole.items():
-        own = {fold: fits[fold, name] for fold in folds if (fold, name) in fits}
-        held_out = {n: score for other in own.values() for n, score in other.row.held_out.items()}
-        beyond = {n: y for fold, other in own.items() for n, y in other.curves.items() if n in folds[fold]}
-        bic = criteria[name] - lowest if math.isfinite(lowest) else math.inf
-        rows.append(replace(fit.row, bic=bic, held_out=held_out, curves={**fit.curves, **beyond}))
-    return tuple(rows), samples

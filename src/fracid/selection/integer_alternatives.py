@@ -248,11 +248,9 @@ def integer_alternatives(
     here = integer_rival(problem, best, widths, watch=watch)
     if here is None:
         return None
-    n, gain = gain_over(here, problem, best)
-    as_well = _as_well(gain, here.evaluation.cost, best.cost)
-    trials = [Trial("friction" if here.own else "the same model", here.evaluation.cost, gain, as_well)]
+    samples, trial = _tried("friction" if here.own else "the same model", here, problem, best)
     others = [*_of_the_project(own or {}, here, problem, best, starts, seed, watch)]
-    trials += [trial for _, trial in others]
+    trials = [trial, *(t for _, _, t in others)]
     settled, base = any(t.as_well for t in trials), here
     for change in ELEMENTS:
         for element in () if settled else change(base.problem):
@@ -263,32 +261,31 @@ def integer_alternatives(
             there = None if beside is None else fitted_with(element, base, beside.cost, watch=watch)
             if there is None or beside is None:
                 continue
-            samples, gain_there = gain_over(there, problem, beside)
-            as_well = _as_well(gain_there, there.evaluation.cost, beside.cost)
-            trials.append(Trial(element.name, there.evaluation.cost, gain_there, as_well))
-            if as_well or (element.whole is None and gain_there < gain - STRONG):
-                here, n, gain = there, samples, gain_there
+            n, found = _tried(element.name, there, problem, beside)
+            trials.append(found)
+            if found.as_well or (element.whole is None and found.gain < trial.gain - STRONG):
+                here, samples, trial = there, n, found
                 base = there if element.whole is None else base  # not on a record in parts
-            if as_well and not there.limited:
+            if found.as_well and not there.limited:
                 settled = True
                 break
-    for there, trial in others:
-        if (trial.as_well, -trial.gain) > (settled and not any(t.as_well for _, t in others), -gain):
-            here, n, gain = there, gain_over(there, problem, best)[0], trial.gain
+    for there, n, found in others:
+        if (found.as_well, -found.gain) > (settled and not any(t.as_well for _, _, t in others), -trial.gain):
+            here, samples, trial = there, n, found
     as_well = any(t.as_well for t in trials)
     last = as_well or not slow or watch.spent
     memories = () if last else finite_memories(problem, best, [*here.off], watch=watch)
-    warning = warning_of(here, best.cost, gain) if as_well else ""
+    warning = warning_of(here, best.cost, trial.gain) if as_well else ""
     orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
     return Alternative(
-        here.structure, orders, here.evaluation.cost, here.parameters, gain, n, warning, tuple(trials),
+        here.structure, orders, here.evaluation.cost, here.parameters, trial.gain, samples, warning, tuple(trials),
         here.nested_in(problem), here.settles, memories, watch.spent,
     )  # fmt: skip
 
 
 def _of_the_project(
     own: Mapping[str, Problem], here: Rival, problem: Problem, best: Evaluation, starts: int, seed: int, watch: Watch
-) -> Iterator[tuple[Rival, Trial]]:
+) -> Iterator[tuple[Rival, float, Trial]]:
     """The models that a project names at their minima; not one whose runs fail.
 
     One that is larger than the fractional model must earn its further unknowns by Schwarz's criterion, however low its
@@ -300,14 +297,14 @@ def _of_the_project(
         end = uninterrupted(search(alternative, OPTIMISERS["multistart"], rng, starts=starts, watch=watch)[0]).best
         if end.residuals is not None:
             rival = Rival(alternative, end, name, here.off, nested=False)
-            _, gain = gain_over(rival, problem, best)
-            larger = len(alternative.names) > len(problem.names)
-            as_well = gain <= STRONG if larger else _as_well(gain, end.cost, best.cost)
-            yield rival, Trial(name, end.cost, gain, as_well)
+            yield rival, *_tried(name, rival, problem, best)
 
 
-def _as_well(gain: float, cost: float, fractional: float) -> bool:
-    return gain <= STRONG or cost <= (1 + SAME) * fractional
+def _tried(name: str, rival: Rival, problem: Problem, best: Evaluation) -> tuple[float, Trial]:
+    """The samples that residuals are worth, and whether a model of integer order does as well as a fractional fit."""
+    samples, gain = gain_over(rival, problem, best)
+    cost, larger = rival.evaluation.cost, not rival.nested and len(rival.problem.names) > len(problem.names)
+    return samples, Trial(name, cost, gain, gain <= STRONG or (not larger and cost <= (1 + SAME) * best.cost))
 
 
 def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | None = None) -> Rival | None:

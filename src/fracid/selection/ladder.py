@@ -56,7 +56,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.climbing import embedded
 from fracid.findings import Words
-from fracid.models import Model
 from fracid.models.friction import BY_NAME, LOAD, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.selection.integer_rival import freed_friction, moving
@@ -227,7 +226,7 @@ def ladder(
     problem, notes = _solved_well(problem)
     given = held(problem, unseen(problem, 0.0))
     beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, ()) for n, p in (alternatives or {}).items())
-    if not has_friction(problem.model):
+    if not problem.model.friction:
         found = _as_it_is(problem, problem.model.name, ())
         _require_both((*found, *beside), problem)
         if not beside:
@@ -291,18 +290,6 @@ def _solved_well(problem: Problem) -> tuple[Problem, list[str]]:
     if METHODS[problem.method].convergence_order >= 2:
         return problem, []
     return replace(problem, method="pi2"), [SAYS("first-order", method=problem.method)]
-
-
-def has_friction(model: Model) -> bool:
-    """Whether a model has friction, which makes a ladder.
-
-    Examples
-    --------
-    >>> from fracid.models import rotary_pendulum
-    >>> has_friction(rotary_pendulum())
-    True
-    """
-    return bool(model.friction)
 
 
 def _rungs(

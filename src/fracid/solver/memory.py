@@ -64,6 +64,8 @@ class Memory:
     """``full``, ``short(L)`` or ``compressed(tolerance)``."""
     kernel: Callable[..., Kernel]
     """(family, order, steps) → the kernel of a state in a run of so many steps, the largest lag asked for."""
+    tolerance: float | None = None
+    """Of each weight, relative, 0 where all are exact; None where those of long ago are left out."""
 
 
 def full() -> Memory:
@@ -74,7 +76,7 @@ def full() -> Memory:
     >>> full().kernel("gl", 0.5, steps=3).weights
     array([ 1.    , -0.5   , -0.125 , -0.0625])
     """
-    return Memory("full", exact_kernel)
+    return Memory("full", exact_kernel, 0.0)
 
 
 def short(length: int) -> Memory:
@@ -138,7 +140,7 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
     if not (isinstance(lags, int | np.integer) and EXACT_LAGS <= lags <= WHOLE):
         raise InputError(SAYS("lags", lags=lags, EXACT_LAGS=EXACT_LAGS, WHOLE=WHOLE))
     name = f"compressed({tolerance:g})" if lags == EXACT_LAGS else f"compressed({tolerance:g}, lags={lags})"
-    return Memory(name, partial(compressed_kernel, tolerance=float(tolerance), lags=int(lags)))
+    return Memory(name, partial(compressed_kernel, tolerance=float(tolerance), lags=int(lags)), float(tolerance))
 
 
 def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:

@@ -143,7 +143,8 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
 
 def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, jobs: int) -> Iterator[Finding]:
     """Simulate with a better memory, and project the difference on the unknowns."""
-    if _tolerance(problem) <= CERTIFIED or not problem.names:
+    tolerance = problem.memory.tolerance
+    if (tolerance is not None and tolerance <= CERTIFIED) or not problem.names:
         return
     tight = replace(problem, memory=compressed(TIGHTER * CERTIFIED), memo=None)
     now, then = problem.errors(x), tight.errors(x)
@@ -165,14 +166,6 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
         if math.isfinite(half) and abs(shift[i]) > half:
             yield SAYS.finding("loose-memory", u.name, abs(float(shift[i])) / half, 1.0, shift=-shift[i],
                                times=abs(shift[i]) / half, problem=problem)  # fmt: skip
-
-
-def _tolerance(problem: Problem) -> float:
-    """Of the memory's weights, relative; all of them for one that forgets."""
-    kind, _, rest = problem.memory.name.partition("(")
-    if kind == "compressed":  # compressed(1e-10) or compressed(1e-10, lags=16)
-        return float(rest.split(",")[0].rstrip(")"))
-    return 0.0 if kind == "full" else 1.0
 
 
 def _short_window(problem: Problem, uncertainty: Uncertainty) -> Iterator[Finding]:

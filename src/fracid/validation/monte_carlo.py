@@ -41,7 +41,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
@@ -191,18 +191,22 @@ class NoiseStudy(CardDisplay, Record):
 
     def _of_the_intervals(self) -> Iterator[str]:
         """What is wrong, a sentence each; then the others, in one sentence where they are many."""
-        judged = [self._judged(name) for name in self.truth]
-        for kinds in (("narrow-at", "narrow"), ("none",), ("wide",), ("few",), ("believed",)):
-            group = [j for j in judged if j.kind in kinds]
+        judged = {name: self._judged(name) for name in self.truth}
+        for kinds in (("narrow-at", "narrow", "biased"), ("none",), ("wide",), ("few",), ("believed",)):
+            group = {name: note for name, note in judged.items() if note.code in kinds}
             if {*kinds} & TOGETHER and len(group) > ALONE:
-                yield _folded(group)
+                yield self._folded([*group], *kinds)
             else:
-                yield from (Note(j.sentence, "biased" if j.biased else j.kind, j.name) for j in group)
+                yield from group.values()
 
-    def _judged(self, name: str) -> _Judged:
-        rows = [(c, c.unknowns[name]) for c in self.cells if (c.level or c.resolution) and c.unknowns[name].intervals]
-        hits, intervals = (sum(getattr(s, what) for _, s in rows) for what in ("held", "intervals"))
-        narrow = [(c, s) for c, s in rows if intervals and _promises_too_much(s.held, s.intervals)]
+    def _told(self, name: str) -> list[tuple[Cell, Statistics]]:
+        """The cells with noise that gave intervals of an unknown."""
+        return [(c, s) for c in self.cells if (c.level or c.resolution) and (s := c.unknowns[name]).intervals]
+
+    def _judged(self, name: str) -> Note:
+        """What an unknown's intervals are worth; ``biased`` where they are too narrow for their estimates are off."""
+        hits, intervals = _counts(self._told(name))
+        narrow = [(c, s) for c, s in self._told(name) if _promises_too_much(s.held, s.intervals)]
         kinds = {
             "none": not intervals,
             "narrow-at": bool(narrow),
@@ -214,20 +218,14 @@ class NoiseStudy(CardDisplay, Record):
         said = SAYS(kind, name=name, hits=hits, intervals=intervals, percent=100 * hits / max(intervals, 1),
                     where="; at ".join(_why(c, s) for c, s in narrow), chance=_by_chance(hits, intervals),
                     enough=ENOUGH)  # fmt: skip
-        return _Judged(name, kind, hits, intervals, said, any(_is_off(s) for _, s in narrow))
+        return Note(said, "biased" if any(_is_off(s) for _, s in narrow) else kind, name)
 
-
-@dataclass(frozen=True)
-class _Judged:
-    """What an unknown's intervals are worth."""
-
-    name: str
-    kind: str
-    held: int
-    intervals: int
-    sentence: str
-    biased: bool = False
-    """Whether intervals are too narrow for their estimates are off."""
+    def _folded(self, names: Sequence[str], kind: str) -> Note:
+        hits, intervals = np.array([_counts(self._told(name)) for name in names]).T
+        named = f"{len(names)} parameters" if len(names) > NAMED else listed(names)
+        share = _range(f"{percent:.0f}" for percent in sorted(100 * hits / intervals))
+        return Note(SAYS(f"all-{kind}", names=named, share=share, each=_range(map(str, sorted(intervals))),
+                         enough=ENOUGH), kind)  # fmt: skip
 
 
 TOGETHER, ALONE = {"few", "believed"}, 3
@@ -237,13 +235,14 @@ NAMED = 6
 """Of more than so many in one sentence their number stands for their names, which the table has."""
 
 
-def _folded(group: Sequence[_Judged]) -> str:
-    shares = [100 * j.held / j.intervals for j in group]
-    least, most = min(j.intervals for j in group), max(j.intervals for j in group)
-    names = f"{len(group)} parameters" if len(group) > NAMED else listed(j.name for j in group)
-    share = " to ".join(dict.fromkeys(f"{share:.0f}" for share in (min(shares), max(shares))))
-    each, kind = f"{most}" if least == most else f"{least} to {most}", group[0].kind
-    return Note(SAYS(f"all-{kind}", names=names, share=share, each=each, enough=ENOUGH), kind)
+def _counts(rows: Sequence[tuple[Cell, Statistics]]) -> tuple[int, int]:
+    """How many intervals hold the truth, and how many there are."""
+    return sum(s.held for _, s in rows), sum(s.intervals for _, s in rows)
+
+
+def _range(texts: Iterable[str]) -> str:
+    least, *_, most = [*texts]
+    return least if least == most else f"{least} to {most}"
 
 
 @counted("repetitions")

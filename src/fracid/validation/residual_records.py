@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
-from fracid.safety.schema import Beside, Block, Number, Record, Unknown
+from fracid.safety.schema import UNREAD, Beside, Block, Number, Record, Unknown
 
 SHORT = 30
 """Samples below which nothing is asked."""
@@ -161,6 +162,26 @@ class Level(Record):
     """What rounding alone leaves, step/√12 [rad]."""
 
 
+@dataclass(frozen=True)
+class ResidualCurves:
+    """Three curves of a residual."""
+
+    lag: FloatArray
+    """[s]"""
+    correlation: FloatArray
+    """At these lags."""
+    white: float
+    """95 % of the correlations of white noise lie between minus this and this."""
+    frequency: FloatArray
+    """[Hz]; empty for uneven samples."""
+    power: FloatArray
+    """[unit²/Hz], each the mean of a bin; the bins are even in the logarithm."""
+    quantile: FloatArray
+    """Of the standard normal distribution."""
+    ordered: FloatArray
+    """The residual about its mean, in its standard deviations, at these quantiles."""
+
+
 @dataclass(frozen=True, repr=False)
 class ResidualAnalysis(CardDisplay, Record):
     """What :func:`residual_analysis` found."""
@@ -183,6 +204,8 @@ class ResidualAnalysis(CardDisplay, Record):
     level: Level
     unit: str = "rad"
     """Unit of the residual."""
+    curves: Beside[ResidualCurves | None] = field(default=UNREAD, compare=False)
+    """What is drawn of it; None where it cannot be tested, and of what was read."""
 
     @property
     def tested(self) -> str:

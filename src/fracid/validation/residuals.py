@@ -60,6 +60,7 @@ from fracid.signals.correlation import autocorrelation, correlation_time, longes
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
 from fracid.units import with_unit
+from fracid.validation.residual_curves import residual_curves
 from fracid.validation.residual_records import (
     NAN,
     SIGNIFICANT,
@@ -165,6 +166,7 @@ def residual_analysis(
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[thin], variance), variance,
         _level(raw[part], quantum, unit, white=whiteness.white), unit,
+        residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
     )  # fmt: skip
 
 

@@ -22,8 +22,8 @@ from fracid.models.friction import RUNGS
 from fracid.problem import Experiment, Problem
 from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project
-from fracid.problem.toml_text import toml_document
-from fracid.problem.unknowns import Free, Tied, Value
+from fracid.problem.toml_text import plain_value, toml_document
+from fracid.problem.unknowns import Value
 from fracid.runs.folder import JOURNAL, open_folder
 from fracid.safety.schema import Block, Record, as_json, fault_of
 from fracid.safety.user_code import is_own
@@ -214,16 +214,14 @@ def _best(project: Project, hierarchy: Ladder, comparison: Comparison, folder: P
 
 
 def _written(given: Any, value: Value, found: float | None) -> Any:
-    """A parameter as a project file has it: its range about what was found."""
+    """A parameter as a project file has it: its range about what was found, and what else its own table says."""
     kept = (
         {k: v for k, v in given.items() if k in ("unit", "prior", "scale", "hard")} if isinstance(given, dict) else {}
     )
-    if isinstance(value, Tied):
-        return value.to
-    if isinstance(value, Free):
-        start = min(max(value.start if found is None else found, value.lower), value.upper)
-        return {"start": start, "lower": value.lower, "upper": value.upper, **kept}
-    return {"value": float(value), "unit": kept["unit"]} if "unit" in kept else float(value)
+    plain = plain_value(value, found)
+    if isinstance(plain, dict):
+        return plain | kept
+    return {"value": plain, "unit": kept["unit"]} if "unit" in kept and not isinstance(plain, str) else plain
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fracid.problem.project import Project
     from fracid.selection.comparison_records import Comparison
     from fracid.validation.monte_carlo import NoiseStudy
-    from fracid.validation.residual_analyses import Analyses, Residuals
+    from fracid.validation.residual_analyses import Analyses
 
 FEW = 3
 """To draw so few that wait here, too, would take longer than they take beside: to import what draws is one second."""
@@ -105,7 +105,7 @@ class _Drawn:
     """What another process does for one recording, or this one when it is waited for."""
 
     recording: RecordingFit
-    residuals: Asked[Residuals]
+    residuals: Asked[Analyses]
     figures: list[Asked[tuple[Path, ...]]]
 
     def drop(self) -> None:
