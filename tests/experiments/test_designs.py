@@ -15,7 +15,7 @@ from fracid.estimation.derivatives import jacobian
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of
 from fracid.experiments.choice import informations, subject_of
 from fracid.experiments.criteria import objective_named
-from fracid.experiments.exchange import exchange
+from fracid.experiments.exchange import Criterion, exchange
 from fracid.experiments.information import Information
 from fracid.optimise import least_squares, minimise
 from fracid.selection.integer_rival import freed_friction, integer_values
@@ -117,13 +117,13 @@ def test_a_clamped_arm_shows_no_lambda():
 def test_exchange_finds_the_best_of_all_sets(plan, criterion):
     subject = plan.subject
     tables = informations(subject, SPACE.candidates)
-    parts = (np.array([[t.curvature for t in tables]]), np.array([[t.scatter for t in tables]]))
-    vague = np.diag((100 * subject.scale) ** -2.0)[None]
+    parts = np.array([t.curvature for t in tables]), np.array([t.scatter for t in tables])
+    vague = np.diag((100 * subject.scale) ** -2.0)
     objective = objective_named(criterion, subject.scale, (0, 1))
-    chosen = exchange(objective, parts, (vague, vague), 3)
+    chosen = exchange([Criterion(objective, parts, (vague, vague))], 3)
 
     def value(at):
-        return objective(tuple((vague + p[:, [*at]].sum(axis=1))[:, None] for p in parts)).item()
+        return objective(tuple(vague + p[[*at]].sum(axis=0) for p in parts)).item()
 
     best = min(combinations_with_replacement(range(len(tables)), 3), key=value)
     assert value(chosen) == pytest.approx(value(best), rel=1e-9)

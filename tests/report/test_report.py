@@ -247,7 +247,7 @@ def test_warnings_verdicts_reasons_and_hashes_are_said(parsed, fitted):
     said = [next((r for r in reasons if r in w), w) for w in result["warnings"]]  # a row's reason stands in that row
     said = [*said, *reasons, *(in_words(e["identifiable"]) for e in result["parameters"].values())]
     said += [*result["data_sha256"].values(), *result["versions"].values(), "fracid fit", "'<run>'", "coulomb_theta"]
-    said += [s for outputs in Material.of(*fitted).analyses.values() for a in outputs.values()
+    said += [s for outputs in Material.of(*fitted).residuals.values() for a in outputs.values()
              for s in a.sentences.values()]  # fmt: skip
     for sentence in said:
         assert " ".join(sentence.split()) in text
@@ -433,7 +433,7 @@ def residual(use, *, white, rms=1.0):
 @pytest.mark.parametrize(("white", "rms", "good"), [(True, 1.0, True), (False, 1.0, False), (False, 0.1, True)])
 def test_a_prediction_is_in_order_only_where_its_residual_is_noise_or_rounding(white, rms, good):
     run = said()
-    run.analyses = {"b": {"alpha": residual("validate", white=white, rms=rms)}}
+    run.residuals = {"b": {"alpha": residual("validate", white=white, rms=rms)}}
     line = next(line for line in verdict(run) if line.about == "Prediction")
     assert line.good is good
     assert ("The residual of α is correlated: it is not noise alone." in line.sentence) is not good
@@ -1111,8 +1111,8 @@ def test_of_a_very_long_recording_the_beginning_is_tested_without_a_copy_and_the
     assert "of the first" not in report_page(material)
     monkeypatch.setattr("fracid.validation.residual_analyses.first_part", lambda r: first_part(r, few))
     long = replace(material)  # nothing looked at yet
-    assert long.analyses[name][output].samples <= few
-    assert f"of the first {long.analyses[name][output].samples}" in report_page(long)
+    assert long.residuals[name][output].samples <= few
+    assert f"of the first {long.residuals[name][output].samples}" in report_page(long)
 
 
 def test_a_recording_that_was_used_whole_is_not_read_again(material):

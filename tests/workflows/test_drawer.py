@@ -134,7 +134,7 @@ def test_a_recording_is_drawn_while_a_minimum_is_examined_and_again_only_where_a
     figures = {p.name for p in (tmp_path / "figures").glob("*.svg")}
     assert figures == {f"figure{k}.svg" for k in ("2-a", "3-a-alpha", "2-b", "3-b-alpha")}
     examined = {n: replace(r, parameters={"b": None}) for n, r in recordings.items()}
-    assert drawing._of_recordings(examined)[0].residuals()["a"]["alpha"].analysis.samples == 100
+    assert drawing._of_recordings(examined)[0].residuals()["a"]["alpha"].samples == 100
     assert given() == first
     drawing._of_recordings(examined | {"a": replace(recordings["a"], fitted={"alpha": swing}, cost=0.0)})
     assert given() == [*first, "analysed", "saved", "saved"]

@@ -42,7 +42,7 @@ from fracid.estimation.climbing import starting_at
 from fracid.estimation.derivatives import differences, jacobian
 from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
-from fracid.experiments.exchange import averaged, exchange
+from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.space import ARMS, Candidate, by_motion
 from fracid.experiments.subject import Subject
 from fracid.optimise import Evaluation
@@ -82,7 +82,7 @@ class Alternatives:
     allowed: tuple[int, ...] = ()
     """Which of the candidates the parts are of."""
     parts: tuple[FloatArray, ...] = ()
-    """c, b and A of each candidate, shapes (1, n_candidates), (1, n_candidates, n) and (1, n_candidates, n, n)."""
+    """c, b and A of each candidate, shapes (n_candidates,), (n_candidates, n) and (n_candidates, n, n)."""
 
     @classmethod
     def of(cls, rivals: Sequence[_Rival]) -> Alternatives:
@@ -109,8 +109,8 @@ class Alternatives:
 
     @property
     def base(self) -> tuple[FloatArray, ...]:
-        """The sums without any candidate, shapes (1,), (1, n) and (1, n, n)."""
-        return np.zeros(1), np.zeros((1, len(self.moved))), VAGUE * np.diag(self.scale**-2.0)[None]
+        """The sums without any candidate, shapes (), (n,) and (n, n)."""
+        return np.zeros(()), np.zeros(len(self.moved)), VAGUE * np.diag(self.scale**-2.0)
 
     def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
         """−log(1 + T) of the nearest alternative."""
@@ -119,7 +119,7 @@ class Alternatives:
     def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
         """Alternative → its distance from a set of experiments, in standard deviations."""
         at = [self.allowed.index(i) for i in chosen if i in self.allowed]
-        sums = tuple((b + p[:, at].sum(axis=1))[0] for p, b in zip(self.parts, self.base, strict=True))
+        sums = tuple(b + p[at].sum(axis=0) for p, b in zip(self.parts, self.base, strict=True))
         return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
 
 
@@ -136,16 +136,11 @@ class OrdersAlone:
         return tuple(sorted(set.intersection(*(set(table.allowed) for table in self.of.values()))))
 
     @cached_property
-    def _parts(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        """Of all of them, one after the other: what each candidate adds, and what is there without any."""
+    def criteria(self) -> tuple[Criterion, ...]:
+        """−log(1 + T) of each order, whose mean is minimised."""
         at = {order: [table.allowed.index(i) for i in self.allowed] for order, table in self.of.items()}
-        return (tuple(part[:, at[order]] for order, table in self.of.items() for part in table.parts),
-                tuple(base for table in self.of.values() for base in table.base))  # fmt: skip
-
-    def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
-        """−Σ log(1 + T) over the orders."""
-        each = [table.objective(sums[3 * k : 3 * k + 3]) for k, table in enumerate(self.of.values())]
-        return np.asarray(np.sum(each, axis=0))
+        return tuple(Criterion(table.objective, tuple(part[at[order]] for part in table.parts), table.base)
+                     for order, table in self.of.items())  # fmt: skip
 
     def chosen(self, count: int) -> tuple[int, ...]:
         """The set that tells all orders best.
@@ -158,11 +153,11 @@ class OrdersAlone:
         if not self.allowed:
             raise InputError("No candidate is reached to its end by the integer-order models of every order. Give "
                              "--for one of them, or release from nearer.")  # fmt: skip
-        return tuple(self.allowed[i] for i in exchange(self.objective, *self._parts, count))
+        return tuple(self.allowed[i] for i in exchange(self.criteria, count))
 
     def short(self, most: int) -> list[int]:
         """The candidates that tell most by themselves."""
-        return [self.allowed[int(i)] for i in np.argsort(averaged(self.objective, *self._parts))[:most]]
+        return [self.allowed[int(i)] for i in np.argsort(of_each(self.criteria, ()))[:most]]
 
     def nearest(self, chosen: Sequence[int]) -> dict[str, float]:
         """Order → the distance of the alternative nearest to a set, in standard deviations."""
@@ -197,7 +192,7 @@ def orders_alone(
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
     >>> table = orders_alone(subject, space.candidates, 1).of["mu"]
     >>> table.names[0], table.parts[0].shape
-    ('friction', (1, 3))
+    ('friction', (3,))
     """
     rigs = _one_order_off(subject, of)
     few = [c for own in _by_arm(candidates).values() for c in _few(own)]
@@ -319,7 +314,7 @@ def alternatives_of(
     if not rows:
         raise InputError("No run of the integer-order model reaches the end of a candidate.")
     allowed = tuple(sorted(rows))
-    parts = tuple(np.array([part]) for part in zip(*(rows[i] for i in allowed), strict=True))
+    parts = tuple(np.array(part) for part in zip(*(rows[i] for i in allowed), strict=True))
     return replace(none, allowed=allowed, parts=parts)
 
 

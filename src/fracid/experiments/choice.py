@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -15,8 +14,8 @@ from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import searched
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
-from fracid.experiments.criteria import CRITERIA, Objective, objective_named
-from fracid.experiments.exchange import averaged, exchange
+from fracid.experiments.criteria import CRITERIA, objective_named
+from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.information import Information, of_samples
 from fracid.experiments.plan import Plan, Value
 from fracid.experiments.space import Candidate, DesignSpace, by_motion
@@ -59,7 +58,6 @@ def design(
     robust: int = 0,
     seed: int = 1,
     jobs: int = 1,
-    progress: Tell | None = None,
     observer: Observer | None = None,
 ) -> Plan:
     """Choose the next experiments on a rig.
@@ -92,10 +90,8 @@ def design(
         Of the draws.
     jobs : int
         Threads.
-    progress : function, optional
-        Gets how many candidates are done.
     observer : Observer, optional
-        Hears each stage as it begins, and in place of `progress` how many candidates are done.
+        Hears each stage as it begins, and how many candidates are done.
 
     Returns
     -------
@@ -134,34 +130,34 @@ def design(
     unit = subject.problem.model.input_unit(driven(subject.problem))
     candidates = tuple(replace(c, unit=unit) for c in candidates)
     places = subject.places(of)
-    with watching.progress("candidates") if progress is None else nullcontext(progress) as tell:
+    with watching.progress("candidates") as tell:
         tables = informations(subject, candidates, progress=tell)
     possible = [(c, t) for c, t in zip(candidates, tables, strict=True) if isinstance(t, Information)]
     if not possible:
         raise InputError(_excluded(tables))
     candidates, narrowed = tuple(c for c, _ in possible), tuple(subject.names[i] for i in places)
-    distances: Mapping[str, float] | None = None
-    alone: Mapping[str, float] | None = None
+    told: dict[str, Mapping[str, float]] = {}
     if name == "T":
         watching.stage("integer-order models that come nearest")
         each = orders_alone(subject, candidates, experiments, of=narrowed)
         chosen = each.chosen(experiments)
-        alone = each.nearest(chosen)
         watching.stage("integer-order models of the chosen experiments")
         done = [candidates[i] for i in chosen]
         rivals = rivals_of(subject, done)
         together = alternatives_of(subject, done, range(len(done)), rivals)
         distances = {**together.distances(range(len(done))), **with_states(subject, done, rivals)}
+        told = {"distances": distances, "alone": each.nearest(chosen)}
     else:
-        parts, base = _stacked([[t for _, t in possible]]), _stacked([subject.known(VAGUE)])
-        objective = objective_named(name, subject.scale, places)
-        chosen = exchange(objective, parts, base, experiments)
+        known = subject.known(VAGUE)
+        nominal = Criterion(objective_named(name, subject.scale, places), _stacked([t for _, t in possible]),
+                            (known.curvature, known.scatter))  # fmt: skip
+        chosen = exchange([nominal], experiments)
         if robust:
             watching.stage("values from the intervals")
-            chosen = _robust(subject, candidates, (objective, parts, base), chosen, robust, seed)
+            chosen = _robust(subject, candidates, nominal, chosen, _drawn(subject, robust, seed))
     watching.stage("")
-    return _plan(subject, possible, chosen, criterion=name, of=narrowed,
-                 excluded=len(tables) - len(possible), distances=distances, alone=alone)  # fmt: skip
+    excluded = len(tables) - len(possible)
+    return _plan(subject, possible, chosen, criterion=name, of=narrowed, excluded=excluded, **told)
 
 
 def subject_of(
@@ -264,37 +260,30 @@ def _excluded(tables: Sequence[Information | str]) -> str:
     return SAYS("none-possible", count=len(tables), times=reasons.count(common), common=common, advice=advice)
 
 
-def _stacked(draws: Any) -> tuple[FloatArray, FloatArray]:
-    """Curvatures and scatters of draws, or of draws of candidates, shape (n_draws, ..., n, n)."""
-    if isinstance(draws, Information):
-        return draws.curvature, draws.scatter
-    curvatures, scatters = zip(*map(_stacked, draws), strict=True)
-    return np.array(curvatures), np.array(scatters)
+def _stacked(tables: Sequence[Information | str]) -> tuple[FloatArray, ...]:
+    """Curvatures and scatters of candidates, each of shape (n_candidates, n, n)."""
+    found = [t for t in tables if isinstance(t, Information)]
+    return np.array([t.curvature for t in found]), np.array([t.scatter for t in found])
 
 
 # --- robust -----------------------------------------------------------------------------------------------
 
 
 def _robust(
-    subject: Subject, candidates: Sequence[Candidate],
-    nominal: tuple[Objective, tuple[FloatArray, ...], tuple[FloatArray, ...]], chosen: tuple[int, ...], draws: int,
-    seed: int,
+    subject: Subject, candidates: Sequence[Candidate], nominal: Criterion, chosen: tuple[int, ...],
+    draws: Sequence[FloatArray],
 ) -> tuple[int, ...]:  # fmt: skip
     """The best set on average over values from their intervals, of the candidates that are good at the estimates."""
-    objective, parts, base = nominal
-    alone = averaged(objective, parts, base)
-    beside = averaged(objective, parts, tuple(b + p[:, list(chosen[1:])].sum(axis=1)
-                                              for p, b in zip(parts, base, strict=True)))  # fmt: skip
+    alone, beside = of_each([nominal], ()), of_each([nominal], chosen[1:])
     best = [*np.argsort(alone)[: SHORTLIST // 2], *np.argsort(beside)[: SHORTLIST // 2], *chosen]
     short = sorted({int(i) for i in best})
-    drawn = (subject.at(dict(zip(subject.names, v.tolist(), strict=True))) for v in _drawn(subject, draws, seed))
+    drawn = (subject.at(dict(zip(subject.names, v.tolist(), strict=True))) for v in draws)
     tables = [informations(there, [candidates[i] for i in short]) for there in drawn]
     usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
     if not usable:
         return chosen
-    kept = [[i for k in usable if isinstance(i := t[k], Information)] for t in tables]
-    each = tuple(np.repeat(b, draws, axis=0) for b in base)
-    return tuple(sorted(short[usable[i]] for i in exchange(objective, _stacked(kept), each, len(chosen))))
+    each = [replace(nominal, parts=_stacked([t[k] for k in usable])) for t in tables]
+    return tuple(sorted(short[usable[i]] for i in exchange(each, len(chosen))))
 
 
 def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:

@@ -7,7 +7,7 @@ Ds    log det of the block of C that belongs to the named ones, all others estim
 T     −log of the squared distance, in standard deviations, to the best integer-order alternative
 ====  ==========================================================================================================
 
-Each takes sums over experiments, of shape (n_draws, n_sets, …), and gives (n_draws, n_sets).
+Each takes sums over experiments, of shape (n_sets, …), and gives (n_sets,).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def objective_named(name: str, scale: FloatArray, of: Sequence[int]) -> Objectiv
 
     Examples
     --------
-    >>> two = np.array([[np.diag([4.0, 1.0])]])
+    >>> two = np.array([np.diag([4.0, 1.0])])
     >>> [objective_named(n, np.ones(2), (0,))((two, two)).round(3).item() for n in ("D", "A", "Ds")]
     [-1.386, 1.25, -1.386]
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,25 +17,27 @@ MOST_ROUNDS = 100
 """Of exchanges of every experiment."""
 
 
-def averaged(objective: Objective, parts: tuple[FloatArray, ...], rest: tuple[FloatArray, ...]) -> FloatArray:
-    """The criterion of what is there with each candidate added, averaged over the draws, shape (n_candidates,)."""
-    return np.asarray(np.mean(objective(tuple(p + r[:, None] for p, r in zip(parts, rest, strict=True))), axis=0))
+@dataclass(frozen=True)
+class Criterion:
+    """What is minimised of sums over experiments."""
+
+    objective: Objective
+    """Of sums, shape (n_sets, ...)."""
+    parts: tuple[FloatArray, ...]
+    """What each candidate adds, shape (n_candidates, ...)."""
+    base: tuple[FloatArray, ...]
+    """What is there without any, shape (...)."""
 
 
-def exchange(
-    objective: Objective, parts: tuple[FloatArray, ...], base: tuple[FloatArray, ...], count: int
-) -> tuple[int, ...]:
-    """Choose `count` of the candidates.
+def of_each(criteria: Sequence[Criterion], chosen: Sequence[int]) -> FloatArray:
+    """The mean of the criteria with each candidate added to those that are chosen, shape (n_candidates,)."""
+    at = [*chosen]
+    sums = (tuple(p + (b + p[at].sum(axis=0)) for p, b in zip(c.parts, c.base, strict=True)) for c in criteria)
+    return np.asarray(np.mean([c.objective(own) for c, own in zip(criteria, sums, strict=True)], axis=0))
 
-    Parameters
-    ----------
-    objective : function
-        Of sums over experiments, shape (n_draws, n_sets, ...): what is minimised, shape (n_draws, n_sets).
-    parts : tuple of array, shape (n_draws, n_candidates, ...)
-        What each candidate adds.
-    base : tuple of array, shape (n_draws, ...)
-        What is there without any.
-    count : int
+
+def exchange(criteria: Sequence[Criterion], count: int) -> tuple[int, ...]:
+    """Choose `count` of the candidates, by the mean of some criteria.
 
     Examples
     --------
@@ -43,27 +46,19 @@ def exchange(
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> rows = np.stack([np.ones(5), x], axis=-1)
     >>> volume = lambda sums: -np.linalg.slogdet(sums[0])[1]
-    >>> exchange(volume, ((rows[:, :, None] * rows[:, None, :])[None],), (1e-9 * np.eye(2)[None],), 2)
+    >>> exchange([Criterion(volume, (rows[:, :, None] * rows[:, None, :],), (1e-9 * np.eye(2),))], 2)
     (0, 4)
     """
     chosen: list[int] = []
     while len(chosen) < count:
-        chosen.append(int(np.argmin(averaged(objective, parts, _without(parts, base, chosen, None)))))
+        chosen.append(int(np.argmin(of_each(criteria, chosen))))
     for _ in range(MOST_ROUNDS):
         changed = False
         for place in range(count):
-            values = averaged(objective, parts, _without(parts, base, chosen, place))
+            values = of_each(criteria, chosen[:place] + chosen[place + 1 :])
             best = int(np.argmin(values))
             if values[best] < values[chosen[place]] - BETTER:
                 chosen[place], changed = best, True
         if not changed:
             break
     return tuple(sorted(chosen))
-
-
-def _without(
-    parts: tuple[FloatArray, ...], base: tuple[FloatArray, ...], chosen: Sequence[int], place: int | None
-) -> tuple[FloatArray, ...]:
-    """The sums of those that are chosen but one."""
-    others = [c for k, c in enumerate(chosen) if k != place]
-    return tuple(b + p[:, others].sum(axis=1) for p, b in zip(parts, base, strict=True))

@@ -31,6 +31,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from graphlib import TopologicalSorter
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -552,16 +553,12 @@ class _Study:
 
     def _waves(self) -> Iterator[list[tuple[str, Structure]]]:
         """Structures whose lower ones are done: rung k with orders 1 in wave k, with orders free in wave k + 1."""
-        waves: dict[int, list[tuple[str, Structure]]] = {}
-        for fold in self.folds:
-            hierarchy, level = self.ladder(fold), dict[str, int]()
-            waiting = [*hierarchy.structures]
-            while waiting:
-                s = next(s for s in waiting if set(s.below) <= set(level))
-                waiting.remove(s)
-                level[s.name] = 1 + max((level[n] for n in s.below), default=-1)
-                waves.setdefault(level[s.name], []).append((fold, s))
-        return iter(waves[k] for k in sorted(waves))
+        every = {(fold, s.name): s for fold in self.folds for s in self.ladder(fold).structures}
+        waiting = TopologicalSorter({(fold, n): [(fold, lower) for lower in s.below] for (fold, n), s in every.items()})
+        waiting.prepare()
+        while wave := waiting.get_ready():
+            yield [(fold, every[fold, n]) for fold, n in sorted(wave, key=[*every].index)]
+            waiting.done(*wave)
 
     def _arguments(self, fold: str, s: Structure, beside: int) -> tuple[Any, ...]:
         place = self.place(fold)
