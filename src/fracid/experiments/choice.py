@@ -241,10 +241,8 @@ def _of_motion(subject: Subject, durations: Sequence[Candidate]) -> list[Informa
     if isinstance(J, Failure):
         return [str(J) for _ in durations]
     own = np.array([u.experiment is not None for u in problem.unknowns])
-    shared = np.zeros((*outputs.shape, len(subject.names)))
-    for column, u in zip(np.moveaxis(J[0], -1, 0), problem.unknowns, strict=True):
-        if u.experiment is None:
-            shared[..., subject.names.index(u.name)] = column
+    columns = dict(zip(problem.names, np.moveaxis(J[0], -1, 0), strict=True))
+    shared = np.stack([columns.get(n, np.zeros(outputs.shape)) for n in subject.names], axis=-1)
     noise = [subject.noise_of(n) for n in problem.outputs]
     return [
         of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise, problem.weights,

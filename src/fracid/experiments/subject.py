@@ -17,7 +17,7 @@ by the ratio of its samples to its effective samples (:attr:`fracid.estimation.c
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -277,7 +277,7 @@ def subject_of_problem(
     noise, encoder_alone = _noises(problem, J.errors, space)
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
     values = dict(zip((u.target for u in unknowns), x.tolist(), strict=True))
-    held = {u.target: values[u.target] for i, u in enumerate(unknowns) if u.experiment is None and not shared[i]}
+    held = {u.target for u, k in zip(unknowns, shared, strict=True) if u.experiment is None and not k}
     recorded = nothing(int(shared.sum()))
     for e, error, j in zip(problem.experiments, J.errors, J.parts, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
@@ -285,17 +285,12 @@ def subject_of_problem(
         recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], problem.weights, excess)
     priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
     recorded += Information(priors, priors)
-    fixed = replace(
-        problem, memo=None,
-        orders={n: held.get(n, v) for n, v in problem.orders.items()},
-        parameters={n: held.get(n, v) for n, v in problem.parameters.items()},
-    )  # fmt: skip
     intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
                  if (interval := precision.interval(x, k)) is not None}  # fmt: skip
-    start = {n: v for n, v in values.items() if n not in held and (n in problem.per_recording or n in problem.names)}
+    start = {n: v for n, v in values.items() if n in problem.per_recording or n in problem.names}
     return Subject(
-        _starting_at(fixed, start), noise, excess, problem.experiments[0].step / problem.substeps, recorded, intervals,
-        name or problem.model.name, table or {}, space, jobs,
+        _starting_at(problem, start, held), noise, excess, problem.experiments[0].step / problem.substeps, recorded,
+        intervals, name or problem.model.name, table or {}, space, jobs,
     )  # fmt: skip
 
 
@@ -362,12 +357,12 @@ def _around(value: float, name: str, model: Model) -> Free:
     return Free(value, max(ends[0], p.lower), min(ends[1], p.upper))
 
 
-def _starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:
-    """The same problem with other values, of free ones to start at; bounds that exclude one are moved."""
+def _starting_at(problem: Problem, values: Mapping[str, float], held: Collection[str] = ()) -> Problem:
+    """The same problem with other values, of free ones to start at or to keep; bounds that exclude one are moved."""
 
     def moved(name: str, value: Value) -> Value:
         v = values.get(name)
-        if v is None or not isinstance(value, Free):
+        if v is None or not isinstance(value, Free) or name in held:
             return value if v is None else v
         return replace(value, start=v, lower=min(value.lower, v), upper=max(value.upper, v), prior=None)
 

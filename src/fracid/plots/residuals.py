@@ -43,8 +43,7 @@ from fracid.plots.appearance import (
     title,
 )
 from fracid.units import shown_unit, with_unit
-from fracid.validation.residual_curves import ResidualCurves, residual_curves
-from fracid.validation.residual_records import ResidualAnalysis
+from fracid.validation.residual_records import ResidualAnalysis, ResidualCurves
 from fracid.validation.residual_sentences import DRIFT
 from fracid.validation.residual_tests import normal_probability
 from fracid.validation.residuals import residual_analysis
@@ -153,7 +152,7 @@ def residual_diagnostics(
     if (mask := np.isfinite(residual)).any():
         speed = np.asarray(np.gradient(recording.fitted[output], recording.time))
         _over_fitted(panels["speed"], factor * speed[mask], factor * residual[mask], step, unit)
-        _in_time(panels["lags"], panels["spectrum"], residual_curves(recording, a), factor, a)
+        _in_time(panels["lags"], panels["spectrum"], a.curves, factor, a)
     name = symbol(output)
     speeds, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
     label(panels["speed"], "against the fitted speed", speeds, value)

@@ -77,8 +77,8 @@ def stepped(e: Experiment, steps: int, inputs: Sequence[str]) -> Experiment:
     [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0]
     """
     source, every = e.sampled, max(1, e.means // steps)
-    source = replace(source, initial=e.initial, release_time=e.release_time, constants=e.constants, sensors=e.sensors,
-                     actuators=e.actuators, between=e.between)  # fmt: skip
+    source = replace(source, name=e.name, initial=e.initial, release_time=e.release_time, constants=e.constants,
+                     sensors=e.sensors, actuators=e.actuators, between=e.between)  # fmt: skip
     if every == 1:
         return source
     return replace(source, step=every * source.step, measured=np.ascontiguousarray(source.measured[::every]),

@@ -305,8 +305,8 @@ def _higher(gain: float) -> str:
 
 
 def _beaten(alternative: Alternative) -> tuple[str, ...]:
-    tried = [t.name for t in alternative.trials if t.tried]
-    untried = [t.name for t in alternative.trials if not t.tried]
+    tried = [t.name for t in alternative.trials if math.isfinite(t.cost)]
+    untried = [t.name for t in alternative.trials if not math.isfinite(t.cost)]
     reason = SAYS("beaten", tried=", ".join(tried), nearest=_in_short(alternative.structure),
                   worse=_higher(alternative.gain))  # fmt: skip
     return tuple(map(in_letters, (reason, *([f"Not excluded: {', '.join(untried)}."] if untried else []))))

@@ -74,7 +74,7 @@ from fracid.selection.comparison_records import (
 from fracid.selection.comparison_verdict import ORDERS_HELP, as_good_as_integer, not_helped, verdict_of
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, integers_of
-from fracid.selection.ladder import Ladder, Structure, assignment, ladder
+from fracid.selection.ladder import PAPER, Ladder, Structure, assignment, ladder, name_of
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.selection.step import HIGHER, quiet_substeps
@@ -365,7 +365,8 @@ def _fit_structure(
     at = {n: float(v) for n, v in (problem.order_starts | values).items()}
     roots = {n: problem.ties.get(n, n) for n in problem.orders}
     row = Row(
-        structure.friction, structure.fractional, structure.name, structure.paper, best.cost, len(values), math.inf,
+        structure.friction, structure.fractional, structure.name, structure.name == name_of(*PAPER), best.cost,
+        len(values), math.inf,
         {n: OrderOfRow(at[q], intervals.get(q), beyond.get(q, 0.0)) for n, q in roots.items()}, values, at_bound,
         in_sample={n: _score(problem, *found) for n, found in followed.items()},
         held_out={name: _score(*prediction) for name, prediction in predicted.items()},
@@ -437,7 +438,9 @@ def _refitted(
 def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
     """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that."""
     problem, late = structure.problem, late_rungs(structure.problem)
-    if structure.top not in late:  # a drag or a cable came in last: it may matter more than all that came before
+    if (
+        structure.friction.rpartition(" + ")[2] not in late
+    ):  # a drag or a cable came in last: it may matter more than all that came before
         simple = without(problem, [n for rung in late.values() for n in rung])
         x = structure.embed(assignment(simple, growing(simple, simple.start, watch).best.point))
         yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)

@@ -81,11 +81,6 @@ class Trial(Record):
     as_well: bool = False
     """Whether it explains the recordings as well as the orders do."""
 
-    @property
-    def tried(self) -> bool:
-        """Whether it was fitted."""
-        return math.isfinite(self.cost)
-
 
 @dataclass(frozen=True)
 class FiniteMemory(Record):

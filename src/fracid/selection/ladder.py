@@ -108,16 +108,6 @@ class Structure:
         """``viscous + Coulomb, orders free``."""
         return name_of(self.friction, self.fractional)
 
-    @property
-    def top(self) -> str:
-        """The highest rung: ``Coulomb``."""
-        return self.friction.rpartition(" + ")[2]
-
-    @property
-    def paper(self) -> bool:
-        """Whether it is the paper's."""
-        return (self.friction, self.fractional) == PAPER
-
     def embed(self, values: Mapping[str, float]) -> FloatArray:
         """The unknowns at which it is, within its bounds, the structure that has these `values`, shape (n_unknowns,).
 

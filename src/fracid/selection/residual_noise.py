@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.records import fit_percent
-from fracid.problem import Experiment, Problem
+from fracid.estimation.records import RecordingFit, fit_of
+from fracid.problem import Problem
 from fracid.signals.coloured import is_coloured_noise
 from fracid.signals.correlation import longest_stretch
 from fracid.signals.left_over import LeftOver, left_over
@@ -34,40 +34,30 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         none = [np.zeros((*e.measured.shape, 0)) for e in recordings]
         return J if isinstance(J, list) else none
 
-    left = _leftovers(problem, x, derivatives)
+    def of(problem: Problem) -> dict[str, LeftOver]:
+        fits = [fit_of(problem, x, e.name, "fit", {}, {}) for e in recordings]
+        return {
+            f"{r.name}, {GREEK.get(n, n)}":
+                _left_over(r, n, e.inputs, partial(lambda i, k: derivatives()[i][:, k], i, k))
+            for i, (e, r) in enumerate(zip(recordings, fits, strict=True)) if math.isfinite(r.cost)
+            for k, n in enumerate(problem.outputs)
+        }  # fmt: skip
+
+    left = of(problem)
     if all(found.noise for found in left.values()):
         return left
-    finer = _leftovers(replace(problem, substeps=FINER * problem.substeps), x, derivatives)
+    finer = of(replace(problem, substeps=FINER * problem.substeps))
     return finer if finer and all(found.noise for found in finer.values()) else left
 
 
-def _leftovers(
-    problem: Problem, x: FloatArray, derivatives: Callable[[], list[FloatArray]]
-) -> dict[str, LeftOver]:  # fmt: skip
-    def of(number: int, output: int, simulated: FloatArray) -> LeftOver:
-        return _left_over(recordings[number], simulated, output, lambda: derivatives()[number][:, output])
-
-    recordings = [e for e, _ in problem.recordings.values()]
-    fitted = [problem.followed(x, e.name) for e in recordings]
-    return {
-        f"{e.name}, {GREEK.get(output, output)}": of(number, k, y)
-        for number, (e, y) in enumerate(zip(recordings, fitted, strict=True)) if not isinstance(y, Failure)
-        for k, output in enumerate(problem.outputs)
-    }  # fmt: skip
-
-
 def _left_over(
-    e: Experiment, simulated: FloatArray, output: int, unknowns: Callable[[], FloatArray]
+    r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]
 ) -> LeftOver:  # fmt: skip
     """Of one output: what counts of it, in standard deviations where these are known."""
-    measured, fitted = e.measured[:, output], simulated[:, output]
-    counts = np.ones(len(measured), dtype=bool) if e.scored is None else e.scored
-    residual = np.where(counts, measured - fitted, np.nan)
-    residual = residual if e.deviation is None else residual / e.deviation[:, output]
-    left = left_over(residual, measured, known=e.deviation is not None)
+    residual, percent = r.standardised(output), r.fit_percent[output]
+    left = left_over(residual, r.measured[output], known=output in r.deviations)
     if not left.explained:
-        at = longest_stretch(np.isfinite(residual))
-        motion = np.hstack([simulated, e.inputs]) if len(e.inputs) == len(measured) else simulated
+        at, simulated = longest_stretch(np.isfinite(residual)), np.column_stack([*r.fitted.values()])
+        motion = np.hstack([simulated, inputs]) if len(inputs) == len(simulated) else simulated
         left = replace(left, coloured=is_coloured_noise(residual[at], motion[at], lambda: unknowns()[at]))
-    moves = np.ptp(measured[counts]) > 0.0
-    return replace(left, fit=fit_percent(measured[counts], fitted[counts])) if moves else left
+    return replace(left, fit=percent) if math.isfinite(percent) else left
