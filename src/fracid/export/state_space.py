@@ -419,15 +419,16 @@ class IntegerModel:
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
         """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
-        if self.model.postures is not None:
-            p, own = _moving(self.model, self.parameters), _by_name(self.model, self.parameters)
+        p = moving(self.model, self.parameters)
+        if self.model.pendulum:
+            own = _by_name(self.model, self.parameters)
             inputs = self.model.inputs if own.get(self.model.drive) != 0 else ("torque",)
-            posture = self.model.postures(self.model, own)
-            return {name: replace(self.linearised(name, x, p), inputs=inputs) for name, x in posture.items()}
+            return {n: replace(self.linearised(n, posture(self.model, own, n), p), inputs=inputs)
+                    for n in ("hanging", "upright")}  # fmt: skip
         from scipy.optimize import root
 
-        solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs))), np.zeros(len(self.orders)))
-        return {"rest": self.linearised("rest", solution.x, self.parameters)} if solution.success else {}
+        solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs)), p), np.zeros(len(self.orders)))
+        return {"rest": self.linearised("rest", solution.x, p)} if solution.success else {}
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
         """Time, and the outputs after a unit step, of integer order and fractional, (points + 1, n_outputs)."""
@@ -436,7 +437,7 @@ class IntegerModel:
         time = np.linspace(0.0, end, points + 1)
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
-        p = _moving(self.model, self.parameters)
+        p = moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
         equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p),
@@ -539,16 +540,16 @@ def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     yield from _fidelity(run, system)
     for posture, linear in system.linear.items():
         yield from (f"About {posture} it {mode}." for mode in linear.modes)
-    if system.model.postures is not None:
-        yield from linear_sentences(system)
+    yield from linear_sentences(system)
 
 
 def linear_sentences(system: IntegerModel) -> Iterator[str]:
     """What the linear models about a posture leave out."""
     model, p = system.model, _by_name(system.model, system.parameters)
-    smooth, dry = _smooth(model, p), [name for name, kind in model.friction.items() if kind.dry]
+    smooth = _by_name(model, moving(model, system.parameters))
+    dry = [name for name, kind in model.friction.items() if kind.dry]
     without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
-    without += [n for n in p if p[n] != smooth[n] and n not in dry]
+    without += [n for n in p if p[n] != smooth[n] and n not in (*dry, model.drive)]
     if without:
         have = "has" if len(without) == 1 else "have"
         yield SAYS("without", names=" and ".join(without), have=have)
@@ -588,21 +589,39 @@ def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
     return dict(zip(model.parameter_names, parameters.tolist(), strict=True))
 
 
-def _moving(model: Model, parameters: FloatArray) -> FloatArray:
-    """In motion about a posture: without dry friction; the input is the torque where a voltage does nothing."""
-    if model.postures is None:
-        return parameters
-    p = _smooth(model, _by_name(model, parameters))
-    if model.drive:
-        p[model.drive] = p[model.drive] or 1.0
-    return np.array(list(p.values()))
+def posture(model: Model, p: Mapping[str, float], name: str) -> FloatArray:
+    """The states where a pendulum is ``hanging`` or ``upright``, every output where its ``…_rest`` says.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> posture(fracid.rotary_pendulum(), {"alpha_rest": 0.5}, "hanging")
+    array([0. , 0. , 0.5, 0. ])
+    """
+    turned = {model.pendulum: math.pi} if name != model.zero else {}
+    return model.state_vector({n: p.get(model.rest_of(n), 0.0) + turned.get(n, 0.0) for n in model.output_states})
 
 
-def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
-    """Without what has a corner where the linear models are made."""
-    if model.smooth is not None:
-        return dict(model.smooth(model, p))
-    return {**p, **{name: kind.off for name, kind in model.friction.items() if kind.dry}}
+def moving(model: Model, parameters: FloatArray) -> FloatArray:
+    """The constants of a model that moves about a posture: without what has a corner there.
+
+    Joints slide, but for those whose presliding makes a spring of dry friction; gear and motor are in contact, and the
+    base is level, so that both postures are at rest.  The input is the torque where a voltage does nothing.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> model = fracid.model("pendulum", coulomb_angle=1e-3)
+    >>> float(moving(model, model.parameter_vector())[model.parameter_names.index("coulomb_angle")])
+    0.0
+    """
+    p, kinds = _by_name(model, parameters), model.friction
+    sticks = {kinds[delta].joint for delta in model.relaxing.values() if delta in kinds and p[delta] > 0}
+    slides = {n for n, kind in kinds.items() if kind.corner == "sliding" and kind.joint not in sticks}
+    p |= {n: kinds[n].off for n in kinds if n in slides or kinds[n].corner == "always"}
+    p |= {n: 0.0 for n in p if n == "dead_zone"}
+    p |= {n: p[n] or 1.0 for n in p if n == model.drive}
+    return np.array([*p.values()])
 
 
 def _control() -> Any:

@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
-from fracid.export.state_space import IntegerModel, LinearModel, _by_name, _moving, _smooth, positive_sum
+from fracid.export.state_space import IntegerModel, LinearModel, _by_name, moving, positive_sum, posture
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
@@ -65,22 +65,6 @@ class Posture:
     """u_e, shape (n_inputs,)."""
 
 
-def frictionless(model: Model, parameters: FloatArray) -> FloatArray:
-    """The constants of a model that moves: dry friction has no linear part, but for the spring that presliding is.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> model = fracid.model("pendulum", coulomb_angle=1e-3)
-    >>> float(frictionless(model, model.parameter_vector())[model.parameter_names.index("coulomb_angle")])
-    0.0
-    """
-    p = _by_name(model, parameters)
-    if model.postures is None and not any(p[delta] > 0 for delta in model.relaxing.values()):
-        return np.array([*_smooth(model, p).values()])
-    return _moving(model, parameters)
-
-
 def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int) -> Posture:
     """Where a model rests with outputs at given values; of the rest the least that balances it.
 
@@ -93,20 +77,15 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     --------
     >>> import fracid
     >>> model = fracid.model("joint", gravity=0.2)
-    >>> posture = posture_of(model, model.parameter_vector(), "", {"angle": 0.5}, 0)
-    >>> [round(float(v), 4) for v in (posture.states[0], posture.inputs[0])]
+    >>> there = posture_of(model, model.parameter_vector(), "", {"angle": 0.5}, 0)
+    >>> [round(float(v), 4) for v in (there.states[0], there.inputs[0])]
     [0.5, 0.0959]
     """
-    p, names = frictionless(model, parameters), (UPRIGHT, HANGING) if model.pendulum else ("rest",)
+    p, names = moving(model, parameters), (UPRIGHT, HANGING) if model.pendulum else ("rest",)
     name = name or names[0]
     refuse_unknown("posture", names, name)
     refuse_unknown("output at a posture", model.output_states, *at)
-    values, x = _by_name(model, parameters), np.zeros(len(model.states))
-    if model.postures is not None:
-        x = model.postures(model, values)[name].copy()
-    elif model.pendulum:
-        rest = values.get(model.rest_of(model.pendulum), 0.0)
-        x[model.output_states[model.pendulum]] = (name != model.zero) * math.pi + rest
+    x = posture(model, _by_name(model, parameters), name) if model.pendulum else np.zeros(len(model.states))
     for n, value in at.items():
         x[model.output_states[n]] = value
     held = np.isin(np.arange(len(x)), [*model.output_states.values(), *model.relaxing_states])
@@ -138,14 +117,14 @@ class Plant:
 
     @classmethod
     def of(
-        cls, model: Model, orders: FloatArray, parameters: FloatArray, posture: Posture, outputs: tuple[str, ...],
+        cls, model: Model, orders: FloatArray, parameters: FloatArray, at: Posture, outputs: tuple[str, ...],
         channel: int, delay: float, period: float,
     ) -> Plant:  # fmt: skip
         """Reduced to the band of a loop with this period."""
         band = (SLOWEST * math.pi / period, math.pi / period)
         sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
         system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
-        linear = system.linearised(posture.name, posture.states, frictionless(model, parameters), posture.inputs)
+        linear = system.linearised(at.name, at.states, moving(model, parameters), at.inputs)
         picked = [list(model.output_states).index(n) for n in outputs]
         rows = tuple(linear.rows[i] for i in picked)
         size = np.abs(system.C).sum(axis=0)  # of what each z adds to its state

@@ -22,8 +22,9 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import uncertainty
+from fracid.export.state_space import moving
 from fracid.feedback.pid import both
-from fracid.feedback.regulators import UPRIGHT, Plant, Posture, frictionless, margins, posture_of, regulator
+from fracid.feedback.regulators import UPRIGHT, Plant, Posture, margins, posture_of, regulator
 from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Style, draw
 from fracid.findings import Words
@@ -473,7 +474,7 @@ def _swings(loop: ClosedLoop, seed: int) -> list[Controller]:
     if missing := [n for n in model.output_states if n not in c.outputs]:
         raise InputError(SAYS("unseen", names=" and ".join(missing), outputs=" and ".join(c.outputs)))
     p = loop.problem.unpack(loop.x, loop.experiment)[1]
-    tried = swings(loop.fitted.linear, model, frictionless(model, p), c)
+    tried = swings(loop.fitted.linear, model, moving(model, p), c)
     carried = {tried[0].arm: c.within.get(tried[0].arm) or 1 / abs(tried[0].lift[1])} if tried[0].arm else {}
     near = replace(loop, conditions=replace(c, off={model.pendulum: OFF}, within={**c.within, **carried}))
     held = max(_regulators(near, seed), key=lambda found: margins(loop.fitted, found)[2])

@@ -256,10 +256,6 @@ class Model(CardDisplay):
     """Whose equations the numbers in descriptions of parameters are: "(8)"."""
     scene: Scene | None = None
     """How it is drawn; None for one whose curves are all that is drawn."""
-    postures: Callable[[Model, Mapping[str, float]], Mapping[str, FloatArray]] | None = None
-    """(model, parameters) → the states about which linear models are made; None for its state of rest near zero."""
-    smooth: Callable[[Model, Mapping[str, float]], Mapping[str, float]] | None = None
-    """(model, parameters) → those of linear models, without what has a corner; None where only dry friction has one."""
     linear_terms: LinearTerms | None = None
     """None for one that no linear regression knows."""
     relaxing: Mapping[str, str] = field(default_factory=dict)

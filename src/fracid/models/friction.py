@@ -55,6 +55,8 @@ class Friction:
     steps from `off` tell nothing then; a search enters elsewhere."""
     part_of: str = ""
     """The parameter in whose value `entries` and `most` are measured; "" for the parameter's own unit."""
+    corner: str = ""
+    """When linear models are without it: ``always``, or ``sliding``, where no presliding makes a spring of it."""
 
     @classmethod
     def of(cls, row: Mapping[str, Any]) -> Friction:

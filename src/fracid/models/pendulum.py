@@ -177,8 +177,7 @@ def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: floa
 
 @cache
 def _of_the_file(zero: str) -> Model:
-    return replace(model_of_table("rotary-pendulum", TABLE, zero, __name__), postures=_postures, smooth=_smooth,
-                   linear_terms=LINEAR_TERMS)  # fmt: skip
+    return replace(model_of_table("rotary-pendulum", TABLE, zero, __name__), linear_terms=LINEAR_TERMS)
 
 
 def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
@@ -201,24 +200,6 @@ def _number(name: str, value: float) -> float:
 
 
 # --- for reports, figures and exports -----------------------------------------------------------------
-
-
-def _postures(model: Model, p: Mapping[str, float]) -> dict[str, FloatArray]:
-    theta = p["theta_rest"] if p["cable_stiffness"] != 0 else 0.0
-    other = {"hanging": "upright", "upright": "hanging"}[model.zero]
-    angles = {model.zero: 0.0, other: math.pi}
-    rest = {n: {"theta": theta, "alpha": p["alpha_rest"] + angles[n], "arm": theta} for n in ("hanging", "upright")}
-    return {n: np.array([values.get(state, 0.0) for state in model.states]) for n, values in rest.items()}
-
-
-def _smooth(model: Model, p: Mapping[str, float]) -> dict[str, float]:
-    """Joints that slide, but for those whose presliding makes a spring of dry friction; gear and motor in contact.
-
-    The base is level, so that both postures are at rest.
-    """
-    slides = [joint for joint in ("theta", "alpha") if not ("z_" + joint in model.states and p["presliding_" + joint])]
-    dry = (f"{name}_{joint}" for joint in slides for name in ("coulomb", "stiction"))
-    return {**p, **dict.fromkeys(["play_theta", "dead_zone", "tilt_x", "tilt_y", *dry], 0.0)}
 
 
 def _columns(
