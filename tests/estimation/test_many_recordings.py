@@ -14,7 +14,6 @@ from fracid.estimation.curvature import curvature
 from fracid.estimation.derivatives import by_blocks, jacobian
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.nearly_equal import nearly_equal_minimum
-from fracid.optimise.least_squares import sizes
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
 from fracid.validation.discretisation import discretisation_check
@@ -62,7 +61,7 @@ def thirty():
 @pytest.mark.parametrize("weights", ["equal", "noise"])
 def test_a_step_by_blocks_is_the_step_of_all_rows(thirty, monkeypatch, weights):
     whole, parts = both(monkeypatch, thirty, initial_state="rest", weights=weights)
-    x, size = whole.start, sizes(whole.space)
+    x, size = whole.start, whole.space.typical
     J, r, blocks = jacobian(whole, x, np.arange(len(x))), whole.residuals(x), parts.blocks
     narrow = by_blocks(parts, x, np.arange(len(x)))
     balance = np.sqrt(np.concatenate([w.ravel() for w in whole.criterion.sample_weights(whole.errors(x))]))

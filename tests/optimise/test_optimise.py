@@ -28,7 +28,6 @@ from fracid.optimise import (
     optimiser_from_name,
     sobol_points,
 )
-from fracid.optimise.least_squares import sizes
 
 SPACE = Space(("lambda", "mu"), np.full(2, 0.5), np.full(2, 1.2), np.full(2, 1.0))
 TRUTH = np.array([0.8623, 0.9146])
@@ -595,8 +594,8 @@ def test_multistart_begins_at_the_start_and_makes_as_many_as_asked(starts):
 
 def test_a_scale_takes_the_place_of_what_start_and_bounds_tell():
     space = Space(("a", "b"), np.zeros(2), np.ones(2), np.array([0.0, 0.5]))
-    assert sizes(space).tolist() == [0.01, 0.5]
-    assert sizes(replace(space, scale=np.array([1e-4, np.nan]))).tolist() == [1e-4, 0.5]
+    assert space.typical.tolist() == [0.01, 0.5]
+    assert replace(space, scale=np.array([1e-4, np.nan])).typical.tolist() == [1e-4, 0.5]
     with pytest.raises(InputError, match=r"A space of 2 unknowns got an array of shape \(1,\)"):
         replace(space, scale=np.ones(1))
 

@@ -136,6 +136,7 @@ def log_box_integral(
     True
     """
     from scipy.special import gammaincinv, gammaln, logsumexp
+    from scipy.stats import truncnorm
     from scipy.stats.qmc import Sobol
 
     count = len(slope)
@@ -156,7 +157,7 @@ def log_box_integral(
         given = -np.einsum("nj,nj->n", root[:, i + 1 :, i], x[:, i + 1 :]) / scale
         low, high = (a[i] - mean[:, i] - given) * scale, (b[i] - mean[:, i] - given) * scale
         log_part += _log_part(low, high)
-        x[:, i] = given + _between(low, high, points[:, i]) / scale
+        x[:, i] = given + truncnorm.ppf(points[:, i], low, high) / scale
     volume = count / 2 * math.log(2 * math.pi) - np.sum(np.log(np.einsum("nii->ni", root)), axis=1)
     volume -= 0.5 * np.sum(mean * pull, axis=1)
     mixture = gammaln(degrees / 2) - gammaln((degrees + count) / 2) + count / 2 * np.log(w)
@@ -170,17 +171,6 @@ def _log_part(low: FloatArray, high: FloatArray) -> FloatArray:
     beyond = low > 0  # both tails alike, without cancellation
     low, high = np.where(beyond, -high, low), np.where(beyond, -low, high)
     return np.asarray(log_ndtr(high) + np.log1p(-np.exp(np.minimum(log_ndtr(low) - log_ndtr(high), -1e-16))))
-
-
-def _between(low: FloatArray, high: FloatArray, u: FloatArray) -> FloatArray:
-    """The value below which a part u of the normal distribution between two values lies."""
-    from scipy.special import log_ndtr, ndtri_exp
-
-    beyond = low > 0
-    low, high = np.where(beyond, -high, low), np.where(beyond, -low, high)
-    inner = np.log(np.where(beyond, 1 - u, u)) + _log_part(low, high)
-    value = np.clip(ndtri_exp(np.logaddexp(log_ndtr(low), inner)), low, high)
-    return np.asarray(np.where(beyond, -value, value))
 
 
 def require_evidence(problem: Problem) -> None:

@@ -135,8 +135,6 @@ def posterior(
 
 def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[Mapping[str, float]]) -> tuple[str, ...]:
     """That the search has seen another minimum of a similar cost: draws about one of two do not show it."""
-    if not problem.names:
-        return ()
     for end in (np.array([values.get(n, math.nan) for n in problem.names]) for values in ends):
         delta = end - likelihood.centre
         distance = math.sqrt(float(delta @ likelihood.precision @ delta) / len(delta))

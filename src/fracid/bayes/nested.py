@@ -121,8 +121,4 @@ def _at_least_two(from_unit: Any, batches: _Batches, n: int) -> tuple[Any, Any]:
     """Nautilus wants two dimensions: a single parameter gets an idle one beside it."""
     if n > 1:
         return from_unit, batches
-    return (
-        lambda u: np.column_stack([from_unit(u[..., :1]), u[..., 1:]]) if u.ndim > 1 else
-        np.concatenate([from_unit(u[:1]), u[1:]]),
-        lambda x: batches(x[:, :1]),
-    )  # fmt: skip
+    return (lambda u: np.concatenate([from_unit(u[..., :1]), u[..., 1:]], axis=-1)), (lambda x: batches(x[:, :1]))

@@ -48,7 +48,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -106,39 +105,25 @@ class BoxPrior:
 
     def log_density(self, x: FloatArray) -> FloatArray:
         """Of points within the bounds, shape (…,); up to a constant where some are :attr:`unbounded`."""
-        value = np.full(np.shape(x)[:-1], -self._log_volume)
-        for i, prior in self.normal.items():
-            value = value - 0.5 * ((x[..., i] - prior.mean) / prior.sd) ** 2
-        return np.asarray(value)
+        uniform = np.isfinite(self.upper - self.lower)
+        uniform[[*self.normal]] = False
+        value = np.full(np.shape(x)[:-1], -np.sum(np.log(self.upper - self.lower)[uniform]))
+        return np.asarray(value + sum(self._cut(i).logpdf(x[..., i]) for i in self.normal))
 
     def from_unit(self, u: FloatArray) -> FloatArray:
         """Points of the unit cube as points of the prior, shape (…, n)."""
-        from scipy.special import ndtri
-
         x = self.lower + u * (self.upper - self.lower)
-        for i, prior in self.normal.items():
-            low, high = self._tails(i)
-            x[..., i] = prior.mean + prior.sd * ndtri(low + u[..., i] * (high - low))
+        for i in self.normal:
+            x[..., i] = self._cut(i).ppf(u[..., i])
         return np.asarray(np.clip(x, self.lower, self.upper))
 
-    @cached_property
-    def _log_volume(self) -> float:
-        """The logarithm of one over the density where z = 0; a parameter without bounds counts as 1."""
-        total = 0.0
-        for i, width in enumerate((self.upper - self.lower).tolist()):
-            if i in self.normal:
-                low, high = self._tails(i)
-                width = self.normal[i].sd * math.sqrt(2 * math.pi) * max(high - low, 1e-300)
-            total += math.log(width) if math.isfinite(width) else 0.0
-        return total
-
-    def _tails(self, i: int) -> tuple[float, float]:
-        """The part of a normal prior that lies below each bound."""
-        from scipy.special import ndtr
+    def _cut(self, i: int) -> Any:
+        """A normal prior, cut off at the bounds."""
+        from scipy.stats import truncnorm
 
         prior = self.normal[i]
-        low, high = (float(ndtr((b - prior.mean) / prior.sd)) for b in (self.lower[i], self.upper[i]))
-        return low, high
+        ends = ((b[i] - prior.mean) / prior.sd for b in (self.lower, self.upper))
+        return truncnorm(*ends, loc=prior.mean, scale=prior.sd)
 
 
 @dataclass(frozen=True)

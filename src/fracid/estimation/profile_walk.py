@@ -200,10 +200,8 @@ def walk(surface: Surface, i: int, side: int, points: int, counted: Callable[[],
             break
         here = path[-1].point
         room, open_ = abs(bound - here[i]), wall - abs(here[i] - best)
-        if room == 0:
-            return Branch(tuple(path[1:]), End.BOUND)
-        if open_ < NEAR * wall < math.inf:
-            return Branch(tuple(path[1:]), End.FAILED)
+        if room == 0 or open_ < NEAR * wall < math.inf:
+            break
         step = min(step, room, 0.5 * open_)
         step = room if room - step < 1e-3 * step else step
         ahead = here + side * step * slope
@@ -222,12 +220,8 @@ def walk(surface: Surface, i: int, side: int, points: int, counted: Callable[[],
         heights.append(height)
         slope, retries = (e.point - here) / (e.point[i] - here[i]), 0
         step *= float(np.clip(aim / max(gain, 1e-9), 0.3, 3.0))
-    reasons = {
-        End.CROSSED: heights[-1] >= NORMAL_95,
-        End.BOUND: path[-1].point[i] == bound,
-        End.FAILED: wall < math.inf,
-    }
-    return Branch(tuple(path[1:]), next((end for end, true in reasons.items() if true), End.SPENT))
+    end = End.BOUND if path[-1].point[i] == bound else End.FAILED if wall < math.inf else End.SPENT
+    return Branch(tuple(path[1:]), End.CROSSED if heights[-1] >= NORMAL_95 else end)
 
 
 def _first_step(surface: Surface, i: int, aim: float) -> float:

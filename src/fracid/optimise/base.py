@@ -44,6 +44,9 @@ from fracid.tasks.journal import append_whole, whole_lines
 GREATEST = 1e150
 """Of a cost, whose rows are squared."""
 
+DIFFERENCE = 1e-6
+"""Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
+
 
 class Outcome(StrEnum):
     """How a search ended; the value is the sentence."""
@@ -96,6 +99,19 @@ class Space:
                 raise InputError(f"{name}: the start {x:g} is not within its bounds {low:g} … {high:g}.")
             if low == high:
                 raise InputError(f"{name}: both bounds are {low:g}; to fix it give the number alone, {name} = {low:g}.")
+
+    @cached_property
+    def typical(self) -> FloatArray:
+        """The size of each unknown: its scale; else its start, a hundredth of its range at least and all at most."""
+        width = self.upper - self.lower
+        floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
+        defaults = np.minimum(np.maximum(np.abs(self.start), floor), width)
+        return defaults if self.scale is None else np.where(np.isnan(self.scale), defaults, self.scale)
+
+    def steps(self, x: FloatArray) -> FloatArray:
+        """Steps of the differences at x, towards the inside of the bounds."""
+        h = np.minimum(DIFFERENCE * np.maximum(self.typical, np.abs(x)), 0.25 * (self.upper - self.lower))
+        return np.where(x + h > self.upper, -h, h)
 
     def sizes(self, x: FloatArray) -> FloatArray:
         """How large each unknown typically is next to x: as its value, or a hundredth of its range, of 1 at most."""

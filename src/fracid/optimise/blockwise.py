@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from itertools import pairwise
 
 import numpy as np
@@ -35,25 +35,13 @@ STUCK = 1e12
 """With α this many times that curvature, no step is worth a name."""
 
 
-def blockwise(
-    space: Space,
-    blocks: Blocks,
-    size: FloatArray,
-    differences: Callable[[FloatArray], FloatArray],
-    *,
-    tolerance: float,
-    budget: int,
-) -> Optimiser:
+def blockwise(space: Space, *, tolerance: float, budget: int) -> Optimiser:
     """Minimise Σ r² from the start of the space.
 
     Parameters
     ----------
-    blocks : Blocks
-        Which unknowns and rows belong to which recording.
-    size : array, shape (n_unknowns,)
-        The typical size of each unknown.
-    differences : function (point) -> array, shape (n_unknowns,)
-        Steps of the differences there.
+    space : Space
+        With blocks.
     tolerance, budget
         As of :func:`fracid.optimise.least_squares`.
 
@@ -65,12 +53,13 @@ def blockwise(
     >>> def evaluate(x):  # two lines of one slope, each with its own start
     ...     r = np.concatenate([x[1] + x[0] * t - 3 * t, x[2] + x[0] * t - 3 * t - 1])
     ...     return Evaluation(x, float(r @ r), r)
-    >>> space = Space(("slope", "a", "b"), np.full(3, -9.0), np.full(3, 9.0), np.zeros(3))
-    >>> search = blockwise(space, blocks, np.ones(3), lambda x: np.full(3, 1e-6), tolerance=1e-8, budget=50)
+    >>> space = Space(("slope", "a", "b"), np.full(3, -9.0), np.full(3, 9.0), np.zeros(3), blocks=blocks)
+    >>> search = blockwise(space, tolerance=1e-8, budget=50)
     >>> bool(np.allclose(minimise(evaluate, search).best.point, [3, 0, 1], atol=1e-6))
     True
     """
-    [best] = yield space.start[None]
+    assert space.blocks is not None
+    [best], size = (yield space.start[None]), space.typical
     if best.residuals is None:
         return Outcome.ALL_FAILED
     R: Arrowhead | None = None
@@ -78,10 +67,10 @@ def blockwise(
     for _ in range(budget - 1):
         x = best.point
         if R is None:
-            R = yield from _linearised(best, blocks, differences(x), space.held)
+            R = yield from _linearised(best, space.blocks, space.steps(x), space.held)
             steepest = float(np.max(R.norms * size, initial=0.0)) ** 2
             α = α or FIRST * steepest
-        step, expected = _step(R, α, space, size, x)
+        step, expected = _step(R, α, space, x)
         if expected <= 0 or α > STUCK * steepest:
             return Outcome.CONVERGED
         [trial] = yield (x + step)[None]
@@ -101,13 +90,13 @@ def blockwise(
     return Outcome.BUDGET_SPENT
 
 
-def _step(R: Arrowhead, α: float, space: Space, size: FloatArray, x: FloatArray) -> tuple[FloatArray, float]:
+def _step(R: Arrowhead, α: float, space: Space, x: FloatArray) -> tuple[FloatArray, float]:
     """A step within the bounds, and by how much ½ Σ r² should fall."""
     g, step = R.gradient, np.zeros(len(x))
     held: NDArray[np.bool_] = ((x <= space.lower) & (g > 0)) | ((x >= space.upper) & (g < 0))
     held = held if space.held is None else held | space.held
     while not held.all():
-        free = x + R.step(np.where(held, np.inf, np.sqrt(α) / size))
+        free = x + R.step(np.where(held, np.inf, np.sqrt(α) / space.typical))
         end = np.clip(free, space.lower, space.upper)
         step = np.where(held, 0.0, end - x)
         expected = -float(g @ step) - 0.5 * R.square(step)

@@ -36,9 +36,6 @@ from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Spa
 from fracid.optimise.blockwise import blockwise
 from fracid.qr import BLOCK, triangle
 
-DIFFERENCE = 1e-6
-"""Step of the differences, relative to the size of the unknown: √(relative rounding of a trajectory)."""
-
 LEAST = -100
 """Of a unit for the rows, the power of two."""
 
@@ -74,11 +71,9 @@ def least_squares(
     del rng  # nothing here is random
     from scipy.optimize import least_squares as scipy_least_squares
 
-    size, moving = sizes(space), np.ones(len(space.names), dtype=bool) if space.held is None else ~space.held
     if space.blocks is not None:
-        return blockwise(
-            space, space.blocks, size, lambda x: _steps(space, size, x), tolerance=tolerance, budget=budget
-        )
+        return blockwise(space, tolerance=tolerance, budget=budget)
+    size, moving = space.typical, np.ones(len(space.names), dtype=bool) if space.held is None else ~space.held
     bounds = size + (space.lower - space.start), size + (space.upper - space.start)  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:
@@ -107,7 +102,7 @@ def least_squares(
             x = physical(y)
             if not np.array_equal(x_good, x):
                 residuals(x)
-            moved = evaluate((x + np.diag(_steps(space, size, x)))[moving]) if moving.any() else []
+            moved = evaluate((x + np.diag(space.steps(x)))[moving]) if moving.any() else []
             R = triangle(_rows(good, x, moved, moving, unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
@@ -152,20 +147,6 @@ def _rows(
             if s is not None:
                 J[:, i] = (s - r) / step
         yield np.column_stack([r, J])
-
-
-def sizes(space: Space) -> FloatArray:
-    """Give the size of each unknown: its scale; else its start, a hundredth of its range at least and all at most."""
-    width = space.upper - space.lower
-    floor = np.where(np.isfinite(width), 1e-2 * width, 1e-3)
-    defaults = np.minimum(np.maximum(np.abs(space.start), floor), width)
-    return defaults if space.scale is None else np.where(np.isnan(space.scale), defaults, space.scale)
-
-
-def _steps(space: Space, size: FloatArray, x: FloatArray) -> FloatArray:
-    """Steps of the differences at x, towards the inside of the bounds."""
-    h = np.minimum(DIFFERENCE * np.maximum(size, np.abs(x)), 0.25 * (space.upper - space.lower))
-    return np.where(x + h > space.upper, -h, h)
 
 
 class _Flat(Exception):

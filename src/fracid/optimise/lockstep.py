@@ -23,7 +23,6 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.optimise.base import Entry, Evaluation, Optimiser, Outcome, Space
-from fracid.optimise.least_squares import sizes
 
 MOST_STARTS = 100_000
 """Weeks of work: more is a slip, and the points alone would not go into memory."""
@@ -49,7 +48,7 @@ def sobol_points(space: Space, count: int, rng: np.random.Generator) -> FloatArr
 
     if count == 0:
         return np.empty((0, len(space.names)))
-    size = sizes(space)
+    size = space.typical
     bounded = np.isfinite(space.upper - space.lower)
     low, high = (np.arcsinh(np.where(bounded, side, space.start) / size) for side in (space.lower, space.upper))
     cube = Sobol(len(space.names), rng=rng).random_base2((count - 1).bit_length())[:count]
