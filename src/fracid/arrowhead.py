@@ -71,15 +71,6 @@ class Blocks:
         """Unknowns that no row has in common: each shared one, and the first, second, … of every recording."""
         return (*self.shared[:, None], *(column[column >= 0] for column in self.own.T))
 
-    @cached_property
-    def place(self) -> IntArray:
-        """Of each own unknown which of its recording's it is, of shared ones which of those; shape (n_unknowns,)."""
-        place = np.zeros(len(self.recording), dtype=np.int64)
-        place[self.shared] = np.arange(len(self.shared))
-        for j, column in enumerate(self.own.T):
-            place[column[column >= 0]] = j
-        return place
-
     def of(self, which: NDArray[np.integer[Any]] | NDArray[np.bool_]) -> Blocks:
         """Those of some of the unknowns."""
         return Blocks(self.recording[which], self.rows, self.levels)
@@ -90,12 +81,9 @@ class Blocks:
 
     def cells(self, unknown: int) -> Iterator[tuple[int, int]]:
         """The recordings whose rows depend on an unknown, and its column there."""
-        own, place = int(self.recording[unknown]), int(self.place[unknown])
-        if own >= 0:
-            yield own, place
-            return
-        for k, column in enumerate(np.count_nonzero(self.own >= 0, axis=1).tolist()):
-            yield k, column + place
+        own = int(self.recording[unknown])
+        for k in range(len(self.rows) - 1) if own < 0 else (own,):
+            yield k, int(np.flatnonzero(self.columns(k) == unknown)[0])
 
     def level(self, rows: FloatArray, like: FloatArray) -> FloatArray:
         """Rows with the levels of others: those move with all recordings, and sum to nothing in J'r."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field, PlainSerializer, WrapSerializer
 
@@ -168,17 +168,3 @@ def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str])
     errors = (f"{GREEK.get(n, n)} " + ("none" if value is None else with_unit(value, units.get(n, "rad")))
               for n, value in rmse.items())  # fmt: skip
     return f"{'validation' if use == 'validate' else use}, RMSE of {listed(errors)}"
-
-
-def of_problem(p: Problem, x: FloatArray, cost: float) -> dict[str, Any]:
-    """What of a fit follows from its problem, its minimum and its cost there."""
-    return {
-        "problem": p,
-        "x": x,
-        "model": ModelBlock(name=p.model.name, zero=p.model.zero, source=p.model.source),
-        "method": p.method,
-        "memory": p.memory.name,
-        "step": p.experiments[0].step / p.substeps,
-        "substeps": p.substeps,
-        "minimised": CostBlock(name=p.cost_function.name, value=cost, outputs=list(p.outputs)),
-    }

@@ -69,7 +69,7 @@ from fracid.estimation.starts import Start, won
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.estimation.windows import beginning, chosen_window, closes_a_loop, lengthened, prediction_of, windowed
 from fracid.findings import Finding, Note, Words
-from fracid.fit import PARTIAL, Fit, of_problem
+from fracid.fit import PARTIAL, CostBlock, Fit, ModelBlock
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
@@ -643,6 +643,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
     precision = found.known if fits else NOT_FITTED
     searched = found.problem if found.within is None else reopened(found.within[0], opened)
     problem = on_every_sample(searched, asked.problem)
+    model = problem.model
     estimates = _estimates(problem, best.point, found.known, found.verdicts)
     if not fits:  # the value, and the bound that it may lie at
         estimates = {n: e if not e.free or e.at_bound else Estimate(e.value, e.unit, True, identifiable="unknown")
@@ -657,7 +658,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
         )
     if found.alternative is not None and found.alternative.warning and found.claim.claim == "integer":
         for n in found.alternative.orders:
-            verdict = IMITATION if found.alternative.parameters else CHANCE.format(problem.model.integer_order(n))
+            verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     fitted = {n: _recording(problem, best.point, estimates, n, "fit") for n in problem.recordings}
     ended = () if found.outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(found.starts)), *found.missed())
@@ -669,12 +670,15 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
                 *_followed(problem, best.point, asked.window))  # fmt: skip
     starts, warnings = found.starts, tuple(filter(None, messages))
     return Fit(
-        **of_problem(problem, best.point, cost), evaluations=evaluations, seed=asked.seed,
-        optimiser=asked.optimiser.name, outcome=found.outcome,
+        problem=problem, x=best.point, evaluations=evaluations, seed=asked.seed, optimiser=asked.optimiser.name,
+        outcome=found.outcome, method=problem.method, memory=problem.memory.name,
+        step=problem.experiments[0].step / problem.substeps, substeps=problem.substeps,
+        model=ModelBlock(name=model.name, zero=model.zero, source=model.source),
+        minimised=CostBlock(name=problem.cost_function.name, value=cost, outputs=list(problem.outputs)),
         orders=Estimates({
-            n: OrderEstimate(**vars(estimates[n]), integer=problem.model.integer_order(n)) for n in problem.orders
+            n: OrderEstimate(**vars(estimates[n]), integer=model.integer_order(n)) for n in problem.orders
         }),
-        parameters=Estimates({n: estimates[n] for n in problem.model.parameter_names if n in estimates}),
+        parameters=Estimates({n: estimates[n] for n in model.parameter_names if n in estimates}),
         recordings=fitted | found.validated, opened_bounds=opened,
         starts=starts, start_that_won=None if (lowest := won(starts)) is None else lowest.origin,
         alternative=alternative, spread=found.spread, window=asked.window,

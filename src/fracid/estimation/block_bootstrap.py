@@ -133,9 +133,16 @@ def bootstrap(
         raise InputError(f"There is nothing to draw from: the run at the minimum fails: {errors}.")
     length = round(residual_bandwidth(errors)) + 1 if block is None else at_least("block", block, 1)
     length = min(length, min(map(len, errors)))
-    streams = np.random.default_rng(seed).spawn(draws)
     x = vector("x", x)
-    points = np.array(_stepped(problem, x, errors, length, streams, at_least("jobs", jobs, 1)))
+    points, free = np.tile(x, (draws, 1)), np.flatnonzero(~at_bound(problem, x, jobs=at_least("jobs", jobs, 1)))
+    if len(free):  # unknowns at their bounds stay
+        J, shape = jacobian(problem, x, free, jobs=jobs), sandwich(problem, x, free, jobs=jobs)
+        if isinstance(J, Failure) or isinstance(shape, Failure):
+            raise InputError(f"There is no Newton step: {J if isinstance(J, Failure) else shape}.")
+        median = loss_of(problem).centre == "median"  # on that the minimum rests
+        for point, rng in zip(points, np.random.default_rng(seed).spawn(draws), strict=True):
+            samples = [resampled(e, length, rng, median=median) for e in errors]
+            point[free] -= shape.inverse @ np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
     blocks = sum(len(e) // length for e in errors)
     warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "
                "intervals are too narrow.") if blocks < FEW_BLOCKS else ""  # fmt: skip
@@ -166,24 +173,3 @@ def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, medi
     total = np.vstack([np.zeros_like(errors[:1]), np.cumsum(errors, axis=0)])
     mean = (total[n - length + 1 :] - total[:length]) / (n - length + 1)  # over all starts, at each place of a block
     return np.asarray(sample - np.tile(mean, (len(starts), 1))[:n])
-
-
-def _stepped(
-    problem: Problem, x: FloatArray, errors: list[FloatArray], length: int, streams: list[Any], jobs: int
-) -> list[FloatArray]:
-    """One Newton step for each draw; unknowns at their bounds stay."""
-    free = np.flatnonzero(~at_bound(problem, x, jobs=jobs))
-    if not len(free):
-        return [x.copy() for _ in streams]
-    J, shape = jacobian(problem, x, free, jobs=jobs), sandwich(problem, x, free, jobs=jobs)
-    if isinstance(J, Failure) or isinstance(shape, Failure):
-        raise InputError(f"There is no Newton step: {J if isinstance(J, Failure) else shape}.")
-    median = loss_of(problem).centre == "median"  # on that the minimum rests
-
-    def step(rng: np.random.Generator) -> FloatArray:
-        samples = [resampled(e, length, rng, median=median) for e in errors]
-        point = x.copy()
-        point[free] -= shape.inverse @ np.sum([s.sum(axis=0) for s in scores_of(problem, samples, J)], axis=0)
-        return point
-
-    return [step(rng) for rng in streams]

@@ -137,6 +137,7 @@ def start_shift(
     Parameters
     ----------
     problem : Problem
+        Whose initial state is one of :data:`LOOSER`.
     x : array, shape (n_unknowns,)
         Its minimum.
     parabola : Curvature
@@ -167,8 +168,6 @@ def start_shift(
     >>> bool(3e-5 < shift()[0] < 3e-3), shift(initial={"theta": 0.0, "alpha": 0.3})
     (True, None)
     """
-    if problem.initial_state not in LOOSER:
-        return None
     errors = problem.errors(x)
     if isinstance(errors, Failure):
         return None

@@ -142,8 +142,6 @@ def prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np
     A prior is a datum: it adds twice that level times its curvature to S, as white samples of the curvature do.
     """
     priors = [problem.unknowns[i].prior for i in free]
-    if not any(priors):
-        return np.zeros(len(free)), 0.0
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
     total = sum(float(np.sum(w * loss.rho(e))) for w, e in zip(weights, errors, strict=True))
     level = total / problem.criterion.prior_samples

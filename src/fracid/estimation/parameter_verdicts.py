@@ -58,17 +58,6 @@ Kind = Literal[
     "identifiable", "only in a ratio", "practically not", "not at all", "at its bound", "forgotten", "unknown"
 ]
 
-SAID: Mapping[Kind, str] = {
-    "identifiable": "is identifiable",
-    "practically not": "is practically non-identifiable",
-    "not at all": "is not identifiable",
-    "at its bound": "lies at its bound",
-    "only in a ratio": "is known only in a ratio",
-    "forgotten": "is forgotten",
-    "unknown": "is of unknown identifiability",
-}
-"""How a sentence about an unknown says its verdict."""
-
 WIDE_ORDER = 0.1
 """Half an interval of an order that is too wide to use: it matters by its distance from 1."""
 
@@ -111,7 +100,7 @@ class Verdict:
     @property
     def says(self) -> str:
         """A sentence without its subject, the name: ``lies at its bound: 0; it is zero …``."""
-        return f"{SAID[self.kind]}: {self.reason}" if self.reason else SAID[self.kind]
+        return f"{SAYS(self.kind)}: {self.reason}" if self.reason else SAYS(self.kind)
 
 
 def identifiability(
