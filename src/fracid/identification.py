@@ -77,7 +77,7 @@ from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
-from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
+from fracid.selection.opened_bounds import open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
@@ -332,11 +332,6 @@ class _Findings:
     def x(self) -> FloatArray:
         """The minimum, shape (n_unknowns,)."""
         return self.best.point
-
-    @property
-    def opened(self) -> tuple[OpenedBound, ...]:
-        """The bounds that were opened and lie within what was found."""
-        return () if self.within is None else opened_bounds(*self.within, self.problem, self.best)
 
     @property
     def substeps(self) -> int:
@@ -639,7 +634,8 @@ CHANCE = "not distinguishable from {:g} with these recordings"
 
 
 def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit:
-    asked, opened, best, fits = found.asked, found.opened, found.best, all(e.fits for e in found.left.values())
+    asked, best, fits = found.asked, found.best, all(e.fits for e in found.left.values())
+    opened = () if found.within is None else opened_bounds(*found.within, found.problem, best)
     precision = found.known if fits else NOT_FITTED
     searched = found.problem if found.within is None else reopened(found.within[0], opened)
     problem = on_every_sample(searched, asked.problem)

@@ -92,7 +92,7 @@ def test_intervals_by_blocks_are_those_of_all_rows(thirty, monkeypatch, weights)
     known, found = uncertainty(whole, whole.start), uncertainty(parts, parts.start)
     assert not isinstance(known, Failure)
     assert not isinstance(found, Failure)
-    for name in ("standard_error", "white", "widening", "covariance", "bandwidth"):
+    for name in ("standard_error", "white", "widening", "covariance"):
         np.testing.assert_allclose(getattr(found, name), getattr(known, name), rtol=1e-6, atol=1e-15, err_msg=name)
     everything = np.arange(len(whole.start))
     a, b = (curvature(p, p.start, everything) for p in (whole, parts))

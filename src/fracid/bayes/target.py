@@ -55,12 +55,11 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, InputError
-from fracid.estimation.covariance import Sandwich, sandwich
+from fracid.estimation.covariance import sandwich
 from fracid.estimation.derivatives import differences, loss_of, scores_of
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
-from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.unknowns import Free, Prior
 from fracid.quantiles import NORMAL_95
@@ -251,23 +250,18 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
             raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
         names = " and ".join(problem.names[i] for i in unseen)
         notes += (f"The data do not identify {names}: there the posterior is the prior.",)
-    return _tempered(bare, best, estimator, jobs), notes
-
-
-def _tempered(problem: Problem, best: Evaluation, estimator: Sandwich, jobs: int) -> RecordedLikelihood:
-    """The likelihood with the sandwich's curvature about a minimum."""
     x = best.point
-    J = differences(problem, x, np.arange(len(x)), jobs=jobs)
+    J = differences(bare, x, np.arange(len(x)), jobs=jobs)
     assert not isinstance(J, Failure)  # the sandwich has computed it
     covariance = estimator.covariance / np.outer(estimator.widening, estimator.widening)
     curvature, precision = inverse(estimator.inverse), inverse(covariance)
     degrees = _degrees(float(np.exp(np.mean(np.log(estimator.widening)))))
-    second, weights = loss_of(problem).curvature(joined(J.errors)), problem.criterion.sample_weights(J.errors)
+    second, weights = loss_of(bare).curvature(joined(J.errors)), bare.criterion.sample_weights(J.errors)
     projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J.parts, strict=True))
-    scale = len(problem.outputs) * best.cost**2 if problem.cost_function.root else best.cost
-    gradient = np.sum([s.sum(axis=0) for s in scores_of(problem, J.errors, J.parts)], axis=0)
-    return RecordedLikelihood(problem, x, best.cost, scale, effective_samples(J.errors), curvature, precision,
-                              degrees, tuple(J.errors), projection, gradient)  # fmt: skip
+    scale = len(bare.outputs) * best.cost**2 if bare.cost_function.root else best.cost
+    gradient = np.sum([s.sum(axis=0) for s in scores_of(bare, J.errors, J.parts)], axis=0)
+    return RecordedLikelihood(bare, x, best.cost, scale, effective_samples(J.errors), curvature, precision,
+                              degrees, tuple(J.errors), projection, gradient), notes  # fmt: skip
 
 
 def _degrees(widening: float) -> float:

@@ -78,13 +78,7 @@ class Bootstrap(CardDisplay):
 
 
 def bootstrap(
-    problem: Problem,
-    x: FloatArray,
-    *,
-    draws: int = 400,
-    block: int | None = None,
-    seed: int = 1,
-    jobs: int = 1,
+    problem: Problem, x: FloatArray, *, draws: int = 400, block: int | None = None, seed: int = 1, jobs: int = 1
 ) -> Bootstrap:
     """Draw the unknowns as often as if the experiment had been repeated.
 
