@@ -11,13 +11,13 @@ of the samples, over the stretch for which both matter most; where they differ i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Finding, Words
+from fracid.signals.swing import slopes
 
 SAYS = Words("recording/faults.toml")
 
@@ -57,17 +57,10 @@ def counted_backwards(step: float, theta: FloatArray, alpha: FloatArray) -> Iter
 
 def _signs(step: float, theta: FloatArray, alpha: FloatArray, samples: int) -> tuple[float, float, bool]:
     """What is left of that without either acceleration, of sin α, and whether C1 and C3 have one sign."""
-    half = samples // 2
-    cubic = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 4, increasing=True))
-
-    def slope(y: FloatArray, order: int) -> FloatArray:  # Savitzky and Golay; scipy.signal takes a second to import
-        smooth = np.convolve(y, cubic[order, ::-1], "valid")[half + 1 : -half - 1]
-        return smooth * (math.factorial(order) / (half * step) ** order)
-
-    a = slope(alpha, 0)
-    columns = np.column_stack([
-        slope(alpha, 2), np.cos(a) * slope(theta, 2), slope(alpha, 1), np.sin(2 * a) * slope(theta, 1) ** 2,
-    ])  # fmt: skip
+    inner = slice(samples // 2 + 1, -(samples // 2) - 1)
+    both = ([x[inner] for x in slopes(y, samples, step)] for y in (alpha, theta))
+    (a, speed, acceleration), (_, arm_speed, arm) = both
+    columns = np.column_stack([acceleration, np.cos(a) * arm, speed, np.sin(2 * a) * arm_speed**2])
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
 
     def fitted(*kept: int) -> tuple[FloatArray, float]:

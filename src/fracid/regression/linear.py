@@ -335,7 +335,11 @@ def _at(
 ) -> Regression:
     """Regress at given orders; `how` they and the filters were found is told with it."""
     system = data.system(orders)
-    warnings = list(_motion_warnings(data.rows, orders))
+    warnings = [f"{r.swing.name} has no theta that moves: its arm is taken as clamped."
+                for r in data.rows if not r.swing.arm]  # fmt: skip
+    if any(v != 1.0 for v in orders.values()):
+        moving = (r for r in data.rows if r.swing.in_motion)
+        warnings += [SAYS("starts-in-motion", r=r, speed=r.swing.initial[1][1]) for r in moving]
     gauge, dependent, scales, ratio = _independent(system, gauge, data.own)
     # What is left in the rows is all taken for noise, so that the bias is rather over- than understated.
     data = Data.of(data.rows, math.sqrt(min(max(ratio, 1.0), LOUDEST)))
@@ -502,16 +506,6 @@ def _combinations(
         name = names[i] + "".join(f" {'+' if c > 0 else '-'} {abs(c):.3g} {names[j]}" for c, j in parts)
         combinations[name] = float(beta[i] + sum(c * beta[j] for c, j in parts))
     return combinations
-
-
-def _motion_warnings(rows: Sequence[Rows], orders: Mapping[str, float]) -> list[str]:
-    messages = []
-    for r in rows:
-        if not r.swing.arm:
-            messages.append(f"{r.swing.name} has no theta that moves: its arm is taken as clamped.")
-        if r.swing.in_motion and any(v != 1.0 for v in orders.values()):
-            messages.append(SAYS("starts-in-motion", r=r, speed=r.swing.initial[1][1]))
-    return messages
 
 
 def doubted(regression: Regression, late: bool, estimator: str) -> Regression:

@@ -404,6 +404,19 @@ def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:
     return np.pad(np.abs((x[2 * w :] - x[: -2 * w]) / (t[2 * w :] - t[: -2 * w])), w, mode="edge")
 
 
+def slopes(y: FloatArray, samples: int, step: float) -> list[FloatArray]:
+    """A signal, its speed and its acceleration: of cubics, each through so many samples (Savitzky and Golay).
+
+    Examples
+    --------
+    >>> [float(x[0]) for x in np.round(slopes(np.arange(9.0) ** 2, 5, 1.0), 9)]  # at the third sample
+    [4.0, 4.0, 2.0]
+    """
+    half = samples // 2
+    cubic = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 4, increasing=True))
+    return [np.convolve(y, cubic[k, ::-1], "valid") * math.factorial(k) / (half * step) ** k for k in range(3)]
+
+
 def stands(alpha: FloatArray, theta: FloatArray | None, step: float) -> bool:
     r"""Whether a pendulum is balanced about α = 0: what drives it away, in α̈ = g sin α + c cos α θ̈ − b α̇, is sure.
 
@@ -419,14 +432,12 @@ def stands(alpha: FloatArray, theta: FloatArray | None, step: float) -> bool:
     >>> stands(alpha, arm, 0.01)
     True
     """
-    from scipy.signal import savgol_filter
-
     width = max(5, round(SMOOTHED / step) | 1)
     if len(alpha) < 10 * width or np.max(np.abs(alpha)) > 1.0:
         return False
-    a, rate, acceleration = (savgol_filter(alpha, width, 3, deriv=k, delta=step) for k in range(3))
+    a, rate, acceleration = slopes(alpha, width, step)
     columns = [np.sin(a), -rate, np.ones(len(a))]
-    columns += [] if theta is None else [np.cos(a) * savgol_filter(theta, width, 3, deriv=2, delta=step)]
+    columns += [] if theta is None else [np.cos(a) * slopes(theta, width, step)[2]]
     A = np.column_stack(columns)
     found, *_ = np.linalg.lstsq(A, acceleration)
     left = acceleration - A @ found
