@@ -220,11 +220,11 @@ def fit_project(name: str) -> Callable[[Path], str]:
 
     def run(folder: Path) -> str:
         import fracid
-        from fracid.runs.folder import MEMO, inputs_of, open_run, write_result
+        from fracid.runs.folder import MEMO, FitOptions, inputs_of, open_run, write_result
         from fracid.tasks.simulation_cache import Memo
 
         project = fracid.load_project(folder / f"{name}.toml", trust=True)
-        with open_run(folder / name, {"project": str(project.path)}, inputs=inputs_of(project)) as run:
+        with open_run(folder / name, FitOptions(str(project.path)), inputs=inputs_of(project)) as run:
             with Memo(run.folder / MEMO) as memo:
                 remembering = replace(project, problem=replace(project.problem, memo=memo))
                 found = fracid.identify(remembering, jobs=2)

@@ -14,7 +14,18 @@ import fracid.cli
 from fracid.errors import InputError, Unfinished
 from fracid.problem.project import load_project
 from fracid.runs.environment import versions
-from fracid.runs.folder import EVALUATIONS, FIGURE, FIGURES, JOURNAL, RUN, inputs_of, open_folder, open_run, run_state
+from fracid.runs.folder import (
+    EVALUATIONS,
+    FIGURE,
+    FIGURES,
+    JOURNAL,
+    RUN,
+    FitOptions,
+    inputs_of,
+    open_folder,
+    open_run,
+    run_state,
+)
 from fracid.safety.door import write_text
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -100,7 +111,7 @@ def test_others_may_read_a_file_as_far_as_the_umask_allows(tmp_path):
 
 # --- begun, killed, gone on with ---------------------------------------------------------------------
 
-OPTIONS = {"project": "rig.toml", "seed": 3}
+OPTIONS = FitOptions("rig.toml", seed=3)
 INPUTS = {"the recording 'a'": "12"}
 
 
@@ -147,7 +158,7 @@ def test_what_was_killed_as_it_began_is_nothing_to_go_on_with(tmp_path, monkeypa
     [
         (OPTIONS, {"the recording 'a'": "13"}, r"the recording 'a' has changed since"),
         (OPTIONS, {**INPUTS, "the model file b": "1"}, r"the model file b has changed since"),
-        ({"seed": 4}, INPUTS, r"holds another run, with \{'project': 'rig.toml', 'seed': 3\}"),
+        (FitOptions(seed=4), INPUTS, r"holds another run, with \{'project': 'rig.toml', .*'seed': 3"),
     ],
 )
 def test_what_has_changed_is_not_gone_on_with(tmp_path, options, inputs, what):
@@ -172,19 +183,22 @@ def test_a_folder_at_work_is_another_processs(tmp_path):
     import subprocess
     import sys
 
-    code = "import sys, pathlib, fracid.runs.folder as r; r.open_run(pathlib.Path(sys.argv[1]), {}).__enter__()"
-    with open_run(tmp_path / "run", {}):
+    code = (
+        "import sys, pathlib as p, fracid.runs.folder as r; r.open_run(p.Path(sys.argv[1]), r.FitOptions()).__enter__()"
+    )
+    with open_run(tmp_path / "run", FitOptions()):
         second = subprocess.run(
             [sys.executable, "-c", code, tmp_path / "run"], capture_output=True, text=True, check=False
         )
     assert "Another process is at work in" in second.stderr
 
 
-@pytest.mark.parametrize("content", [None, "{", "[]", '{"kind": "fit"}'])
+@pytest.mark.parametrize("content", ["{", "[]", '{"options": {}}', '{"options": {"seed": "3"}, "inputs": {}}'])
 def test_what_is_no_run_is_told(tmp_path, content):
-    if content is not None:
-        (tmp_path / "run.json").write_text(content)
     with pytest.raises(InputError, match=r"has no run.json that can be read: .*Type the command itself again"):
+        run_state(tmp_path)
+    (tmp_path / "run.json").write_text(content)
+    with pytest.raises(InputError, match=r"run.json is damaged: .* Write it again: the command itself"):
         run_state(tmp_path)
 
 
@@ -212,7 +226,7 @@ def test_all_that_a_run_reads_is_named_its_own_model_and_cost_too(tmp_path):
 
 
 def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
-    with open_run(tmp_path / "run", {}) as run:
+    with open_run(tmp_path / "run", FitOptions()) as run:
         run.finish()
     figures = tmp_path / "run" / "figures"
     (figures / "journal").mkdir(parents=True)
@@ -220,7 +234,7 @@ def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
     own = ("figure2-swing.png", "figure3-swing-alpha.svg", "journal/cut.pdf", "residuals-a-b.png", "noise.png")
     for name in (*theirs, *own):
         (figures / name).touch()
-    with open_run(tmp_path / "run", {}):
+    with open_run(tmp_path / "run", FitOptions()):
         there = {path.relative_to(figures).as_posix() for path in figures.rglob("*") if path.is_file()}
     assert there == set(theirs)
 

@@ -273,7 +273,7 @@ def test_a_changed_recording_is_not_gone_on_with(project, tmp_path):
     ("make", "words", "message"),
     [
         (lambda f: None, [], "has no run.json that can be read: it is no run folder"),
-        (lambda f: (f / RUN).write_text('{"options": {}'), [], "was left before anything was done"),
+        (lambda f: (f / RUN).write_text('{"options": {}'), [], "run.json is damaged: it cannot be read as JSON"),
         (lambda f: state(f), ["--executor", "processes"], "leave --executor and --scheduler out"),
         (lambda f: (f / JOURNAL).touch(), [], "has no record of its command: type that again, with --out"),
     ],

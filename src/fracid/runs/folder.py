@@ -41,8 +41,8 @@ from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
 from fracid.safety.door import bytes_of, text_of, write_text
 from fracid.safety.schema import Record, as_json, read_as, record_of
-from fracid.schemas.run_record import EnvironmentBlock
-from fracid.tasks.folder_lock import FolderLock, Json
+from fracid.schemas.run_record import EnvironmentBlock, FitOptions
+from fracid.tasks.folder_lock import FolderLock
 
 SAYS = Words("runs/folder.toml")
 
@@ -77,8 +77,8 @@ LATER = ("residuals.json", "profiles.json", "report.html", STARTS, *POSTERIOR)
 class RunState(Record):
     """The content of run.json."""
 
-    options: Mapping[str, Json]
-    """What to call fracid.run with again."""
+    options: FitOptions
+    """What to call :func:`fracid.run` with again."""
     inputs: Mapping[str, str]
     """All that it reads from outside, with hashes; see :func:`inputs_of`."""
     finished: bool = False
@@ -112,7 +112,7 @@ class Run:
 @contextmanager
 def open_run(
     folder: Path,
-    options: Mapping[str, Json],
+    options: FitOptions,
     *,
     inputs: Mapping[str, str] | None = None,
     resume: bool = False,
@@ -125,8 +125,8 @@ def open_run(
     Parameters
     ----------
     folder : Path
-    options : mapping
-        What to call it with again, as plain JSON values; not threads, which change no result.
+    options : FitOptions
+        What to call it with again; not threads, which change no result.
     inputs : mapping, optional
         All that it reads from outside; see :func:`inputs_of`.
     resume : bool
@@ -144,12 +144,12 @@ def open_run(
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, {"seed": 3}) as run:
+    >>> with open_run(folder, FitOptions(seed=3)) as run:
     ...     run.finish()
     >>> run_state(folder).finished
     True
     """
-    now = RunState(json.loads(json.dumps(options)), dict(inputs or {}), code=code())
+    now = RunState(options, dict(inputs or {}), code=code())
     _refuse_strangers(folder)
     with FolderLock(folder):
         if resume:
@@ -170,7 +170,7 @@ def run_state(folder: Path) -> RunState:
     Raises
     ------
     InputError
-        If it has no run.json that can be read.
+        If it has no run.json, or a damaged one.
 
     Examples
     --------
@@ -180,13 +180,12 @@ def run_state(folder: Path) -> RunState:
     fracid.errors.InputError: ... has no run.json that can be read: ...
     """
     try:
-        content = read_as(folder / RUN, RunState, "the command itself")
-        return record_of(RunState, content)
-    except (OSError, InputError):
+        return record_of(RunState, read_as(folder / RUN, RunState, "the command itself"))
+    except OSError:
         raise InputError(SAYS("no-state", folder=folder)) from None
 
 
-def cut_short(folder: Path, options: Mapping[str, Json], inputs: Mapping[str, str]) -> bool:
+def cut_short(folder: Path, options: FitOptions, inputs: Mapping[str, str]) -> bool:
     """Whether a folder holds this very run, begun and not finished: with these options, of the same inputs.
 
     Parameters
@@ -198,12 +197,12 @@ def cut_short(folder: Path, options: Mapping[str, Json], inputs: Mapping[str, st
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, {"seed": 3}):
+    >>> with open_run(folder, FitOptions(seed=3)):
     ...     pass
-    >>> cut_short(folder, {"seed": 3}, {}), cut_short(folder, {"seed": 4}, {})
+    >>> cut_short(folder, FitOptions(seed=3), {}), cut_short(folder, FitOptions(seed=4), {})
     (True, False)
     """
-    now = RunState(json.loads(json.dumps(options)), dict(inputs))
+    now = RunState(options, dict(inputs))
     with suppress(InputError):
         before = run_state(folder)
         return _same(before, now) and (before.inputs, before.finished) == (now.inputs, now.finished)
@@ -217,14 +216,13 @@ def moved_project(folder: Path, state: RunState) -> Path:
     ----------
     folder : Path
     state : RunState
-        Of a fit, whose options name the project.
 
     Examples
     --------
-    >>> moved_project(Path("runs/rig"), RunState({"project": "/nowhere/rig.toml"}, {})).as_posix()
+    >>> moved_project(Path("runs/rig"), RunState(FitOptions("/nowhere/rig.toml"), {})).as_posix()
     '/nowhere/rig.toml'
     """
-    named = Path(str(state.options["project"]))
+    named = Path(state.options.project)
     digest = state.inputs.get(f"the project file {named.name}")
     near = (place / named.name for place in (folder, *folder.resolve().parents[:NEAR]))
     return named if named.is_file() else next((p for p in near if _has_digest(p, digest)), named)
@@ -240,7 +238,7 @@ def _has_digest(path: Path, digest: str | None) -> bool:
 
 def _same(before: RunState, now: RunState) -> bool:
     """Whether two ask for the same, wherever the project lies: what it says is among the inputs."""
-    return {**before.options, "project": ""} == {**now.options, "project": ""}
+    return replace(before.options, project="") == replace(now.options, project="")
 
 
 def refuse_used(folder: Path) -> None:
@@ -270,8 +268,8 @@ def refuse_anothers(folder: Path, project: Path) -> None:
     >>> refuse_anothers(Path("/nowhere/new"), Path("rig.toml"))
     """
     try:
-        fitted = Path(str(run_state(folder).options["project"]))
-    except (InputError, KeyError):
+        fitted = Path(run_state(folder).options.project)
+    except InputError:
         return
     if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
         raise InputError(
@@ -305,7 +303,7 @@ def inputs_of(project: Project) -> dict[str, str]:
 def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
     """Go on with the same alone."""
     if not _same(before, now):
-        raise InputError(f"{folder} holds another run, with {dict(before.options)}.")
+        raise InputError(f"{folder} holds another run, with {vars(before.options)}.")
     for what in {**before.inputs, **now.inputs}:
         if before.inputs.get(what) != now.inputs.get(what):
             raise InputError(SAYS("changed", folder=folder, what=what))
@@ -362,7 +360,7 @@ def discard(folder: Path) -> None:
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, {}):
+    >>> with open_run(folder, FitOptions()):
     ...     pass
     >>> discard(folder)
     >>> folder.exists()

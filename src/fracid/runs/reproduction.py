@@ -29,7 +29,7 @@ from fracid.errors import InputError
 from fracid.runs.environment import code, machine
 from fracid.runs.folder import CODE, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
-from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, fault_of, read_if_whole
+from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
 
@@ -159,8 +159,6 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     state = run_state(run.folder)
     if not state.finished:
         raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
-    if fault := fault_of(state.options, FitOptions):
-        raise InputError(f"{run.folder} is damaged: in its run.json {fault}. It cannot be done again.")
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
     here = machine() | {"code": code()}
     changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here)
@@ -169,14 +167,11 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
     return compared(run.result, result_of(fit, run.project, {}), changed)
 
 
-def _how(options: Mapping[str, Any], run: SavedRun) -> dict[str, Any]:
+def _how(said: FitOptions, run: SavedRun) -> dict[str, Any]:
     """The options of the run, as identify takes them; a scheduler's starts are those of processes."""
-    starts, executor = options.get("starts"), options.get("executor") or "threads"
-    optimiser = "multistart" if starts else options.get("optimiser") or run.project.optimiser
-    return {
-        "optimiser": optimiser, "seed": options.get("seed"), "starts": starts, "cut": bool(options.get("cut")),
-        "executor": "processes" if "://" in executor else executor,
-    }  # fmt: skip
+    optimiser = "multistart" if said.starts else said.optimiser or run.project.optimiser
+    executor = "processes" if "://" in str(said.executor) else said.executor or "threads"
+    return {"optimiser": optimiser, "seed": said.seed, "starts": said.starts, "cut": said.cut, "executor": executor}
 
 
 def not_as_before(

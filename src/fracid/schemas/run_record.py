@@ -1,24 +1,26 @@
-"""environment.json, and what the lines of a run's logs have."""
+"""environment.json, the options in run.json, and what the lines of a run's logs have."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import Field
 
-from fracid.safety.schema import Block
+from fracid.safety.schema import Block, Record
 
 
-class FitOptions(Block):
-    """The options of a fit in it."""
+@dataclass(frozen=True)
+class FitOptions(Record):
+    """The options of a fit, in its run.json."""
 
-    project: str
-    preset: str | None
-    optimiser: str | None
-    seed: int | None
-    starts: int | None
-    cut: bool
-    executor: str | None
+    project: str = ""
+    preset: str | None = None
+    optimiser: str | None = None
+    seed: int | None = None
+    starts: int | None = None
+    cut: bool = False
+    executor: str | None = None
 
 
 class EnvironmentBlock(Block):

@@ -40,6 +40,7 @@ from fracid.runs.folder import (
     write_result,
 )
 from fracid.safety.paths import default_folder
+from fracid.schemas.run_record import FitOptions
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import free_memory, one_blas_thread
 from fracid.tasks.journal import Journal
@@ -180,8 +181,7 @@ def run(
     project = loaded(project, preset, trust)
     folder = default_folder(project.path.stem) if out is None else Path(out)
     name = _optimiser(optimiser, project.optimiser, starts)
-    request = {"project": str(project.path.resolve()), "preset": preset, "optimiser": optimiser, "seed": seed,
-               "starts": starts, "cut": cut, "executor": executor}  # fmt: skip
+    request = FitOptions(str(project.path.resolve()), preset, optimiser, seed, starts, cut, executor)
     _refuse_impossible(project, name, request)
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
@@ -250,15 +250,15 @@ def loaded(project: str | Path | Project, preset: str | None, trust: bool) -> Pr
     return project
 
 
-def _refuse_impossible(project: Project, optimiser: str, request: Mapping[str, Any]) -> None:
+def _refuse_impossible(project: Project, optimiser: str, request: FitOptions) -> None:
     """Before an earlier run is cleared from the folder."""
     optimiser_from_name(optimiser)
-    executor_from_name(request["executor"] or "threads")
-    at_least("--multi-start", request["starts"] or 1, 1, MOST_STARTS)
-    if request["executor"] and (request["starts"] or project.starts) < 2:
+    executor_from_name(request.executor or "threads")
+    at_least("--multi-start", request.starts or 1, 1, MOST_STARTS)
+    if request.executor and (request.starts or project.starts) < 2:
         raise InputError("--executor and --scheduler are for many starts; say how many: --multi-start N.")
-    if request["seed"] is not None and request["seed"] >= LARGEST_SEED:
-        raise InputError(f"--seed {request['seed']} is not possible; expected less than 2^63.")
+    if request.seed is not None and request.seed >= LARGEST_SEED:
+        raise InputError(f"--seed {request.seed} is not possible; expected less than 2^63.")
 
 
 def _optimiser(optimiser: str | None, default: str, starts: int | None) -> str:
@@ -270,9 +270,9 @@ def _optimiser(optimiser: str | None, default: str, starts: int | None) -> str:
     return "multistart"
 
 
-def _command(project: Project, out: str | Path | None, request: Mapping[str, Any]) -> list[str]:
-    options = {name: request[name] for name in ("preset", "optimiser", "seed", "cut", "executor")}
-    more = {"multi_start": request["starts"], "trust": bool(project.own_code)}
+def _command(project: Project, out: str | Path | None, request: FitOptions) -> list[str]:
+    options = {name: value for name, value in vars(request).items() if name not in ("project", "starts")}
+    more = {"multi_start": request.starts, "trust": bool(project.own_code)}
     return command_of("fit", project.path, {"out": out, **options, **more})
 
 
@@ -349,7 +349,7 @@ def _starts_kept(run: Run, executor: str, names: Sequence[str]) -> AbstractConte
     if executor == "threads":
         return nullcontext()
     (run.folder / STARTS).parent.mkdir(exist_ok=True)
-    study = {"inputs": dict(run.state.inputs), "options": dict(run.state.options)}
+    study = {"inputs": dict(run.state.inputs), "options": vars(run.state.options)}
     return Journal(run.folder / STARTS, study, lambda _, said: fault_of_end(said, names))
 
 

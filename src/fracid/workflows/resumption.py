@@ -25,8 +25,8 @@ from fracid.findings import Words
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.runs.saved import SavedRun
 from fracid.safety.paths import refuse_mistaken
-from fracid.safety.schema import fault_of, read_as, record_of
-from fracid.schemas.run_record import EnvironmentBlock, FitOptions
+from fracid.safety.schema import read_as
+from fracid.schemas.run_record import EnvironmentBlock
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
 from fracid.workflows.fit import FinishedRun, run
@@ -86,11 +86,8 @@ def resume_run(
     if state.finished:
         raise InputError(f"{folder} is finished; fracid.load_run reads its result.")
     place = _place_of(folder, state, executor)
-    options: Any = state.options if place is None else {**state.options, "executor": place}
-    if fault := fault_of(options, FitOptions):
-        raise InputError(f"{folder} was written by another version of fracid, or is damaged: in its run.json {fault}.")
-    how = record_of(FitOptions, options).model_dump(exclude={"project"})
-    return run(moved_project(folder, state), out=folder, jobs=jobs, resume=True, trust=trust, observer=observer, **how)
+    how = vars(state.options) | {"project": moved_project(folder, state), "executor": place}
+    return run(**how, out=folder, jobs=jobs, resume=True, trust=trust, observer=observer)
 
 
 def state_of(folder: Path) -> RunState | None:
@@ -115,9 +112,9 @@ def state_of(folder: Path) -> RunState | None:
     return run_state(folder)
 
 
-def _place_of(folder: Path, state: RunState, executor: str | None) -> Any:
+def _place_of(folder: Path, state: RunState, executor: str | None) -> str | None:
     """Where a fit goes on: where it was; on a scheduler only if the caller says its address again."""
-    there = state.options.get("executor")
+    there = state.options.executor
     if ADDRESS in str(there) and (executor is None or ADDRESS in executor):
         if executor is None:
             raise InputError(SAYS("scheduler", folder=folder, there=there))
