@@ -178,7 +178,7 @@ def test_options_that_nobody_could_have_typed_are_refused(capsys, sent, option, 
         (sent / "run.json").write_text(json.dumps(state | {"finished": finished}))
         code, _, err = run(capsys, "reproduce" if finished else "resume", sent)
         assert code == 2
-        assert f"in its run.json {option} is " in err
+        assert f"run.json is damaged: options.{option} is " in err
 
 
 # --- what lies beside ----------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ def test_a_picture_of_what_is_damaged_is_refused(capsys, sent):
     for name in ("profiles.json", "compare.json"):
         (sent / name).write_text('{"notes": 3}')
     with pytest.raises(InputError, match=r"run/profiles\.json is damaged: it has no cost"):
-        next(_of_profiles(fracid.load_run(sent), "screen"))
+        next(_of_profiles(fracid.load_run(sent)))
     code, _, err = run(capsys, "draw", sent, "--style", "screen", "--format", "svg")
     assert (code, "run/compare.json is damaged: it has no structures" in err) == (2, True)
 

@@ -47,6 +47,7 @@ ALLOWED = {
         "solver/compilation.py",
         "pickle.loads",
     ): "compiled code that fracid kept, in a caller's folder, with its digest",
+    ("models/written/languages.py", "compile"): "the text of such a tree, by the name that is kept of it",
     (
         "models/written/languages.py",
         "exec",
