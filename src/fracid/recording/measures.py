@@ -137,8 +137,10 @@ def measure_clock(time: FloatArray) -> Clock:
     )
 
 
-def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -> SignalReport:
-    """Measure one signal, shape (n_samples,).
+def measure_signal(
+    name: str, unit: str, time: FloatArray, signal: FloatArray, sound: FloatArray | None = None
+) -> SignalReport:
+    """Measure one signal, shape (n_samples,), or what is sound of it: what drops out is in the file, and not missing.
 
     Examples
     --------
@@ -147,11 +149,11 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
     >>> measure_signal("alpha", "rad", t, counts).counts_per_turn
     4096
     """
-    mask = np.isfinite(signal)
-    x = signal[mask]
+    missing = tuple(map(float, time[~np.isfinite(signal)]))
+    signal = signal if sound is None else sound
+    x = signal[np.isfinite(signal)]
     if x.size < 2:
-        blanks = tuple(map(float, time[~mask]))
-        return SignalReport(name, unit, math.nan, math.nan, blanks, None, None, math.nan, math.nan, False, None)
+        return SignalReport(name, unit, math.nan, math.nan, missing, None, None, math.nan, math.nan, False, None)
     q = encoder_lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(
@@ -159,7 +161,7 @@ def measure_signal(name: str, unit: str, time: FloatArray, signal: FloatArray) -
         unit=unit,
         minimum=float(x.min()),
         maximum=float(x.max()),
-        missing=tuple(map(float, time[~mask])),
+        missing=missing,
         resolution=q and q.step,
         counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
         noise=_noise(time, signal),

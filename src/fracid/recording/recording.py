@@ -172,7 +172,8 @@ class Recording(CardDisplay):
         if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
             raise InputError(SAYS("long-step", name=self.name, h=h, samples=clock.duration / h, clock=clock))
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
-        signals = {n: self._at(n, grid) for n in self.signals}
+        last = np.searchsorted(self.time, grid + 1e-12, side="right") - 1
+        signals = {n: x[last] if n in self.held else np.interp(grid, self.time, x) for n, x in self.signals.items()}
         gaps = "".join(
             f" The gap of {1e3 * g:.3g} ms after {t:.4g} s was bridged by a line."
             for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
@@ -238,12 +239,6 @@ class Recording(CardDisplay):
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
         note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
         return replace(self, bridged=(*self.bridged, *runs))._with(time, signals, Note(note, "interpolated"))
-
-    def _at(self, name: str, grid: FloatArray) -> FloatArray:
-        x = self.signals[name]
-        if name in self.held:
-            return np.asarray(x[np.searchsorted(self.time, grid + 1e-12, side="right") - 1])
-        return np.asarray(np.interp(grid, self.time, x))
 
     def split(self, at: float) -> tuple[Recording, Recording]:
         """Return the parts before and from `at` [s].

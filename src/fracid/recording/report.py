@@ -261,16 +261,10 @@ def measure(
         release, reason = release_time(time, _swinging(sound, units))
         if release is not None and _driven(time, signals, units, release):
             reason = Note(f"{reason}, then an input moves it", "by-input")  # nobody let go
-    measured = tuple(_measured(n, units[n], time, x, sound[n]) for n, x in signals.items())
+    measured = tuple(measure_signal(n, units[n], time, x, sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
     findings += tuple(_short(time, _swinging(sound, units), release, measured))
     return Report(clock, measured, release, reason, reading, resampled, findings, uneven)
-
-
-def _measured(name: str, unit: str, time: FloatArray, signal: FloatArray, sound: FloatArray) -> SignalReport:
-    """Measure the sound part of a signal; what drops out is in the file all the same, and does not miss."""
-    measured = measure_signal(name, unit, time, sound)
-    return measured if sound is signal else replace(measured, missing=tuple(map(float, time[~np.isfinite(signal)])))
 
 
 def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:

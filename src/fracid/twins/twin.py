@@ -304,10 +304,6 @@ class Twin(CardDisplay):
             u[:, self.model.inputs.index(name)] = np.interp(run.time, times, values)
         return output_along(h, run.time, run.states, u, self.model.parameter_vector(self.parameters))
 
-    def _turns(self, name: str) -> bool:
-        """Whether an encoder counts it."""
-        return name in self.model.output_states and self.model.output_unit(name) in ("rad", "1")
-
     def record(
         self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
         states: bool = False,
@@ -344,8 +340,9 @@ class Twin(CardDisplay):
         signals: dict[str, FloatArray] = {}
         for name, y in self.model.outputs.items():
             clean = run.states[:, y] if isinstance(y, int) else self._output(run, y)
-            signals[name] = encoder(clean[:, None], levels[name], resolution if self._turns(name) else 0.0, rng)[:, 0]
             units[name] = self.model.output_unit(name)
+            turns = name in self.model.output_states and units[name] in ("rad", "1")  # an encoder counts it
+            signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
         for name, (times, values) in (self.inputs or {}).items():
             if name not in self.model.input_rates:
                 signals[name] = np.interp(run.time, times, values)
