@@ -52,7 +52,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -81,6 +81,8 @@ RightHandSide = Callable[[float, FloatArray, FloatArray, FloatArray, FloatArray]
 """``rhs(t, x, u, p, out)``: writes D^{q_i} x_i into ``out[i]``, returns nothing."""
 
 ZEROS = ("hanging", "upright", "")
+
+T = TypeVar("T")
 
 NEAR_0 = 1e-9
 """As which an order of 0 is solved: an equation D^0 z = f says z = f, and this one too, within 10⁻⁷ of it."""
@@ -438,10 +440,10 @@ class Model(CardDisplay):
         value = self.integer_orders.get(name, 1.0)
         return None if value is None else float(value)
 
-    def solved_at(self, name: str) -> float | None:
-        """Return the order with which the integer-order model is solved: 10⁻⁹ stands for 0."""
+    def solved_at(self, name: str, otherwise: T) -> float | T:
+        """Return the order with which the integer-order model is solved, 10⁻⁹ for 0; `otherwise` where none is."""
         value = self.integer_order(name)
-        return None if value is None else max(value, NEAR_0)
+        return otherwise if value is None else max(value, NEAR_0)
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name.

@@ -46,6 +46,7 @@ from pydantic import Field, computed_field
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
+from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, from_start, refined
 from fracid.figures import Style, draw
@@ -273,9 +274,8 @@ def _standard_errors(problem: Problem, x: FloatArray, jobs: int) -> dict[str, fl
 def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> tuple[Problem, FloatArray, Experiment]:
     """A recording that was not fitted, with its own unknowns found."""
     alone, whole = problem.with_shared(x, (e,)), replace(problem, experiments=(e,))
-    own = from_start(alone, Watch(jobs)).point
-    values = dict(zip((*problem.names, *alone.names), (*x.tolist(), *own.tolist()), strict=True))
-    return whole, np.array([values[n] for n in whole.names]), e
+    values = problem.named(x) | alone.named(from_start(alone, Watch(jobs)).point)
+    return whole, embedded(whole, values), e
 
 
 def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:

@@ -54,6 +54,7 @@ from fracid.selection.integer_rival import (
     Rival,
     Trial,
     freed_friction,
+    freed_rests,
     gain_over,
     integer_rival,
     moving,
@@ -120,9 +121,7 @@ def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = Fal
     ranges = freed_friction(problem, kinds)
     if not any(kinds[n].rung == rungs[-1] for n in ranges):
         return
-    own = {p.name: p.value for p in problem.model.parameters}
-    rests = {r: Free(own[r], own[r] - 1.0, own[r] + 1.0) for n in ranges for r in kinds[n].rests
-             if r not in problem.parameters}  # fmt: skip
+    rests = freed_rests(problem, ranges)
     if slow and _has_past(problem):
         yield Element(name, problem, (), possible=False)
         return

@@ -32,7 +32,7 @@ from pydantic import Field
 
 from fracid.arrays import joined
 from fracid.errors import Failure
-from fracid.estimation.climbing import without
+from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
@@ -248,8 +248,7 @@ def integer_rival(
     whole = without(problem, springpots(problem))
     ranges = _seen(whole, best, freed_friction(whole)) if whole.names == problem.names else freed_friction(whole)
     rival = replace(whole, parameters={**whole.parameters, **ranges}, method="pi2", orders=integer_values(whole))
-    best_values = problem.named(best.point)
-    as_found = np.array([best_values.get(n, start) for n, start in zip(rival.names, rival.start.tolist(), strict=True)])
+    as_found = embedded(rival, problem.named(best.point))
     if rival.names:
         integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
     else:
@@ -339,12 +338,8 @@ def integer_values(problem: Problem) -> dict[str, Value]:
     >>> integer_values(Problem(fracid.rotary_pendulum(), (still,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)}))
     {'lambda': 0.9, 'mu': 1.0}
     """
-    orders: dict[str, Value] = {}
-    for n, v in problem.orders.items():
-        integer_value = problem.model.solved_at(n)
-        searched = isinstance(problem.orders.get(problem.ties.get(n, n)), Free)
-        orders[n] = integer_value if searched and integer_value is not None else v
-    return orders
+    return {n: problem.model.solved_at(n, v) if isinstance(problem.orders.get(problem.ties.get(n, n)), Free) else v
+            for n, v in problem.orders.items()}  # fmt: skip
 
 
 def _in_words(problem: Problem) -> str:
@@ -391,6 +386,12 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         least = -most if kind.signed else bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
     return ranges
+
+
+def freed_rests(problem: Problem, names: Collection[str]) -> dict[str, Free]:
+    """The rests of springs among these constants of friction, where the problem does not mention them."""
+    own = {rest for n in names for rest in problem.model.friction[n].rests} - {*problem.parameters}
+    return {p.name: Free(p.value, p.value - 1.0, p.value + 1.0) for p in problem.model.parameters if p.name in own}
 
 
 def moving(problem: Problem) -> list[str]:

@@ -58,7 +58,8 @@ from fracid.estimation.climbing import embedded
 from fracid.findings import Words
 from fracid.models.friction import BY_NAME, LOAD, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
-from fracid.selection.integer_rival import freed_friction, moving
+from fracid.problem.unknowns import Value
+from fracid.selection.integer_rival import freed_friction, freed_rests, moving
 from fracid.solver.methods import METHODS
 
 SAYS = Words("selection/ladder.toml")
@@ -123,10 +124,10 @@ class Structure:
         >>> paper.embed({"b_theta": 2e-3, "b_alpha": 1e-4})[:4].tolist()  # both orders 1
         [1.0, 1.0, 0.002, 0.0001]
         """
-        orders = {u.name: self.problem.model.solved_at(u.target) for u in self.problem.unknowns if u.kind == "order"}
-        kinds = self.problem.model.friction
-        simplest = {n: kind.off for n, kind in kinds.items()} | {n: v for n, v in orders.items() if v is not None}
-        return embedded(self.problem, {**simplest, **values})
+        model, unknowns = self.problem.model, self.problem.unknowns
+        orders = {u.name: model.solved_at(u.target, u.range.start) for u in unknowns if u.kind == "order"}
+        off = {n: kind.off for n, kind in model.friction.items()}
+        return embedded(self.problem, {**off, **orders, **values})
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
@@ -377,43 +378,32 @@ def _require_both(structures: tuple[Structure, ...], problem: Problem) -> None:
         raise InputError(SAYS("no-integer-model", model=model, orders=" and ".join(problem.orders)))
 
 
-def _integers(problem: Problem) -> dict[str, float | Free | Tied]:
+def _integers(problem: Problem) -> dict[str, Value]:
     """Every order at its integer value, those fixed elsewhere too; what has none stays."""
-    values = {n: problem.model.solved_at(n) for n in problem.orders}
-    return {n: v if (at := values[n]) is None else at for n, v in problem.orders.items()}
+    return {n: problem.model.solved_at(n, v) for n, v in problem.orders.items()}
 
 
 def _free(problem: Problem, rungs: Mapping[str, tuple[str, ...]], on: Sequence[str]) -> Problem:
     """The problem with the friction of some rungs free, of the others 0, and with its orders free."""
-    ranges = freed_friction(problem, tuple(n for rung in on for n in rungs[rung]))
-    nothing = {n: problem.model.friction[n].off for names in rungs.values() for n in names}
-    base = {n: _holding(v, nothing[n]) if n in nothing else v for n, v in problem.parameters.items()}
-    off: dict[str, float | Free | Tied] = {
-        n: nothing[n] for rung, names in rungs.items() if rung not in on for n in names
-    }
-    parameters = _together(problem, {**base, **ranges, **off})
-    rests = _rests(problem, parameters, [n for rung in on for n in rungs[rung]])
-    parameters |= rests
+    kinds, free = problem.model.friction, [n for rung in on for n in rungs[rung]]
+    off: dict[str, Value] = {n: kinds[n].off for names in rungs.values() for n in names if n not in free}
+    base = {n: _holding(v, kinds[n].off) if n in free else v for n, v in problem.parameters.items()}
+    rests = freed_rests(problem, free)
+    parameters = _together(problem, {**base, **freed_friction(problem, free), **off}) | rests
     own = tuple(n for n in (*problem.per_recording, *rests) if isinstance(parameters[n], Free))
     return replace(problem, orders=_free_orders(problem), parameters=parameters, per_recording=own)
 
 
-def _free_orders(problem: Problem) -> dict[str, float | Free | Tied]:
+def _free_orders(problem: Problem) -> dict[str, Value]:
     """Orders free as the problem has them, in ranges that hold their integers; all of them where it fixes all."""
-    orders = {n: _holding(v, problem.model.solved_at(n)) for n, v in problem.orders.items()}
+    orders = {n: _holding(v, problem.model.solved_at(n, None)) for n, v in problem.orders.items()}
     if any(isinstance(v, Free) for v in orders.values()):
         return orders
-    return {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n)) for n, v in orders.items()}
+    return {n: v if isinstance(v, Tied) else _holding(ORDER, problem.model.solved_at(n, None))
+            for n, v in orders.items()}  # fmt: skip
 
 
-def _rests(problem: Problem, parameters: Mapping[str, float | Free | Tied], on: Collection[str]) -> dict[str, Free]:
-    """The rest of a spring, which each recording has for itself, where the problem does not mention it."""
-    own = {rest for n in on for rest in problem.model.friction[n].rests}
-    rests = [p for p in problem.model.parameters if p.name in own and p.name not in parameters]
-    return {p.name: Free(p.value, p.value - 1.0, p.value + 1.0) for p in rests}
-
-
-def _holding(value: float | Free | Tied, point: float | None) -> float | Free | Tied:
+def _holding(value: Value, point: float | None) -> Value:
     """A range widened to hold a point, where there is one."""
     if not isinstance(value, Free) or point is None or value.lower <= point <= value.upper:
         return value
@@ -442,9 +432,8 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     >>> held(Problem(fracid.rotary_pendulum(), (still,), free, initial_state="held"), {"mu"}).names
     ('lambda',)
     """
-    integer = {n: v.start if (at := problem.model.solved_at(n)) is None else at
-               for n, v in problem.orders.items() if isinstance(v, Free)}  # fmt: skip
-    orders = {n: integer[n] if n in names and n in integer else v for n, v in problem.orders.items()}
+    orders = {n: problem.model.solved_at(n, v.start) if n in names and isinstance(v, Free) else v
+              for n, v in problem.orders.items()}  # fmt: skip
     kinds = problem.model.friction
     parameters = {n: (kinds[n].off if n in kinds else v.start) if n in names and isinstance(v, Free) else v
                   for n, v in problem.parameters.items()}  # fmt: skip
@@ -452,7 +441,7 @@ def held(problem: Problem, names: Collection[str]) -> Problem:
     return replace(problem, orders=orders, parameters=_together(problem, parameters), per_recording=own)
 
 
-def _together(problem: Problem, parameters: Mapping[str, float | Free | Tied]) -> dict[str, float | Free | Tied]:
+def _together(problem: Problem, parameters: Mapping[str, Value]) -> dict[str, Value]:
     """What acts only with another is off where that is: a damping of presliding without presliding."""
     values = {p.name: p.value for p in problem.model.parameters} | dict(parameters)
     alone = [p.name for p in problem.model.parameters if p.needs and all(values[n] == 0.0 for n in p.needs)]

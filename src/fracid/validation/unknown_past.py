@@ -265,9 +265,8 @@ def cut_check(
             left_out[name] = str(result)
         else:
             treatments |= result
-    intervals = {n: known.interval(x, i) if isinstance(known, Uncertainty) else None
-                 for n, i in problem.free_orders.items()}  # fmt: skip
-    half = {n: None if ends is None else half_of(ends) for n, ends in intervals.items()}
+    half = {n: half_of(known.interval(x, i)) or None if isinstance(known, Uncertainty) else None
+            for n, i in problem.free_orders.items()}  # fmt: skip
     return CutCheck(AsFitted(_orders(problem, x), problem.cost(x), problem.levels(x)), half, treatments, left_out)
 
 
