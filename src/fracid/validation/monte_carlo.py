@@ -236,7 +236,7 @@ NAMED = 6
 
 
 def _counts(rows: Sequence[tuple[Cell, Statistics]]) -> tuple[int, int]:
-    """How many intervals hold the truth, and how many there are."""
+    """How many intervals contain the true value, and how many there are."""
     return sum(s.held for _, s in rows), sum(s.intervals for _, s in rows)
 
 
