@@ -206,11 +206,16 @@ def identify(
     reports = None if project is None else {r.name: r.report for r in project.recordings}
     rng, options, starts = np.random.default_rng(seed), dict(options or {}), 1 if starts is None else starts
     watching = unless_given(observer)
-    clock = _Clock(watching.stage)
+    stages = list[tuple[str, float]]()
+
+    def begin(stage: str, key: str) -> None:
+        watching.stage(stage)
+        stages.append((key, time.perf_counter()))
+
     with one_blas_thread():  # sums split over threads round differently
-        clock.begin("checks of the data", "look")
+        begin("checks of the data", "look")
         seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
-        clock.begin("search", "search")
+        begin("search", "search")
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = beginning(problem, window, fixed_step) if window else problem
         work = work if window or entry.keeps_its_own else coarse_problem(problem)
@@ -228,12 +233,15 @@ def identify(
                        whole if cut else None, jobs, watching)  # fmt: skip
         found = _Findings(asked, work, result.best, result.outcome, attempts, watch.work, checked, seen=[*seen])
         if not result.interrupted:
-            found.examine(clock)
+            found.examine(begin)
         found.problem.last_derivatives.clear()  # some hundred megabytes
         if found.outcome is Outcome.INTERRUPTED:
             watching.interrupted()
-        clock.begin("")
-        return _fit(found, watch.count, clock.laps)
+        begin("", "")
+        timing = dict.fromkeys((key for key, _ in stages[:-1]), 0.0)
+        for (key, begun), (_, end) in pairwise(stages):
+            timing[key] += end - begun
+        return _fit(found, watch.count, timing)
 
 
 @contextmanager
@@ -343,8 +351,8 @@ class _Findings:
         """The work of a stage after the search, at most."""
         return max(TIMES * self.work, LEAST)
 
-    def examine(self, clock: _Clock) -> None:
-        """Take the steps after the search, from the first one again where one of them sees a lower minimum."""
+    def examine(self, begin: Callable[[str, str], None]) -> None:
+        """Take the steps after the search, each told, from the first again where one of them sees a lower minimum."""
         if not np.isfinite(self.best.cost):
             self.known, self.claim = Failure(FailureReason.RUN, "every run failed"), no_run()
             self.warnings.append(f"No run reached its end: {self.best.reason}.")
@@ -354,7 +362,7 @@ class _Findings:
         try:
             while done < len(steps):
                 stage, key, step = steps[done]
-                clock.begin(stage, key)
+                begin(stage, key)
                 lower, done = step(self), done + 1
                 if lower is not None and self.restarts < RESTARTS:  # what was said of the former one is forgotten
                     self.best, self.seen, self.warnings, self.validated = lower, [*self.asked.seen], [], {}
@@ -681,7 +689,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
         cut=found.cut if isinstance(found.cut, CutCheck) else None,
         discretisation=check, uncertainty=precision if isinstance(precision, Uncertainty) else None,
         interval_methods=OF_FITS if isinstance(precision, Uncertainty) else {},
-        timing=dict(timing),
+        timing=timing,
         warnings=warnings, warning_codes=tuple(getattr(w, "code", "") for w in warnings), findings=tuple(findings),
         claim=found.claim.claim, claim_reasons=found.claim.reasons, claim_codes=found.claim.codes,
     )  # fmt: skip
@@ -711,29 +719,6 @@ def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator
             yield SAYS("closed-loop", recordings=listed(loops))
         if (drift := drift_of(problem, x)) is not None:
             yield SAYS("drift", name=drift.name, rate=with_half_width(100 * drift.rate, 100 * drift.half))
-
-
-# --- search ----------------------------------------------------------------------------------------
-
-
-class _Clock:
-    """Says which stage begins, and counts the seconds of each."""
-
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell, self._begun = tell, list[tuple[str, float]]()
-
-    def begin(self, name: str, key: str = "") -> None:
-        """A stage, and where its seconds count."""
-        self._begun.append((key, time.perf_counter()))
-        self._tell(name)
-
-    @property
-    def laps(self) -> dict[str, float]:
-        """The seconds of each but the last."""
-        laps: dict[str, float] = {}
-        for (key, begun), (_, end) in pairwise(self._begun):
-            laps[key] = laps.get(key, 0.0) + end - begun
-        return laps
 
 
 # --- what the minimum says -------------------------------------------------------------------------

@@ -210,16 +210,11 @@ class _Round:
             self._simulate(points[first:], total, execution)
 
     def _simulate(self, points: FloatArray, total: int, execution: Execution) -> None:
-        before = len(self.values)
-        tasks = [
-            Task(f"{self.name}, draw {before + i}", (self.likelihood, points[i : i + BATCH]))
-            for i in range(0, len(points), BATCH)
-        ]
-        tell = execution.progress
+        before, tell = len(self.values), execution.progress
         told = None if tell is None else lambda p: tell(  # by draws and not by batches
             Progress(min(before + BATCH * p.done, total), total, before + BATCH * p.earlier, p.seconds))  # fmt: skip
-        results = replace(execution, progress=told).run(log_likelihoods, tasks)
-        values = [-np.inf if v is None else v for batch in results.values() for v in batch]
+        how = replace(execution, progress=told)
+        values = simulated(self.likelihood, points, f"{self.name}, after {before}", BATCH, how)
         self.points, self.values = np.concatenate([self.points, points]), np.append(self.values, values)
 
     @property
@@ -270,6 +265,13 @@ class _Round:
         error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
         return WeightedDraws(self.points[some], log_weights, total - math.log(self.drawn), error, simulations, khat,
                              len(ratios))  # fmt: skip
+
+
+def simulated(likelihood: Likelihood, points: FloatArray, name: str, size: int, execution: Execution) -> FloatArray:
+    """The log likelihoods of points, −inf where there is none, so many in a task, shape (n_points,)."""
+    tasks = [Task(f"{name}, {i}", (likelihood, points[i : i + size])) for i in range(0, len(points), size)]
+    batches = execution.run(log_likelihoods, tasks).values()
+    return np.array([-math.inf if v is None else v for batch in batches for v in batch])
 
 
 def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | None]:

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.bayes.laplace import WeightedDraws, log_likelihoods
+from fracid.bayes.laplace import WeightedDraws, simulated
 from fracid.bayes.target import BoxPrior, Likelihood
 from fracid.errors import InputError, at_least
 from fracid.findings import Words
-from fracid.tasks.job import Progress, Task, one_blas_thread
+from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.tasks import Execution
 
 SAYS = Words("bayes/target.toml")
@@ -90,13 +90,11 @@ class _Batches:
     def __call__(self, points: FloatArray) -> FloatArray:
         """Of points of shape (n_points, n), shape (n_points,)."""
         self.count += 1
-        parts = [points[i : i + SHARE] for i in range(0, len(points), SHARE)]
-        tasks = [Task(f"{self.name}, batch {self.count}, {i}", (self.likelihood, part)) for i, part in enumerate(parts)]
-        values = [v for part in self.execution.run(log_likelihoods, tasks).values() for v in part]
+        values = simulated(self.likelihood, points, f"{self.name}, batch {self.count}", SHARE, self.execution)
         self.simulations += len(points)
         if self.progress is not None:
             self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))
-        return np.array([NOTHING if v is None else v for v in values])
+        return np.maximum(values, NOTHING)
 
 
 def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> WeightedDraws:

@@ -61,12 +61,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Space:
-    """The unknowns: names, bounds and where to start, in physical units.
-
-    Raises
-    ------
-    InputError
-        If the bounds are no interval or do not hold the start.
+    """The unknowns: names, bounds that hold where to start, as :class:`fracid.Free` sees to, in physical units.
 
     Examples
     --------
@@ -88,17 +83,6 @@ class Space:
     """Which unknowns and rows belong to which recording, where that is worth using."""
     held: NDArray[np.bool_] | None = None
     """Unknowns that a local search leaves at their start, shape (n,); None for none."""
-
-    def __post_init__(self) -> None:
-        """Refuse bounds that are none or do not hold the start."""
-        for side in (self.lower, self.upper, self.start, *([] if self.scale is None else [self.scale])):
-            if np.shape(side) != (len(self.names),):
-                raise InputError(f"A space of {len(self.names)} unknowns got an array of shape {np.shape(side)}.")
-        for name, low, x, high in zip(self.names, self.lower, self.start, self.upper, strict=True):
-            if not low <= x <= high:
-                raise InputError(f"{name}: the start {x:g} is not within its bounds {low:g} … {high:g}.")
-            if low == high:
-                raise InputError(f"{name}: both bounds are {low:g}; to fix it give the number alone, {name} = {low:g}.")
 
     @cached_property
     def typical(self) -> FloatArray:
