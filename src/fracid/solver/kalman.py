@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.schemes import gauss_jordan
 
 NEAR = 1e-6
 """Steps of differences, of 10⁻² + the size."""
@@ -162,34 +163,18 @@ def _jacobian(rhs, F, t, x, u, f, J, G):
 
 
 @helper
-def _solve(A, B):
-    """Gauss elimination with row pivots; B becomes the solution."""
-    n = len(A)
-    for k in range(n):
-        best = k
-        for r in range(k + 1, n):
-            if abs(A[r, k]) > abs(A[best, k]):
-                best = r
-        if best != k:
-            for col in range(n):
-                A[k, col], A[best, col] = A[best, col], A[k, col]
+def _solve(W, B):
+    """B becomes A⁻¹ B, with A⁻¹ in the right half of W."""
+    right, n = B.copy(), len(B)
+    B[:] = 0.0
+    for i in range(n):
+        for k in range(n):
             for col in range(B.shape[1]):
-                B[k, col], B[best, col] = B[best, col], B[k, col]
-        for r in range(k + 1, n):
-            share = A[r, k] / A[k, k]
-            for col in range(k, n):
-                A[r, col] -= share * A[k, col]
-            for col in range(B.shape[1]):
-                B[r, col] -= share * B[k, col]
-    for k in range(n - 1, -1, -1):
-        for col in range(B.shape[1]):
-            for r in range(k + 1, n):
-                B[k, col] -= A[k, r] * B[r, col]
-            B[k, col] /= A[k, k]
+                B[i, col] += W[i, n + k] * right[k, col]
 
 
 @helper
-def _times(F, c, J, G, A, ca, w0, dx0, dx1, inside, out):
+def _times(F, c, J, G, W, ca, w0, dx0, dx1, inside, out):
     """F · inside, by columns of `inside` taken as rows: out = (F insideᵀ)ᵀ for a symmetric matrix and its successor."""
     states, modes, slow, N = len(F.orders), len(F.z), len(F.slow), len(inside)
     U0, X1, U1 = np.zeros((states, N)), np.zeros((states, N)), np.zeros((states, N))
@@ -217,7 +202,7 @@ def _times(F, c, J, G, A, ca, w0, dx0, dx1, inside, out):
                     U1[r, k] += G[r, s] * inside[modes + s, k]
         for k in range(N):
             X1[r, k] += ca[r] * U0[r, k] + w0[r] * U1[r, k]
-    _solve(A.copy(), X1)
+    _solve(W, X1)
     for r in range(states):
         for i in range(states):
             if J[r, i] != 0.0:
@@ -234,12 +219,12 @@ def _times(F, c, J, G, A, ca, w0, dx0, dx1, inside, out):
 
 
 @helper
-def _drive(F, i, J, A, whole, x1):
+def _drive(F, i, J, W, whole, x1):
     """Add what a step of the unknown part of f of state i adds to P: all other states feel it within the same step."""
     modes = np.zeros(len(F.z))
     x1[:] = 0.0
     x1[i, 0] = whole
-    _solve(A.copy(), x1)
+    _solve(W, x1)
     for r in range(len(x1)):
         at_end = 1.0 if r == i else 0.0
         for k in range(len(x1)):
@@ -259,7 +244,7 @@ def _predict(rhs, F, t, u, c, dc):
     x0, x1, f0, f1 = np.zeros(states), np.zeros((states, 1)), np.zeros(states), np.zeros(states)
     J, G = np.zeros((states, states)), np.zeros((states, len(F.slow)))
     free, ca, w0 = np.zeros(states), np.zeros(states), np.zeros(states)
-    dx0, dx1, A = np.zeros(states), np.zeros(states), np.zeros((states, states))
+    dx0, dx1, W = np.zeros(states), np.zeros(states), np.zeros((states, 2 * states))
     _states(F, c, xi, x0)
     rhs(t, x0, u, F.p, f1)
     _jacobian(rhs, F, t, x0, u, f1, J, G)
@@ -271,12 +256,14 @@ def _predict(rhs, F, t, u, c, dc):
             w0[i] += c[j] * F.b[j]
             dx0[i] += dc[j] * xi[j]
     x = x0.copy()
+    for i in range(states):
+        for r in range(states):
+            W[i, r], W[i, states + r] = (i == r) - w0[i] * J[i, r], i == r
+    gauss_jordan(W, states)
     for _ in range(2):  # linearly implicit from x0, then Newton's method once
         for i in range(states):
             x1[i, 0] = free[i] + w0[i] * f1[i] - x[i]
-            for r in range(states):
-                A[i, r] = (i == r) - w0[i] * J[i, r]
-        _solve(A.copy(), x1)
+        _solve(W, x1)
         for i in range(states):
             x[i] += x1[i, 0]
         rhs(t + h, x, u, F.p, f1)
@@ -285,11 +272,11 @@ def _predict(rhs, F, t, u, c, dc):
             xi[j] = F.z[j] * xi[j] + F.a[j] * f0[i] + F.b[j] * f1[i]
             dx1[i] += dc[j] * xi[j]
     half = np.zeros(P.shape)
-    _times(F, c, J, G, A, ca, w0, dx0, dx1, P, half)
-    _times(F, c, J, G, A, ca, w0, dx0, dx1, np.ascontiguousarray(half.T), P)
+    _times(F, c, J, G, W, ca, w0, dx0, dx1, P, half)
+    _times(F, c, J, G, W, ca, w0, dx0, dx1, np.ascontiguousarray(half.T), P)
     for i in range(states):
         if F.drive[i] > 0.0:
-            _drive(F, i, J, A, ca[i] + w0[i], x1)
+            _drive(F, i, J, W, ca[i] + w0[i], x1)
     for s in range(len(F.slow)):
         P[modes + s, modes + s] += F.slow[s, 4]
     F.u[:] = u

@@ -427,11 +427,11 @@ def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, st
     for c in range(n):
         for i in range(n):
             W[i, n + c] = i == c
-    _gauss_jordan(W, n)
+    gauss_jordan(W, n)
 
 
 @bare
-def _gauss_jordan(W, n):
+def gauss_jordan(W, n):
     """Turn the first n rows, [A | 1], into [1 | A⁻¹], with row pivots."""
     for k in range(n):
         pivot = k
