@@ -1,6 +1,6 @@
 """The methods: a row for each stepping scheme, and all that fracid knows of it.
 
-A new method is its loop in :mod:`fracid.solver.schemes` and its row in :data:`METHODS`: its name, its title for help
+A new method is its loop in :mod:`fracid.solver.schemes` and its row in ``methods.toml``: its name, its title for help
 and completion, the memory that it sums with, its order and its limit, and what an exported model steps with all come
 from here.  Only weights of another family need more (:mod:`fracid.solver.weights`, :mod:`fracid.solver.starting`).
 
@@ -13,9 +13,13 @@ The loops take a second to import, so a row fetches its own when it first runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
+
+from fracid.safety.door import own_text
 
 if TYPE_CHECKING:
     from fracid.arrays import FloatArray
@@ -52,63 +56,30 @@ class Method:
     """Of an input that jumps at a grid point it takes the values before and after it, that after it, or their mean."""
     sweeps: float = math.inf
     """The |J|h up to which its sweeps contract: a run that ends early beyond it owes that to them, perhaps."""
-    started: bool = True
-    """Whether :mod:`fracid.solver.starting` begins it."""
     raw: bool = False
     """Whether it sums x itself, which is right only for x(0) = 0."""
     exported: Exported | None = None
     """None for one that cannot be written in another language."""
 
 
-def _step(loop: str, rhs: int, run: Run, *how: Any, family: str = "") -> tuple[int, int]:
-    """By a loop of :mod:`fracid.solver.schemes`, with room for its history and its work; `family` begins it."""
+def _step(row: Mapping[str, Any], rhs: int, run: Run, out: FloatArray) -> tuple[int, int]:
+    """By a loop of :mod:`fracid.solver.schemes`, with a start, and room for its history and its work."""
     from fracid.solver import schemes
     from fracid.solver.starting import begun
 
-    start = (begun(rhs, run, family),) if family else ()
-    ended: tuple[int, int] = getattr(schemes, loop)(rhs, run, *start, *schemes.room_for(run), *how)
+    run = run._replace(**row.get("changed", {}))
+    if row["family"] == "bdf":  # what relaxes dies in this scheme by itself
+        run = run._replace(relaxing=run.relaxing[:0])
+    start = () if row["family"] == "gl" else (begun(rhs, run, row["family"]),)
+    ended: tuple[int, int] = getattr(schemes, row["loop"])(rhs, run, *start, *schemes.room_for(run), *row["how"], out)
     return ended
 
 
-METHODS = {
-    "pi2": Method(
-        "pi", 2, lambda rhs, run, out: _step("step_pi2", rhs, run, False, out, family="pi"),
-        "everything, steep friction too; at order 1 a second-order ODE solver",
-        at_a_jump="both", sweeps=1.0,
-        exported=Exported("product trapezoidal rule, second order"),
-    ),
-    "pi2-implicit": Method(
-        "pi", 2,
-        lambda rhs, run, out: _step("step_pi2", rhs, run._replace(corrections=0), False, out, family="pi"),
-        "stiff systems: Newton's method at every step", at_a_jump="both",
-        exported=Exported("product trapezoidal rule, Newton's method at every step", newton=True),
-    ),
-    "bdf2": Method(
-        "bdf", 2,  # what relaxes dies in this scheme by itself
-        lambda rhs, run, out: _step("step_bdf2", rhs, run._replace(relaxing=run.relaxing[:0]), out, family="bdf"),
-        "stiff systems at every order: what is fast dies, above order 1 too",
-    ),
-    "pi3": Method(
-        "pi3", 3, lambda rhs, run, out: _step("step_pi2", rhs, run, True, out, family="pi3"),
-        "smooth systems: often a thousandth of the error, in the same time",
-        follows=2.0, exported=Exported("product rule of third order"),
-    ),
-    "gl": Method(
-        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, False, False, out),
-        "the paper's scheme as it should be, on x - x(0)",
-        follows=1.0, at_a_jump="after", started=False, exported=Exported("Grünwald-Letnikov on x - x(0), explicit"),
-    ),
-    "gl-sequential": Method(
-        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, False, True, out),
-        "the same without the anti-damping of explicit Euler",
-        follows=1.0, at_a_jump="after", started=False,
-        exported=Exported("Grünwald-Letnikov on x - x(0), the last state first", last_first=True),
-    ),
-    "gl-paper": Method(
-        "gl", 1, lambda rhs, run, out: _step("step_gl", rhs, run, True, False, out),
-        "(21)-(24) as printed, to reproduce the paper: of order 1 if x(0) = 0, else wrong",
-        follows=1.0, at_a_jump="after", started=False, raw=True,
-        exported=Exported("Grünwald-Letnikov on raw x, as (21)-(24) of the paper print it"),
-    ),
-}  # fmt: skip
+def _method(row: Mapping[str, Any]) -> Method:
+    own = {n: v for n, v in row.items() if n in Method.__dataclass_fields__}
+    exported = Exported(**row["exported"]) if "exported" in row else None
+    return Method(**{**own, "run": partial(_step, row), "exported": exported})
+
+
+METHODS = {name: _method(row) for name, row in tomllib.loads(own_text("solver/methods.toml")).items()}
 """By name, as a project file has it."""
