@@ -619,7 +619,7 @@ def moving(model: Model, parameters: FloatArray) -> FloatArray:
     sticks = {kinds[delta].joint for delta in model.relaxing.values() if delta in kinds and p[delta] > 0}
     slides = {n for n, kind in kinds.items() if kind.corner == "sliding" and kind.joint not in sticks}
     p |= {n: kinds[n].off for n in kinds if n in slides or kinds[n].corner == "always"}
-    p |= {n: 0.0 for n in p if n == "dead_zone"}
+    p |= {q.name: 0.0 for q in model.parameters if q.corner}
     p |= {n: p[n] or 1.0 for n in p if n == model.drive}
     return np.array([*p.values()])
 

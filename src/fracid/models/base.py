@@ -125,6 +125,8 @@ class Parameter:
     """It acts only in recordings that say of this that it is on; "" for always."""
     rung: str = ""
     """The rung of the ladder that frees it; "" for that of its kind of friction."""
+    corner: bool = False
+    """Whether linear models are without it, though it is no friction: a dead zone."""
 
     @classmethod
     def of(cls, name: str, row: Mapping[str, Any]) -> Parameter:
@@ -135,7 +137,7 @@ class Parameter:
         >>> Parameter.of("C1", {"start": 4.3e-3, "unit": "kg m^2", "symbol": "C_1", "about": "inertia"}).symbol
         ('C', '1')
         """
-        more = {n: row[n] for n in ("lower", "upper", "switch", "rung") if n in row}
+        more = {n: row[n] for n in ("lower", "upper", "switch", "rung", "corner") if n in row}
         symbol = symbol_of(row["symbol"]) if "symbol" in row else None
         friction = Friction.of(row["friction"]) if "friction" in row else None
         return cls(name, row["unit"], row["start"], row["about"], symbol=symbol, friction=friction,

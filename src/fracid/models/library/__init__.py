@@ -14,9 +14,10 @@ draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`
 ``begins``          state → the output near whose first sample it begins
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
-                    ``gauge = true`` for what must be, where nothing drives the model, ``rung`` of the ladder
-of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``, ``name``,
-                    ``note``:
+                    ``gauge = true`` for what must be, where nothing drives the model, ``rung`` of the ladder,
+                    ``corner = true`` for what linear models are without
+``symbols`` …       input or definition → how it is printed, and ``drive``, ``seen_in``, ``paper`` of a model
+of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``, ``name``, ``note``:
                     :class:`fracid.models.written.equations.Equation`
 ==================  ===========================================================================================
 """
