@@ -281,21 +281,15 @@ class Twin(CardDisplay):
         if not (inputs := self._inputs):
             return None
         past = 0 if self.history is None else len(self.history)
-        at = self.hold + h * np.arange(-past, steps + 1)
-        u = np.zeros((len(at), len(self.model.inputs)))
-        driven = Driven(u, u.copy())
-        first = math.floor(at[0] / self.step + 1e-9)
+        begin = (self.hold - h * past) / self.step
+        first = math.floor(begin + 1e-9)
         samples = self.step * np.arange(first, round(self.end / self.step) + 1)
-        for name, (times, values) in inputs.items():
-            held: Between = "hold" if name in self.model.input_rates else "line"
-            i, kind = self.model.inputs.index(name), self.between.get(name, held)
-            if kind == "line":
-                driven.before[:, i] = driven.after[:, i] = np.interp(at, times, values)
-            else:
-                read = np.interp(samples, times, values)
-                grid = (at[0] / self.step - first, h / self.step, len(at))
-                driven.before[:, i], driven.after[:, i] = between_samples(read, kind, *grid)
-        return driven
+        driven = []
+        for name in self.model.inputs:
+            kind = self.between.get(name, "hold" if name in self.model.input_rates else "line")
+            read = np.interp(samples, *inputs.get(name, (np.zeros(1), np.zeros(1))))
+            driven.append(between_samples(read, kind, begin - first, h / self.step, past + steps + 1))
+        return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
     def _output(self, run: Trajectory, h: Output) -> FloatArray:
         """An output that is no state, at the samples."""
