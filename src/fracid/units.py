@@ -125,8 +125,7 @@ def typeset_unit(unit: str) -> str:
     >>> typeset_unit("kg m^2"), typeset_unit("N m s^2/rad^2"), typeset_unit("m s^-2")
     ('kg m²', 'N m s²/rad²', 'm s⁻²')
     """
-    return re.sub(r"\^(-?)(\d)", lambda found: "⁻" * len(found[1]) + "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(found[2])],
-                  unit.replace("^nu", "^ν"))  # fmt: skip
+    return re.sub(r"\^(-?\d)", lambda found: raised(int(found[1])), unit.replace("^nu", "^ν"))
 
 
 def with_half_width(value: float, half: float) -> str:

@@ -288,20 +288,21 @@ class Parametrisation:
     def _initial_unknowns(self, e: Experiment) -> list[Unknown]:
         own = {n: v for n, v in e.initial.items() if isinstance(v, Free)}
         guess = self._initial_guess(e, self._model_starts[1]).tolist()
-        states = self.model.output_states
-        units = {states[n]: e.units.get(n, "rad") for n in self.outputs if n in states}
-        sizes = {states[n]: s for n, s in zip(self.outputs, self.sizes(e).tolist(), strict=True) if n in states}
-        known = self.initial_state in ("measured", "held")
-        reach = {} if known else {i: (0.2 * sizes[i], unit) for i, unit in units.items()}
+        reach: dict[int, tuple[float, str]] = {}
+        for k, (name, size) in enumerate(zip(self.outputs, self.sizes(e).tolist(), strict=True)):
+            i, unit = self.model.output_states.get(name, -1), e.units.get(name, "rad")
+            if i >= 0 and self.initial_state in ("estimate", "rest"):
+                reach[i] = 0.2 * size, unit
+            if i in self.rates and self.initial_state == "estimate":
+                j, steps = self.rates[i], np.abs(np.diff(e.sampled.measured[:, k]))
+                fastest = 0.0 if unit == "rad" else float(np.max(steps, initial=0.0)) / e.sampled.step
+                reach[j] = max(3.0 * size + abs(guess[j]), fastest), f"{unit}/s"
         if self.initial_state == "estimate":
-            fastest = dict(zip(units, self._fastest(e).tolist(), strict=True))
-            reach |= {
-                j: (max(3.0 * sizes[i] + abs(guess[j]), fastest[i]), f"{units[i]}/s") for i, j in self.rates.items()
-            }
             for i, moved in self._integrated(e).items():
-                j, unit = self.model.rates.get(i), self.model.output_unit(self._derived[i][0])
+                unit = self.model.output_unit(self._derived[i][0])
                 reach[i] = float(np.ptp(moved[0])), unit
-                reach |= {} if j is None else {j: (float(np.ptp(moved[1])), f"{unit}/s")}
+                if i in self.model.rates:
+                    reach[self.model.rates[i]] = float(np.ptp(moved[1])), f"{unit}/s"
             reach |= {z: (1.0, f"of {self.model.parameter_names[i]}") for z, i in self._deflections if guess[z] == 0.0}
         ranges = {
             i: (Free(guess[i], guess[i] - width, guess[i] + width), unit)
@@ -383,17 +384,6 @@ class Parametrisation:
         """For each scored output's state i the state j with D^q x_i = x_j."""
         indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
-
-    def _fastest(self, e: Experiment) -> FloatArray:
-        """How fast each scored output that is a state moves at most, 0 where it is an angle: its range is made for one.
-
-        From sample to sample [1/s], shape (n_scored_states,).
-        """
-        scored = [k for k, n in enumerate(self.outputs) if n in self.model.output_states]
-        angle = np.array([e.units.get(self.outputs[k], "rad") == "rad" for k in scored])
-        steps = np.diff(e.sampled.measured[:, scored], axis=0)
-        slopes = np.max(np.abs(steps), axis=0, initial=0.0) / e.sampled.step
-        return np.where(angle, 0.0, slopes)
 
     def sizes(self, e: Experiment) -> FloatArray:
         """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).
