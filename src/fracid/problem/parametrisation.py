@@ -223,7 +223,7 @@ class Parametrisation:
             own.append((i, [*kinds].index(u.kind), entries, 0.0, 1.0))
             if u.kind == "order":
                 pots = [k for k, n in model.springpot_orders.items() if self.ties.get(n, n) == u.target]
-                own.append((i, 0, pots, 1.0, -1.0))
+                own += [(i, 0, pots, 1.0, -1.0)] if pots else []
         return {
             e.name: [m for of in dict.fromkeys((None, e.recording.name, e.name)) for m in moves.get(of, ())]
             for e in self.experiments

@@ -365,15 +365,11 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
     """
     try:
-        content = _File.model_validate(_toml(text))
+        return _project(path, text, _File.model_validate(_toml(text)), preset, trust)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not TOML: {_short(_not_toml(error, text))}") from None
     except ValidationError as error:
         raise InputError(f"{path}: {_short(_explain(error))}") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    try:
-        return _project(path, text, content, preset or content.fit.preset, trust)
     except NotTrusted:
         raise
     except InputError as error:
@@ -435,8 +431,8 @@ def _short(message: object) -> str:
 
 
 def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
-    if preset is not None and preset not in PRESETS:
-        raise unknown_name("preset", preset, PRESETS)
+    if (preset := preset or content.fit.preset) is not None:
+        refuse_unknown("preset", PRESETS, preset)
     fit = content.fit.model_copy(update=PRESETS.get(preset or "", {}))
     named = (content.model.name, *(a.model for a in content.alternative), fit.cost)
     own_code = refuse_untrusted(path, named, trust)
@@ -611,8 +607,7 @@ def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
     refuse_unknown(f"field of {name}, which is constant", ("constant", "unit"), *table)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
-    if unit not in UNITS:
-        raise unknown_name(f"unit of {name}", str(unit), tuple(UNITS))
+    refuse_unknown(f"unit of {name}", tuple(UNITS), unit)
     factor, si = UNITS[unit]
     return factor * float(value), si
 

@@ -124,22 +124,14 @@ class Simulator:
 
     def _shown(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray:
         """The outputs at the samples through which the run goes."""
-        model, names, (grid, substeps) = self.parametrisation.model, self.parametrisation.outputs, self._grid(e)
-        if e.times is not None and not e.sensors and not model.derived:
-            return np.column_stack([self._at_samples(x, e, run, n) for n in names])
-        if e.sensors or any(n not in model.output_states for n in names):
-            readings = self.parametrisation.readings(x, e, e.sensors)
-            signals = [self._signal(x, e, run, n) for n in names]
-            return np.column_stack([
-                _read(signal, grid.time, readings.get(n, Reading()), even=e.times is None)
-                for n, signal in zip(names, signals, strict=True)
-            ])  # fmt: skip
-        columns = [model.output_states[n] for n in names]
-        if e.release_time == 0.0:
-            return run.states[::substeps, columns]
-        moving = grid.time >= run.time[0]
-        initial = np.repeat(run.states[:1, columns], np.count_nonzero(~moving), axis=0)
-        return np.vstack([initial, run.at(grid.time[moving])[:, columns]])
+        p, time = self.parametrisation, self._grid(e)[0].time
+        if e.times is not None and not e.sensors and not p.model.derived:
+            return np.column_stack([self._at_samples(x, e, run, n) for n in p.outputs])
+        readings = p.readings(x, e, e.sensors) if e.sensors else {}
+        return np.column_stack([
+            _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None)
+            for n in p.outputs
+        ])  # fmt: skip
 
     def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
         """One output at uneven samples; those before the release have its first value."""
@@ -295,7 +287,7 @@ def _relaxations(memory: FadingState, p: list[float], x: list[float]) -> Relaxat
     return Relaxations(memory.state, shares, tuple(math.exp(p[i]) for i in memory.times), held)
 
 
-EDGE = 8
+EDGE = 9
 """Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""
 
 
