@@ -268,7 +268,7 @@ class _Page:
         """The text, what was guessed, and the columns."""
         text = self.source.text(
             "model.j2", [*zip(self.recordings, self.own, strict=True)], page=self, model=self.model,
-            special=self.special, outputs=self._outputs,
+            special=self.special, outputs=self._outputs, units={_own_unit(self.model, n) for n in self._outputs},
             columns={n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()},
         )  # fmt: skip
         findings = tuple(f"May be wrong: {f}" for r in self.recordings for f in r.report.findings)
@@ -301,8 +301,3 @@ class _Page:
         """Whether samples lie much closer in one quarter of the record than in another."""
         steps = [np.median(part) for part in np.array_split(np.diff(recording.time), 4)]
         return bool(max(steps) > CROWDED * min(steps))
-
-    @property
-    def of_several_units(self) -> bool:
-        """Whether its outputs have different units."""
-        return len({_own_unit(self.model, n) for n in self._outputs}) > 1

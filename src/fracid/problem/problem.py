@@ -83,14 +83,18 @@ class Problem(Parametrisation, CardDisplay):
     """Has what was simulated before, and keeps what will be."""
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
+        """Give the model what is free of it, its channels too, and check that the parts fit together."""
         values = {p.name: p.value for p in self.model.parameters} | dict(self.parameters)
         on = {n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0}
         on |= {n for e in self.experiments for n, v in e.constants.items() if v != 0.0}
-        object.__setattr__(self, "model", self.model.equipped(on))
-        if self.outputs is EVERY:
-            object.__setattr__(self, "outputs", tuple(self.model.outputs))
-        self._add_sensors()
+        model = self.model.equipped(on)
+        outputs = tuple(model.outputs) if self.outputs is EVERY else self.outputs
+        sensors = [table for e in self.experiments for table in (e.sensors, e.actuators)]
+        units = {n: "rad" for n in outputs} | {**model.input_units}
+        units |= {n: u for e in self.experiments for n, u in e.units.items()}
+        model, parameters = with_sensors(model, self.parameters, sensors, units)
+        for name, value in {"model": model, "outputs": outputs, "parameters": parameters}.items():
+            object.__setattr__(self, name, value)
         check_parametrisation(self)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
@@ -102,15 +106,6 @@ class Problem(Parametrisation, CardDisplay):
             ("cost", f"{self.cost_function.name} of {listed(GREEK.get(n, n) for n in self.outputs)}"),
             ("solver", f"{self.method}, memory {self.memory.name}, {self.substeps} steps a sample"),
         ))  # fmt: skip
-
-    def _add_sensors(self) -> None:
-        """Give the model the parameters of the channels whose delay, gain, bias or low-pass is free."""
-        units = {**self.model.input_units, **{n: u for e in self.experiments for n, u in e.units.items()}}
-        units = {n: "rad" for n in self.outputs} | units
-        sensors = [table for e in self.experiments for table in (e.sensors, e.actuators)]
-        model, parameters = with_sensors(self.model, self.parameters, sensors, units)
-        object.__setattr__(self, "model", model)
-        object.__setattr__(self, "parameters", parameters)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle: the fields; what was simulated before, and what is computed once, stay behind."""

@@ -76,7 +76,7 @@ def plain_value(value: Value, at: float | None = None) -> Any:
 
     Examples
     --------
-    >>> plain_value(Free(0.1, 0.0), 0.2), plain_value(2)
+    >>> plain_value(Free(0.1, 0.0, math.inf), 0.2), plain_value(2)
     ({'start': 0.2, 'lower': 0.0}, 2.0)
     """
     if isinstance(value, Tied):
