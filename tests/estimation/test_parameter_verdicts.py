@@ -13,6 +13,7 @@ from fracid.estimation.covariance import uncertainty
 from fracid.estimation.minimum import settled
 from fracid.estimation.parameter_verdicts import _halved, _halved_angles, identifiability
 from fracid.estimation.profile_walk import refit
+from fracid.estimation.records import Estimate
 from fracid.models import Model, Parameter
 from fracid.models.joints import presliding
 from fracid.problem import Experiment, Free, Problem
@@ -30,12 +31,12 @@ def problem(orders=FREE, **options):
 
 def test_the_plane_has_the_cost_at_each_of_its_points_and_the_centre_is_one_of_them():
     p = problem()
-    plane = cost_plane(p, np.array([0.9, 0.95]), points=7, reach=0.12)
+    plane = cost_plane(p, np.array([0.9, 0.95]), points=7)
     assert plane.names == ("lambda", "mu")
     i, j = np.unravel_index(np.argmin(plane.cost), plane.cost.shape)
     assert (plane.first[i], plane.second[j], plane.cost[i, j]) == (0.9, 0.95, 0.0)
     assert plane.cost[1, 5] == p.cost(np.array([plane.first[1], plane.second[5]]))
-    assert (plane.first[0], plane.first[-1]) == (pytest.approx(0.78), pytest.approx(1.02))
+    assert (plane.first[0], plane.first[-1]) == (pytest.approx(0.75), pytest.approx(1.05))
 
 
 @pytest.mark.parametrize("centre", [(0.5, 1.2), (1.2, 0.5), (1.19, 0.51)])
@@ -49,9 +50,12 @@ def test_the_plane_stays_within_the_bounds_and_grows_steadily(centre):
 
 
 def test_each_order_has_its_own_reach_and_the_points_gather_at_the_minimum():
-    plane = cost_plane(problem(), np.array([0.9, 0.95]), points=9, reach=(0.1, 0.02))
-    assert np.ptp(plane.first) == pytest.approx(0.2)
-    assert np.ptp(plane.second) == pytest.approx(0.04)
+    orders = {"lambda": Estimate(0.9, standard_error=0.02), "mu": Estimate(0.95, standard_error=0.004)}
+    plane = cost_plane(
+        problem(), np.array([0.9, 0.95]), points=9, orders=orders
+    )  # of a cost that rises from 0: 3 errors
+    assert np.ptp(plane.first) == pytest.approx(6 * 0.02)
+    assert np.ptp(plane.second) == pytest.approx(6 * 0.004)
     widths = np.diff(plane.first)
     assert widths[3] == widths.min() < 0.5 * widths[0]
 

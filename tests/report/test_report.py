@@ -1124,7 +1124,6 @@ def test_a_recording_that_was_used_whole_is_not_read_again(material):
 
 @pytest.mark.parametrize(("codes", "drawn"), [(("effect",), True), (("no-fit", "decide-model"), False)])
 def test_the_cost_over_the_orders_is_simulated_where_the_model_fits(monkeypatch, codes, drawn):
-    monkeypatch.setattr("fracid.estimation.cost_plane.reaches", lambda *_: 0.1)
     monkeypatch.setattr("fracid.estimation.cost_plane.cost_plane", lambda *_, **__: "a plane")
     fit = SimpleNamespace(problem=SimpleNamespace(order_indices=(0, 1)), x=None, orders={}, cost=1.0,
                           claim_codes=codes)  # fmt: skip

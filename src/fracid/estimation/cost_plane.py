@@ -3,13 +3,13 @@
 A long narrow valley shows two orders that compensate each other; a minimum at the edge shows a bound.  The plane is a
 cut, not a profile: other parameters are not re-estimated, so its valleys are narrower than the intervals.
 
-Each order has its own reach, eight standard errors where it has one (:func:`reaches`), and the points of its axis lie
-closer together near the minimum.  :meth:`CostPlane.refined` draws a smooth surface through them.
+Each order has its own reach, eight standard errors where it has one, and the points of its axis lie closer together
+near the minimum.  :meth:`CostPlane.refined` draws a smooth surface through them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -164,48 +164,28 @@ class CostPlane:
         return draw("cost_plane", self.refined(), **how)
 
 
-def reaches(problem: Problem, x: FloatArray, orders: Mapping[str, Estimate]) -> tuple[float, ...]:
-    """How far a plane reaches in each free order: eight standard errors, or 0.15 where there is none.
-
-    Down to three, where the cost rises tenfold to both sides before: where other values make up for an order its
-    interval is wide, and the cut narrow.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> swing = fracid.Experiment("twin", 2e-3, np.ones((500, 2)), np.zeros((1, 1)))
-    >>> free = fracid.Free(0.9, 0.5, 1.2)
-    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (swing,), {"lambda": free, "mu": free}, initial_state="held")
-    >>> reaches(problem, problem.start, {"lambda": Estimate(0.9, standard_error=0.01), "mu": Estimate(0.9)})
-    (0.08, 0.15)
-    """
-    from fracid.estimation.long_records import as_fitted, part_of  # here: a process that draws a plane needs no solver
-
-    places = [i for i, u in enumerate(problem.unknowns) if u.kind == "order"][:2]
-    near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
-    return tuple(_reach(near, x, i, orders.get(problem.unknowns[i].target)) for i in places)
-
-
 def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:
+    """How far a plane reaches in one order."""
     if e is None or not e.standard_error:
         return WIDE
-    errors, steep = ERRORS, TENFOLD * problem.cost(x)
-    while errors > FEWEST and min(_beside(problem, x, i, sign * errors * e.standard_error) for sign in (-1, 1)) > steep:
+    errors, steep, space = ERRORS, TENFOLD * problem.cost(x), problem.space
+    along = np.eye(len(x))[i] * e.standard_error
+
+    def beside(by: float) -> float:
+        return problem.cost(np.clip(x + by * along, space.lower, space.upper))
+
+    while errors > FEWEST and min(beside(-errors), beside(errors)) > steep:
         errors = max(FEWEST, 0.7 * errors)
     return errors * e.standard_error
 
 
-def _beside(problem: Problem, x: FloatArray, i: int, by: float) -> float:
-    """The cost with one unknown moved, within its bounds."""
-    y, bounds = x.copy(), problem.unknowns[i].range
-    y[i] = min(max(x[i] + by, bounds.lower), bounds.upper)
-    return problem.cost(y)
-
-
 def cost_plane(
-    problem: Problem, x: FloatArray, *, reach: float | Sequence[float] = WIDE, points: int = 15, jobs: int = 1
+    problem: Problem, x: FloatArray, *, orders: Mapping[str, Estimate] | None = None, points: int = 15, jobs: int = 1
 ) -> CostPlane:
     """Evaluate the cost around x over the problem's first two free orders, within their bounds.
+
+    It reaches eight standard errors of each, or 0.15 where there is none.  Down to three, where the cost rises tenfold
+    to both sides before: where other values make up for an order its interval is wide, and the cut narrow.
 
     Of a long record it is that of its first swings (:func:`fracid.estimation.long_records.part_of`).
 
@@ -215,8 +195,8 @@ def cost_plane(
         With at least two free orders.
     x : array, shape (n_unknowns,)
         Where the other unknowns stay.
-    reach : float, or one for each of the two
-        How far from x to go (:func:`reaches`).
+    orders : mapping, optional
+        The estimates of the orders, by name.
     points : int
         Along each order.
 
@@ -238,17 +218,21 @@ def cost_plane(
     >>> plane.names, plane.cost.shape, bool(plane.cost[2, 2] == plane.cost.min())
     (('lambda', 'mu'), (5, 5), True)
     """
-    from fracid.estimation.long_records import as_fitted, on_all_samples, part_of
+    from fracid.estimation.long_records import (  # a process that draws needs no solver
+        as_fitted,
+        on_all_samples,
+        part_of,
+    )
 
     at = list(problem.order_indices[:2])
     if len(at) < 2:
         raise InputError("The plane of the orders needs two free orders.")
-    far = tuple(np.broadcast_to(reach, 2).tolist())
+    near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
+    far = [_reach(near, x, i, (orders or {}).get(problem.unknowns[i].target)) for i in at]
     ranges = [problem.unknowns[i].range for i in at]
     axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, GATHERED)
             for r, i, d in zip(ranges, at, far, strict=True)]  # fmt: skip
     grid = [(a, b) for a in axes[0] for b in axes[1]]
-    near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
 
     def cost(pair: tuple[float, float]) -> float:
         y = x.copy()

@@ -129,10 +129,9 @@ class FitPictures:
         InputError
             If fewer than two orders are free.
         """
-        from fracid.estimation.cost_plane import cost_plane, reaches
+        from fracid.estimation.cost_plane import cost_plane
 
-        reach = reaches(self.problem, self.x, self.orders)
-        plane = cost_plane(self.problem, self.x, reach=reach, points=points, jobs=jobs)
+        plane = cost_plane(self.problem, self.x, orders=self.orders, points=points, jobs=jobs)
         first, second = (float(self.x[self.problem.free_orders[n]]) for n in plane.names)
         return plane.plot(best=(first, second), cost_name=self.problem.cost_function.name, style=style)
 

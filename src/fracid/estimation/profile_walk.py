@@ -50,16 +50,14 @@ class End(StrEnum):
 # --- the refit of what is not held -------------------------------------------------------------------
 
 
-def refit(
-    problem: Problem, x: FloatArray, fixed: Sequence[int] = (), *, tolerance: float = TOLERANCE, budget: int = BUDGET
-) -> Evaluation:
+def refit(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), *, tolerance: float = TOLERANCE) -> Evaluation:
     """Minimise over all unknowns but those held at their values in x, from x, on this thread.
 
     Parameters
     ----------
     fixed : sequence of int
         Their indices.
-    tolerance, budget
+    tolerance : float
         Of :func:`fracid.optimise.least_squares`; a user's own cost takes Nelder and Mead's method.
 
     Returns
@@ -96,7 +94,7 @@ def refit(
     if problem.cost_function.loss is None:
         search = nelder_mead(inner, None)
     else:
-        search = least_squares(inner, None, tolerance=tolerance, budget=budget)
+        search = least_squares(inner, None, tolerance=tolerance, budget=BUDGET)
     best = uninterrupted(minimise(lambda y: replace(problem.evaluate(whole(y)), point=y), search)).best
     return replace(best, point=whole(best.point))
 

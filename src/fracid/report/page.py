@@ -136,11 +136,11 @@ def write_report(
 
 def plane_of(fit: Fit, jobs: int) -> CostPlane | None:
     """The cost over the orders; None where fewer than two are free, and of a model that does not fit."""
-    from fracid.estimation.cost_plane import cost_plane, reaches
+    from fracid.estimation.cost_plane import cost_plane
 
     if len(fit.problem.order_indices) < 2 or not isfinite(fit.cost) or does_not_fit(fit.claim_codes):
         return None
-    return cost_plane(fit.problem, fit.x, reach=reaches(fit.problem, fit.x, fit.orders), jobs=jobs)
+    return cost_plane(fit.problem, fit.x, orders=fit.orders, jobs=jobs)
 
 
 def report_page(material: Material) -> str:
