@@ -39,7 +39,6 @@ from fracid.cards import CardDisplay
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model, model
-from fracid.models.base import Output
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
@@ -291,13 +290,6 @@ class Twin(CardDisplay):
             driven.append(between_samples(read, kind, begin - first, h / self.step, past + steps + 1))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
-    def _output(self, run: Trajectory, h: Output) -> FloatArray:
-        """An output that is no state, at the samples."""
-        u = np.zeros((len(run.time), len(self.model.inputs)))
-        for name, (times, values) in self._inputs.items():
-            u[:, self.model.inputs.index(name)] = np.interp(run.time, times, values)
-        return output_along(h, run.time, run.states, u, self.model.parameter_vector(self.parameters))
-
     def record(
         self, run: Trajectory, *, noise: Mapping[str, float] | None = None, counts: int = 0, seed: int = 0,
         states: bool = False,
@@ -330,17 +322,19 @@ class Twin(CardDisplay):
         if counts < 0 or 0 < counts < 3:
             raise InputError(f"counts = {counts} is not possible; expected counts a turn, e.g. 4096, or 0.")
         rng, resolution = np.random.default_rng(seed), 2 * math.pi / counts if counts else 0.0
+        given, nothing = {n: np.interp(run.time, *v) for n, v in self._inputs.items()}, np.zeros(len(run.time))
+        u = np.array([given.get(n, nothing) for n in self.model.inputs]).reshape(-1, len(run.time)).T
+        p = self.model.parameter_vector(self.parameters)
         units: dict[str, str] = {}
         signals: dict[str, FloatArray] = {}
         for name, y in self.model.outputs.items():
-            clean = run.states[:, y] if isinstance(y, int) else self._output(run, y)
+            clean = run.states[:, y] if isinstance(y, int) else output_along(y, run.time, run.states, u, p)
             units[name] = self.model.output_unit(name)
             turns = name in self.model.output_states and units[name] in ("rad", "1")  # an encoder counts it
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
-        for name, (times, values) in (self.inputs or {}).items():
+        for name in self.inputs or ():
             if name not in self.model.input_rates:
-                signals[name] = np.interp(run.time, times, values)
-                units[name] = self.model.input_unit(name)
+                signals[name], units[name] = given[name], self.model.input_unit(name)
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"
