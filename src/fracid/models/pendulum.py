@@ -183,7 +183,8 @@ def _of_the_file(zero: str) -> Model:
 def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
     """Turn the paper's C2, C5 and I2xx into C6 and J_theta."""
     values = dict(overrides)
-    inertias = {name: _number(name, values.pop(name)) for name in ("C2", "C5", "I2xx") if name in values}
+    given = {name: values.pop(name) for name in ("C2", "C5", "I2xx") if name in values}
+    inertias = {name: Parameter(name, "kg m^2", value, "").value for name, value in given.items()}
     if not inertias:
         return values
     if len(inertias) < 3:
@@ -193,10 +194,6 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
         if not math.isclose(values.get(name, value), value, rel_tol=1e-9):
             raise InputError(f"{name} = {values[name]!r}, but C2, C5 and I2xx make it {value:g}: leave {name} out")
     return {**values, **constants}
-
-
-def _number(name: str, value: float) -> float:
-    return Parameter(name, "kg m^2", value, "").value
 
 
 # --- for reports, figures and exports -----------------------------------------------------------------

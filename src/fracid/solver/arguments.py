@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,9 +30,6 @@ from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS
 from fracid.solver.trajectory import refuse_masked, vector
-
-if TYPE_CHECKING:
-    from fracid.models import Model
 
 SAYS = Words("solver/arguments.toml")
 
@@ -134,17 +131,6 @@ class Options:
         """Refuse a method that is none; numbers are checked by `solve_fde`, since a fit makes these at each run."""
         if self.method not in METHODS:
             raise InputError(f"There is no method {self.method!r}; type one of {', '.join(METHODS)}.")
-
-
-def named_states(model: Model, values: Mapping[str, Any], other: Any) -> FloatArray:
-    """A row for each state from some states' names; `other` for those left out."""
-    for name in values:
-        if name not in model.states:
-            raise InputError(f"There is no state {name!r}; {model.name} has {', '.join(map(repr, model.states))}.")
-    try:
-        return np.array([values.get(name, other) for name in model.states], dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{dict(values)}: expected numbers, of angles in rad: numpy.radians(10).") from None
 
 
 # --- arguments -------------------------------------------------------------------------------------

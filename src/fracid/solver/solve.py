@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.findings import Words
 from fracid.solver.arguments import (
     Equation,
@@ -40,7 +40,6 @@ from fracid.solver.arguments import (
     check_relaxing,
     check_times,
     count_steps,
-    named_states,
     warn_caller,
 )
 from fracid.solver.compilation import address_of
@@ -220,7 +219,8 @@ def simulate(
     orders : mapping or array_like, optional
         By name, ``{"lambda": 0.86, "mu": 0.91}``, or one per state.  An order that is left out is the model's integer.
     initial : mapping or array_like
-        States at the start by name (those left out are 0), ``{"alpha": 0.17}``, or as in :func:`solve_fde`.
+        States at the start by name, or by an output's (those left out are 0), ``{"alpha": 0.17}``, or as in
+        :func:`solve_fde`.
     parameters : mapping, optional
         By name, in place of the model's own values.
     bounds : mapping or array_like, optional
@@ -252,12 +252,15 @@ def simulate(
         orders = _with_integer_orders(model, orders or {})
     if inputs is None:
         inputs = np.zeros((1, len(model.inputs)))
+    if isinstance(bounds, Mapping):
+        refuse_unknown(f"{model.name} state", model.states, *bounds)
+        bounds = [bounds.get(n, (-np.inf, np.inf)) for n in model.states]
     return solve_fde(
         model.rhs,
         model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
-        named_states(model, model.with_followers(initial), 0.0) if isinstance(initial, Mapping) else initial,
+        model.state_vector(initial) if isinstance(initial, Mapping) else initial,
         step=step, end=end, inputs=inputs, parameters=values,
-        bounds=named_states(model, bounds, (-np.inf, np.inf)) if isinstance(bounds, Mapping) else bounds,
+        bounds=bounds,
         relaxing=model.relaxing_states, model=model, **options,
     )  # fmt: skip
 
