@@ -58,7 +58,9 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
     for name, f in results.regressions.items():
         console.print(f"[bold]{escape(name)}[/bold]: {f.estimator}, {f.samples} rows", soft_wrap=True)
         _print_constants(console, f)
-        for heading, text in _lines(results, f):
+        changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
+        start = ", ".join(changes) or "the project's own: nothing that it frees was identified"
+        for heading, text in [*f.lines, *([] if results.problem is None else [("start", start)])]:
             console.print(f"  {heading:9} {escape(text)}", soft_wrap=True)
         warn(console, *filter(None, (f.belief, *f.warnings)))
     for note in results.notes:
@@ -83,23 +85,3 @@ def _print_constants(console: Console, f: Regression) -> None:
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
         names = ", ".join(n for n, text in doubted if text == verdict)
         warn(console, f"{names}: {verdict}")
-
-
-def _lines(results: FinishedRegression, f: Regression) -> list[tuple[str, str]]:
-    """What stands below the table: what is only known together, orders, fit, filter, where a fit would start."""
-    together = [("together", f"{name} = {value:.4g}") for name, value in f.combinations.items()]
-    orders = ", ".join(f"{n} = {v:.4g}{_searched(f, n)}" for n, v in f.orders.items())
-    fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in f.fit_percent.items())
-    lines = [*together, ("orders", orders), ("fit", "; ".join(filter(None, (fit, f.left_over)))),
-             ("low-pass", f"{f.cutoff:.3g} Hz: {f.cutoff_reason}")]  # fmt: skip
-    if results.problem is not None:
-        changes = [f"{n} = {new:.4g} (from {old:.4g})" for n, (old, new) in results.starts(f).items()]
-        lines.append(("start", ", ".join(changes) or "the project's own: nothing that it frees was identified"))
-    return lines
-
-
-def _searched(f: Regression, name: str) -> str:
-    if name not in f.intervals:
-        return " (given)"
-    low, high = f.intervals[name]
-    return f" ({low:.3g} … {high:.3g})" if high - low < float("inf") else " (not seen)"

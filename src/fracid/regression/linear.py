@@ -106,6 +106,13 @@ class SearchedOrder(Block):
     value: float
     interval95: OpenInterval | None
 
+    def __str__(self) -> str:
+        """With its interval, or that it was given, or is not seen."""
+        low, high = self.interval95 or (None, None)
+        if low is None or high is None:
+            return f"{self.value:.4g} (given)"
+        return f"{self.value:.4g} ({low:.3g} … {high:.3g})" if high - low < math.inf else f"{self.value:.4g} (not seen)"
+
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Regression(CardDisplay, Record):
@@ -170,15 +177,24 @@ class Regression(CardDisplay, Record):
 
     def __str__(self) -> str:
         """Return a table of values, errors, bias and verdicts."""
-        rows = [f"{'':16}{'value':>12}{'± 1 s.e.':>11}{'bias':>11}  verdict"]
+        rows = [f"{self.estimator:16}{'value':>12}{'± 1 s.e.':>11}{'bias':>11}  verdict"]
         for name, c in self.parameters.items():
             error, bias = (f"{v:11.2g}" if v is not None else f"{'':11}" for v in (c.standard_error, c.bias))
             rows.append(f"{name:16}{c.value:12.5g}{error}{bias}  {c.verdict}")
-        rows += [f"{name} = {value:.5g}" for name, value in self.combinations.items()]
-        orders = ", ".join(f"{n} = {v:.4g}" for n, v in self.orders.items())
-        rows.append(f"{self.estimator}; {orders}; {self.samples} rows; condition number {self.condition_number:.3g}")
-        rows.append(f"cut-off {self.cutoff:.3g} Hz: {self.cutoff_reason}")
-        return "\n".join([*rows, *filter(None, (self.left_over, self.belief)), *self.warnings])
+        rows += [f"{heading:9} {text}" for heading, text in self.lines]
+        return "\n".join([*rows, *filter(None, [self.belief]), *self.warnings])
+
+    @property
+    def lines(self) -> list[tuple[str, str]]:
+        """What stands below the constants: which are only known together, the orders, how well it fits, the filter."""
+        together = [("together", f"{name} = {value:.4g}") for name, value in self.combinations.items()]
+        fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in self.fit_percent.items())
+        return [
+            *together,
+            ("orders", ", ".join(f"{n} = {order}" for n, order in self.searched.items())),
+            ("fit", "; ".join(filter(None, (fit, self.left_over)))),
+            ("low-pass", f"{self.cutoff:.3g} Hz: {self.cutoff_reason}"),
+        ]
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
