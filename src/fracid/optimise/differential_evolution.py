@@ -16,8 +16,8 @@ from fracid.arrays import FloatArray
 from fracid.errors import at_least
 from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_generator
 
-ROUNDING = 1e-14
-"""Of a range."""
+ROUNDING = 1e-12
+"""Of a range: so far within its bounds a start is, for SciPy's own rounding would put it outside by a last digit."""
 
 
 def differential_evolution(
@@ -53,33 +53,19 @@ def differential_evolution(
     at_least("population", population, 5)
     at_least("generations", generations, 1)
     corners = space.from_unit(np.array([[0.0], [1.0]]) * np.ones(len(space.names)))
+    inside = space.from_unit(np.array([[ROUNDING], [1 - ROUNDING]]) * np.ones(len(space.names)))
 
     def run(evaluate: Ask) -> Outcome:
         def costs(points: FloatArray) -> FloatArray:  # SciPy's vectorised form: shape (n, k)
             return np.array([e.cost for e in evaluate(np.clip(points.T.reshape(-1, len(space.names)), *corners))])
 
         result = scipy_differential_evolution(
-            costs, list(zip(*corners, strict=True)), x0=_within(space.start, *corners), rng=rng, popsize=population,
+            costs, list(zip(*corners, strict=True)), x0=np.clip(space.start, *inside), rng=rng, popsize=population,
             maxiter=generations, tol=tolerance, vectorized=True, updating="deferred", polish=False,
         )  # fmt: skip
         return Outcome.CONVERGED if result.success else Outcome.GENERATIONS_DONE
 
     return as_generator(run)
-
-
-def _within(start: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """The start; from a bound where SciPy's rounding puts it outside by a last digit, a few digits inside.
-
-    Examples
-    --------
-    >>> ends = np.array([0.08]), np.array([0.28])
-    >>> bool(0.08 < _within(ends[0], *ends)[0] < 0.08 + 1e-12)
-    True
-    """
-    width = upper - lower
-    place = (start - 0.5 * (lower + upper)) * (1 / width) + 0.5  # as SciPy has it
-    inside = np.clip(start, lower + ROUNDING * width, upper - ROUNDING * width)
-    return np.asarray(np.where((place < 0) | (place > 1), inside, start))
 
 
 OPTIMISER = Entry(
