@@ -82,7 +82,7 @@ def test_what_lanes_have_not_and_what_is_a_users_own_goes_alone():
     assert lanes.for_lanes(own) is None
     own.__module__ = "fracid.models.pendulum"
     assert lanes.for_lanes(own) is None
-    assert lanes.for_lanes(RIG.rhs) is not None
+    assert lanes.for_lanes(RIG.rhs.py_func) is not None
     assert not solve.go_together(compile_rhs(RIG.rhs), "gl")
 
 
