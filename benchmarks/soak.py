@@ -111,7 +111,7 @@ def fit(folder: Path, kind: str, number: int) -> float | None:
     except fracid.InputError:
         return None
     options = {"generations": 3, "population": 8} if kind in ("genetic", "evolution") else {}
-    with open_run(folder / "run", FitOptions(), inputs=inputs_of(loaded)) as run:
+    with open_run(folder / "run", FitOptions(str(path)), inputs=inputs_of(loaded)) as run:
         found = fracid.identify(loaded, jobs=2, options=options)
         write_result(run.folder, found, loaded, {})
         if number % 10 == 0 and np.isfinite(found.cost):

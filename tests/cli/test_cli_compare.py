@@ -231,7 +231,7 @@ def test_a_fit_is_not_cleared_away(capsys, folder):
     (folder / "run" / "result.json").write_text("{}", encoding="utf-8")
     code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", *QUICK)
     assert code == 2
-    assert "holds a fit; give the comparison a folder of its own" in err
+    assert "holds a fit; give fracid compare a folder of its own" in err
     assert (folder / "run" / "result.json").exists()
 
 

@@ -89,7 +89,7 @@ MISTAKES = {
     "fit rig.toml --multi-start 3 --executor procesess": "There is no executor 'procesess'; type one of threads, proc",
     "compare rig.toml --out study --keep coulomb_thata": "did you mean coulomb_theta",
     "compare rig.toml --out study --executor many": "There is no executor 'many'",
-    "noise runs/rig --out runs/rig": "runs/rig holds a fit; give the study a folder of its own: --out DIR.",
+    "noise runs/rig --out runs/rig": "runs/rig holds a fit; give fracid noise a folder of its own: --out DIR.",
     "fit rig.toml --executor processes": "say how many: --multi-start N.",
 }  # fmt: skip
 """What is typed → what the sentence must hold."""

@@ -158,7 +158,7 @@ def test_what_was_killed_as_it_began_is_nothing_to_go_on_with(tmp_path, monkeypa
     [
         (OPTIONS, {"the recording 'a'": "13"}, r"the recording 'a' has changed since"),
         (OPTIONS, {**INPUTS, "the model file b": "1"}, r"the model file b has changed since"),
-        (FitOptions(seed=4), INPUTS, r"holds another run, with \{'project': 'rig.toml', .*'seed': 3"),
+        (FitOptions("rig.toml", seed=4), INPUTS, r"holds another run, with \{'project': 'rig.toml', .*'seed': 3"),
     ],
 )
 def test_what_has_changed_is_not_gone_on_with(tmp_path, options, inputs, what):
@@ -183,10 +183,8 @@ def test_a_folder_at_work_is_another_processs(tmp_path):
     import subprocess
     import sys
 
-    code = (
-        "import sys, pathlib as p, fracid.runs.folder as r; r.open_run(p.Path(sys.argv[1]), r.FitOptions()).__enter__()"
-    )
-    with open_run(tmp_path / "run", FitOptions()):
+    code = "import sys, fracid.runs.folder as r; r.FolderLock(r.Path(sys.argv[1]))"
+    with open_run(tmp_path / "run", FitOptions("rig.toml")):
         second = subprocess.run(
             [sys.executable, "-c", code, tmp_path / "run"], capture_output=True, text=True, check=False
         )
@@ -226,7 +224,7 @@ def test_all_that_a_run_reads_is_named_its_own_model_and_cost_too(tmp_path):
 
 
 def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
-    with open_run(tmp_path / "run", FitOptions()) as run:
+    with open_run(tmp_path / "run", FitOptions("rig.toml")) as run:
         run.finish()
     figures = tmp_path / "run" / "figures"
     (figures / "journal").mkdir(parents=True)
@@ -234,7 +232,7 @@ def test_a_picture_that_somebody_put_beside_the_runs_own_stays(tmp_path):
     own = ("figure2-swing.png", "figure3-swing-alpha.svg", "journal/cut.pdf", "residuals-a-b.png", "noise.png")
     for name in (*theirs, *own):
         (figures / name).touch()
-    with open_run(tmp_path / "run", FitOptions()):
+    with open_run(tmp_path / "run", FitOptions("rig.toml")):
         there = {path.relative_to(figures).as_posix() for path in figures.rglob("*") if path.is_file()}
     assert there == set(theirs)
 

@@ -287,7 +287,7 @@ def test_what_cannot_be_gone_on_with_is_a_sentence(tmp_path, capsys, make, words
 
 
 def state(folder):
-    (folder / RUN).write_text(json.dumps({"options": {}, "inputs": {}, "finished": False}))
+    (folder / RUN).write_text(json.dumps({"options": {"project": "rig.toml"}, "inputs": {}, "finished": False}))
 
 
 # --- studies -----------------------------------------------------------------------------------------

@@ -218,7 +218,7 @@ def lose_data(folder):
     (spoil_data, "The recording 'release 10°' is not the one that .*run was fitted to; fit it again"),
     (lose_data, "cannot be read as the run read it: .* Put its recordings back, or fit again: fracid fit PROJECT"),
     (lambda f: (f / "run" / "result.json").unlink(), "The fit in .*run was finished, but its result.json cannot be"),
-    (lose_result({"options": {}, "inputs": {}}, "{"), "The fit in .*run is not finished"),
+    (lose_result({"options": {"project": "rig.toml"}, "inputs": {}}, "{"), "The fit in .*run is not finished"),
     (lose_result({}, "[]"), "is no run folder: it has no result.json that can be read"),
     (lose_result([], "{"), "is no run folder: it has no result.json that can be read"),
     (lambda f: (f / "run" / "project.toml").unlink(), "is no run folder: it has no project.toml"),

@@ -24,8 +24,8 @@ import os
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import chdir, contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import chdir
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from math import inf, isfinite
@@ -261,15 +261,17 @@ def typed(*words: object, trust: bool = False) -> str:
     return shlex.join(["fracid", *map(str, words), *["--trust"] * trust])
 
 
-@contextmanager
-def as_typed(words: list[str], where: Path) -> Iterator[None]:
-    """Have a command know these words as those that were typed, in the folder where they were, if it is still there."""
+def type_again(words: Sequence[str], where: Path, known_as: Sequence[str]) -> Any:
+    """Do what the words of a command say, in the folder where they were typed, if it is still there; gives its code.
+
+    The command knows itself as another one: what it leaves for a further resumption.
+    """
     before = sys.argv[1:]
-    sys.argv[1:] = words
+    sys.argv[1:] = known_as
     ignore_settings(where)
     try:
         with chdir(where if where.is_dir() else os.curdir):
-            yield
+            return app(args=[*words], prog_name="fracid", standalone_mode=False)
     finally:
         sys.argv[1:] = before
 

@@ -217,7 +217,7 @@ def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] 
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
-    _print_signals(console, report, dict.fromkeys(_doubted(recording), 1.0) | {
+    print_signals(console, report, dict.fromkeys(_doubted(recording), 1.0) | {
         f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"
     })  # fmt: skip
     print_sketches(console, recording)
@@ -228,7 +228,7 @@ def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] 
     console.print(f"figure: {escape(str(figure))}" if figure else "[dim]figure: add --out DIR[/dim]", soft_wrap=True)
 
 
-def _print_signals(console: Console, report: Report, factors: Mapping[str, float]) -> None:
+def print_signals(console: Console, report: Report, factors: Mapping[str, float]) -> None:
     """A table; where the terminal is too narrow for one, a line each."""
     from rich.markup import escape
 

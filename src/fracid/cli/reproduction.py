@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import How, app, as_typed, command, print_table
+from fracid.cli.app import How, command, print_table, type_again
 from fracid.safety.text import cut
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ def reproduce(run: Path, how: How) -> None:
 
 def _typed_again(words: list[str], where: Path) -> None:
     """Do what the words say, in the folder where they were typed, and print nothing."""
-    with as_typed(words, where), redirect_stdout(io.StringIO()):
-        app(args=words, prog_name="fracid", standalone_mode=False)
+    with redirect_stdout(io.StringIO()):
+        type_again(words, where, words)
 
 
 # ------------------------------------------------------------------ as text

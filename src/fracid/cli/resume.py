@@ -11,7 +11,7 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import How, app, as_typed, command
+from fracid.cli.app import How, command, type_again
 from fracid.cli.fit import tell_fit, watched
 from fracid.safety.text import printable
 
@@ -47,6 +47,5 @@ def _typed_again(folder: Path, how: How) -> None:
     again = safe_words(folder, words, how.executor or how.scheduler, how.trust)
     options = {"out": folder.resolve(), "jobs": how.jobs, "json": how.json_, "executor": how.executor,
                "scheduler": how.scheduler, "trust": how.trust}  # fmt: skip
-    with as_typed(words, where):  # a second resumption types the same
-        if code := app(args=[*again, *words_of(options)], prog_name="fracid", standalone_mode=False):
-            raise typer.Exit(code)
+    if code := type_again([*again, *words_of(options)], where, words):  # a second resumption types the same
+        raise typer.Exit(code)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from functools import partial
-from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import How, assigned, command, each_once, print_table, say_next, typed
+from fracid.cli.app import How, assigned, command, each_once, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
 
@@ -135,7 +134,7 @@ def _noise(texts: list[str] | None, twin: Twin) -> dict[str, float]:
 def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     from rich.markup import escape
 
-    from fracid.cli.check import print_sketches
+    from fracid.cli.check import print_signals, print_sketches
 
     twin, run, data, files = simulated.twin, simulated.run, simulated.recording, simulated.files
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
@@ -146,13 +145,7 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
         f"{data.time[-1]:g} s: {run.outcome.value}",
         soft_wrap=True,
     )
-    rows = []
-    for name, x in data.signals.items():
-        angle = data.units[name] == "rad"
-        values = [degrees(v) if angle else v for v in (x.min(), x.max(), x[-1])]
-        unit = "°" if angle else "" if data.units[name] == "1" else f" {data.units[name]}"
-        rows.append((name, *(f"{v:.4g}{unit}" for v in values)))
-    print_table(console, ("signal", "least", "greatest", "at the end"), rows, fold=("signal",))
+    print_signals(console, data.report, {})
     print_sketches(console, data)
     kinds = {".json": "truth", ".png": "figure", ".svg": ""}
     for path in files:

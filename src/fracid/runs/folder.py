@@ -144,7 +144,7 @@ def open_run(
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, FitOptions(seed=3)) as run:
+    >>> with open_run(folder, FitOptions("rig.toml", seed=3)) as run:
     ...     run.finish()
     >>> run_state(folder).finished
     True
@@ -197,9 +197,9 @@ def cut_short(folder: Path, options: FitOptions, inputs: Mapping[str, str]) -> b
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, FitOptions(seed=3)):
+    >>> with open_run(folder, FitOptions("rig.toml", seed=3)):
     ...     pass
-    >>> cut_short(folder, FitOptions(seed=3), {}), cut_short(folder, FitOptions(seed=4), {})
+    >>> cut_short(folder, FitOptions("rig.toml", seed=3), {}), cut_short(folder, FitOptions("rig.toml", seed=4), {})
     (True, False)
     """
     now = RunState(options, dict(inputs))
@@ -360,7 +360,7 @@ def discard(folder: Path) -> None:
     --------
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp()) / "rig"
-    >>> with open_run(folder, FitOptions()):
+    >>> with open_run(folder, FitOptions("rig.toml")):
     ...     pass
     >>> discard(folder)
     >>> folder.exists()

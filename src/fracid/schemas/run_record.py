@@ -14,7 +14,7 @@ from fracid.safety.schema import Block, Record
 class FitOptions(Record):
     """The options of a fit, in its run.json."""
 
-    project: str = ""
+    project: str
     preset: str | None = None
     optimiser: str | None = None
     seed: int | None = None

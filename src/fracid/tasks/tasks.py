@@ -30,6 +30,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from fracid.errors import InputError, Unfinished, at_least
 from fracid.tasks.cluster import on_cluster
@@ -66,16 +67,56 @@ class Part:
         return f"{self.done(count):,} of {self.total or tasks:,} {self.what}"
 
 
-def run_tasks(
-    work: Work,
-    tasks: Sequence[Task],
-    *,
-    executor: str = "threads",
-    jobs: int = 1,
-    journal: Journal | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    part: Part = Part(),
-) -> dict[str, Json]:
+@dataclass(frozen=True)
+class Execution:
+    """How a study's repetitions run.
+
+    Examples
+    --------
+    >>> import math
+    >>> Execution(jobs=2).run(math.hypot, [Task("3, 4", (3.0, 4.0))])
+    {'3, 4': 5.0}
+    """
+
+    executor: str = "threads"
+    """Where: see the module's table."""
+    jobs: int = 1
+    """Threads or processes; a cluster has its own."""
+    journal: Journal | None = None
+    """Results of before, and the place of new ones."""
+    progress: Callable[[Progress], None] | None = None
+    """Called at the beginning and after each repetition."""
+    part: Part = Part()
+    """What the tasks are counted as."""
+
+    def run(self, work: Work, tasks: Sequence[Task]) -> dict[str, Json]:
+        """Do every task that the journal has not yet; as :func:`run_tasks`."""
+        run, journal = executor_from_name(self.executor), self.journal
+        _check(work, tasks, self.executor)
+        at_least("jobs", self.jobs, 1)
+        results = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
+        backlog = [t for t in tasks if t.key not in results]
+        earlier, began = len(results), time.perf_counter()
+
+        def tell() -> None:
+            if self.progress is not None:
+                self.progress(Progress(len(results), len(tasks), earlier, time.perf_counter() - began))
+
+        tell()
+        if backlog:
+            try:
+                for task, outcome in run(work, backlog, self.jobs):
+                    results[task.key] = json.loads(outcome.text)
+                    if journal is not None:
+                        journal.append(task.key, results[task.key], outcome.seconds)
+                    tell()
+            except (KeyboardInterrupt, Stopped) as end:
+                why = end if isinstance(end, Stopped) else "Interrupted."
+                raise Unfinished(f"{why} {_kept(self.part, len(results), len(tasks), journal)}") from end.__cause__
+        return {t.key: results[t.key] for t in tasks}
+
+
+def run_tasks(work: Work, tasks: Sequence[Task], **how: Any) -> dict[str, Json]:
     """Do every task that the journal has not yet.
 
     Parameters
@@ -84,14 +125,14 @@ def run_tasks(
         A function of a module.  It returns plain values: dict, list, str, float, None, no NaN.
     tasks : sequence of Task
     executor : str
-        See the module's table.
+        See the module's table; ``threads`` if left out.
     jobs : int
-        Threads or processes; a cluster has its own.
+        Threads or processes, one if left out; a cluster has its own.
     journal : Journal, optional
         Has what was done before, and gets each result as it ends.
     progress : function (Progress) -> None, optional
         Called at the beginning and after each.
-    part : Part
+    part : Part, optional
         What the tasks are counted as.
 
     Returns
@@ -113,56 +154,7 @@ def run_tasks(
     >>> run_tasks(math.hypot, [Task("3, 4", (3.0, 4.0)), Task("5, 12", (5.0, 12.0))], jobs=2)
     {'3, 4': 5.0, '5, 12': 13.0}
     """
-    run = executor_from_name(executor)
-    _check(work, tasks, executor)
-    at_least("jobs", jobs, 1)
-    results = {t.key: journal.done[t.key] for t in tasks if journal is not None and t.key in journal.done}
-    backlog = [t for t in tasks if t.key not in results]
-    earlier, began = len(results), time.perf_counter()
-
-    def tell() -> None:
-        if progress is not None:
-            progress(Progress(len(results), len(tasks), earlier, time.perf_counter() - began))
-
-    tell()
-    if backlog:
-        try:
-            for task, outcome in run(work, backlog, jobs):
-                results[task.key] = json.loads(outcome.text)
-                if journal is not None:
-                    journal.append(task.key, results[task.key], outcome.seconds)
-                tell()
-        except (KeyboardInterrupt, Stopped) as end:
-            why = end if isinstance(end, Stopped) else "Interrupted."
-            raise Unfinished(f"{why} {_kept(part, len(results), len(tasks), journal)}") from end.__cause__
-    return {t.key: results[t.key] for t in tasks}
-
-
-@dataclass(frozen=True)
-class Execution:
-    """How a study's repetitions run: the options of :func:`run_tasks`, passed on as one.
-
-    Examples
-    --------
-    >>> import math
-    >>> Execution(jobs=2).run(math.hypot, [Task("3, 4", (3.0, 4.0))])
-    {'3, 4': 5.0}
-    """
-
-    executor: str = "threads"
-    """Where: see the module's table."""
-    jobs: int = 1
-    """Threads or processes; a cluster has its own."""
-    journal: Journal | None = None
-    """Results of before, and the place of new ones."""
-    progress: Callable[[Progress], None] | None = None
-    """Called at the beginning and after each repetition."""
-    part: Part = Part()
-    """What the tasks are counted as."""
-
-    def run(self, work: Work, tasks: Sequence[Task]) -> dict[str, Json]:
-        """Do the tasks; as :func:`run_tasks`."""
-        return run_tasks(work, tasks, **vars(self))
+    return Execution(**how).run(work, tasks)
 
 
 def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:

@@ -253,7 +253,7 @@ def _fault(project: Project, options: Mapping[str, Any]) -> Callable[[str, Any],
 def _begin(folder: Path, study: Mapping[str, Any], command: Sequence[str]) -> None:
     """Make the folder, or go on in it; a comparison that is finished gives way to another one."""
     journal, result = folder / JOURNAL, folder / FinishedComparison.FILE
-    refuse_fit(folder, "the comparison")
+    refuse_fit(folder, "compare")
     if result.exists() and journal.exists() and header_of(journal) != study:
         with FolderLock(folder):
             result.unlink()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -97,7 +96,9 @@ def run_profiles(
     with one_blas_thread():
         fitted, x = _fitted(source, seed, jobs, trust, watching)
     watching.stage("profiles")
-    with one_blas_thread(), _remembered(folder) as memo:
+    with writing(str(folder)):
+        folder.mkdir(parents=True, exist_ok=True)
+    with one_blas_thread(), FolderLock(folder), Memo(folder / MEMO) as memo:
         problem = as_fitted(replace(fitted, memo=memo), x)
         if is_coarse(problem):
             watching.notice(_note(problem))
@@ -142,15 +143,6 @@ def _on_every_sample(likelihood: Profiles, fitted: Problem) -> Profiles:
     notes = (*likelihood.notes, _note(likelihood.problem))
     at_best = CostAtBest(name=likelihood.at_best.name, value=there)
     return replace(likelihood, problem=fitted, at_best=at_best, profiles=own, notes=notes)
-
-
-@contextmanager
-def _remembered(folder: Path) -> Iterator[Memo]:
-    """What was simulated, in the folder until all is written: what was killed goes on when it is typed again."""
-    with writing(str(folder)):
-        folder.mkdir(parents=True, exist_ok=True)
-    with FolderLock(folder), Memo(folder / MEMO) as memo:
-        yield memo
 
 
 def _fitted(source: Path, seed: int, jobs: int, trust: bool, observer: Observer) -> tuple[Problem, FloatArray]:

@@ -10,8 +10,8 @@ Two kinds of run can be resumed.
 A run folder may come from a stranger, and may say anything.  So neither the permission to run code of a project's own,
 nor the address of a scheduler, whose answers are unpickled, is taken from there: the caller says them.
 
-To make a new study resumable name its command in :data:`STUDIES` and give it a journal in the folder that
-:func:`fracid.runs.folder.open_folder` made: that is all.
+To make a new study resumable name its command in :data:`fracid.safety.paths.STUDIES` and give it a journal in the
+folder that :func:`fracid.runs.folder.open_folder` made: that is all.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from fracid.errors import InputError, NotTrusted
 from fracid.findings import Words
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.runs.saved import SavedRun
-from fracid.safety.paths import refuse_mistaken
+from fracid.safety.paths import STUDIES, refuse_mistaken
 from fracid.safety.schema import read_as
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.tasks.folder_lock import refuse_links
@@ -32,9 +32,6 @@ from fracid.tasks.progress import Observer
 from fracid.workflows.fit import FinishedRun, run
 
 SAYS = Words("workflows/resumption.toml")
-
-STUDIES = ("compare", "noise", "posterior", "control")
-"""The commands that are typed again."""
 
 ADDRESS = "://"
 """In every address of a scheduler."""
@@ -183,8 +180,8 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
     >>> safe_words(Path("runs/a"), ["compare", "rig.toml", "--trust"], None, False)
     ['compare', 'rig.toml']
     """
-    if words[:1] not in ([name] for name in STUDIES):
-        raise InputError(f"{folder} holds no study that can be typed again; those are {' and '.join(STUDIES)}.")
+    if shlex.join(["fracid", *words[:1]]) not in STUDIES.values():
+        raise InputError(f"{folder} holds no study that can be typed again; those are {', '.join(STUDIES.values())}.")
     if any(".py:" in word for word in words) and not trust:
         raise NotTrusted(SAYS("own-code", folder=folder, words=shlex.join(["fracid", *words])))
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:

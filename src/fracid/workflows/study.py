@@ -26,9 +26,6 @@ from fracid.tasks.progress import SILENT, Observer
 from fracid.workflows.figures import Pictures, saved
 from fracid.workflows.records import json_document, write_files
 
-CALLED = {"noise": "study", "control": "controller"}
-"""Kind of a study → what it is called where a folder is refused; its kind if left out."""
-
 
 @dataclass(frozen=True, repr=False)
 class Written(CardDisplay):
@@ -113,7 +110,7 @@ def header_of(journal: Path) -> dict[str, Any]:
     return next((dict(line["study"]) for line in lines_of(journal, StudyLine)), {})
 
 
-def refuse_fit(folder: Path, what: str) -> None:
+def refuse_fit(folder: Path, command: str) -> None:
     """Refuse a folder with a fit, whose result would be lost.
 
     Raises
@@ -122,10 +119,10 @@ def refuse_fit(folder: Path, what: str) -> None:
 
     Examples
     --------
-    >>> refuse_fit(Path("nowhere/rig"), "the study")
+    >>> refuse_fit(Path("nowhere/rig"), "noise")
     """
     if (folder / "result.json").exists():
-        raise InputError(f"{folder} holds a fit; give {what} a folder of its own: --out DIR.")
+        raise InputError(f"{folder} holds a fit; give fracid {command} a folder of its own: --out DIR.")
 
 
 def study_of(kind: str, project: Project, **settings: Any) -> dict[str, Any]:
@@ -155,7 +152,7 @@ def journal_of(
         With which the folder is made; it is there, if left out.
     """
     if command is not None:
-        refuse_fit(folder, f"the {CALLED.get(study['kind'], study['kind'])}")
+        refuse_fit(folder, study["kind"])
         open_folder(folder, command)
     with Journal(folder / JOURNAL, study, fault) as journal, observer.progress(counted) as tell:
         for note in journal.notes:
