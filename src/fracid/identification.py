@@ -231,7 +231,8 @@ def identify(
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
         asked = _Asked(problem, window, entry, seed, starts, alternatives or {}, fixed_step, tuple(seen), validation,
                        whole if cut else None, jobs, watching)  # fmt: skip
-        found = _Findings(asked, work, result.best, result.outcome, attempts, watch.work, checked, seen=[*seen])
+        allowed = max(TIMES * watch.work, LEAST)
+        found = _Findings(asked, work, result.best, result.outcome, attempts, allowed, checked, seen=[*seen])
         if not result.interrupted:
             found.examine(begin)
         found.problem.last_derivatives.clear()  # some hundred megabytes
@@ -315,8 +316,8 @@ class _Findings:
     best: Evaluation
     outcome: Outcome
     starts: tuple[Start, ...]
-    work: int
-    """Of the search."""
+    allowed: float
+    """The work of a stage after the search, at most."""
     check: Discretisation | None
     seen: list[Finding]
     known: Uncertainty | Failure = INTERRUPTED
@@ -345,11 +346,6 @@ class _Findings:
     def substeps(self) -> int:
         """Steps of a coarser sample, of long records, that are those of the fit."""
         return own_substeps(self.problem, self.asked.problem.substeps)
-
-    @property
-    def allowed(self) -> float:
-        """The work of a stage after the search, at most."""
-        return max(TIMES * self.work, LEAST)
 
     def examine(self, begin: Callable[[str, str], None]) -> None:
         """Take the steps after the search, each told, from the first again where one of them sees a lower minimum."""

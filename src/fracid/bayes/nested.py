@@ -73,9 +73,25 @@ def nested_sample(
     at_least("draws", draws, 1)
     if execution.executor != "threads":
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
-    batches = _Batches(likelihood, f"nested, {draws} draws, seed {seed}", execution)
+    try:
+        from nautilus import Sampler
+    except ImportError:
+        raise InputError(SAYS("no-nautilus")) from None
+    batches, n = _Batches(likelihood, f"nested, {draws} draws, seed {seed}", execution), len(prior.lower)
+
+    def from_unit(u: FloatArray) -> FloatArray:  # nautilus wants two dimensions: a single parameter has an idle one
+        return np.concatenate([prior.from_unit(u[..., :n]), u[..., n:]], axis=-1)
+
+    sampler: Any = Sampler(from_unit, lambda x: batches(x[:, :n]), n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
+                           n_networks=NETWORKS, vectorized=True, pass_dict=False, seed=seed)  # fmt: skip
     with one_blas_thread():  # sums split over threads round differently
-        return _by_nautilus(batches, prior, draws, seed)
+        sampler.run(f_live=REMAINDER, n_eff=draws, verbose=False)
+        points, log_weights, _ = sampler.posterior()
+    log_weights = log_weights - np.logaddexp.reduce(log_weights)
+    some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
+    kept = log_weights[some]
+    return WeightedDraws(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
+                         1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
 
 
 class _Batches:
@@ -95,28 +111,3 @@ class _Batches:
         if self.progress is not None:
             self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))
         return np.maximum(values, NOTHING)
-
-
-def _by_nautilus(batches: _Batches, prior: BoxPrior, draws: int, seed: int) -> WeightedDraws:
-    try:
-        from nautilus import Sampler
-    except ImportError:
-        raise InputError(SAYS("no-nautilus")) from None
-    n = len(prior.lower)
-    inflated, one = _at_least_two(prior.from_unit, batches, n)
-    sampler: Any = Sampler(inflated, one, n_dim=max(n, 2), n_live=LIVE, n_batch=BATCH,
-                           n_networks=NETWORKS, vectorized=True, pass_dict=False, seed=seed)  # fmt: skip
-    sampler.run(f_live=REMAINDER, n_eff=draws, verbose=False)
-    points, log_weights, _ = sampler.posterior()
-    log_weights = log_weights - np.logaddexp.reduce(log_weights)
-    some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
-    kept = log_weights[some]
-    return WeightedDraws(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
-                         1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
-
-
-def _at_least_two(from_unit: Any, batches: _Batches, n: int) -> tuple[Any, Any]:
-    """Nautilus wants two dimensions: a single parameter gets an idle one beside it."""
-    if n > 1:
-        return from_unit, batches
-    return (lambda u: np.concatenate([from_unit(u[..., :1]), u[..., 1:]], axis=-1)), (lambda x: batches(x[:, :1]))

@@ -424,8 +424,7 @@ def _joint(
     rises = np.array(in_threads(jobs, rise, grid)).reshape(len(axes[0]), len(axes[1]))
     c = shape.covariance[np.ix_(at, at)]
     correlation = c[0, 1] / math.sqrt(c[0, 0] * c[1, 1]) if c[0, 0] > 0 and c[1, 1] > 0 else math.nan
-    first, second = (surface.problem.unknowns[i] for i in pair)
-    names, units = (first.name, second.name), (first.unit, second.unit)
+    names, units = zip(*((u.name, u.unit) for u in (surface.problem.unknowns[i] for i in pair)), strict=True)
     best = (float(top[pair[0]]), float(top[pair[1]]))
     return JointProfile(names=names, units=units, best=best, first=axes[0], second=axes[1], rise=rises,
                         correlation=float(correlation))  # fmt: skip

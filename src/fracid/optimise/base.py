@@ -22,6 +22,7 @@ import math
 import queue
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -217,9 +218,8 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
         """Open the file, at its end if it is there; a line that was cut off in writing is removed."""
         self._path, self._count = Path(path), 0
         try:
-            before, last, end = 0, b"", 0
-            for before, (last, end) in enumerate(whole_lines(self._path), 1):  # noqa: B007  (the last one's)
-                pass
+            lines = deque(enumerate(whole_lines(self._path), 1), maxlen=1)
+            before, (last, end) = lines[0] if lines else (0, (b"", 0))
             self._file, self._end = appended(self._path), end
             self.torn = self._path.stat().st_size > end
             self._file.truncate(end)

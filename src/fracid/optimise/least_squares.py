@@ -140,12 +140,10 @@ def _rows(
     for first in range(0, len(base), BLOCK):
         at = slice(first, first + BLOCK)
         r = base[at]
-        rows = [None if e.residuals is None else e.residuals[at] / unit for e in batch]
-        h = [(e.point - x)[i] for i, e in zip(columns, batch, strict=True)]
         J = np.zeros((len(r), len(x)))
-        for i, s, step in zip(columns, rows, h, strict=True):
-            if s is not None:
-                J[:, i] = (s - r) / step
+        for i, e in zip(columns, batch, strict=True):
+            if e.residuals is not None:
+                J[:, i] = (e.residuals[at] / unit - r) / (e.point - x)[i]
         yield np.column_stack([r, J])
 
 
