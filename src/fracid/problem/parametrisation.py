@@ -293,7 +293,7 @@ class Parametrisation:
             i, unit = self.model.output_states.get(name, -1), e.units.get(name, "rad")
             if i >= 0 and self.initial_state in ("estimate", "rest"):
                 reach[i] = 0.2 * size, unit
-            if i in self.rates and self.initial_state == "estimate":
+            if self.initial_state == "estimate" and i in self.rates:
                 j, steps = self.rates[i], np.abs(np.diff(e.sampled.measured[:, k]))
                 fastest = 0.0 if unit == "rad" else float(np.max(steps, initial=0.0)) / e.sampled.step
                 reach[j] = max(3.0 * size + abs(guess[j]), fastest), f"{unit}/s"
