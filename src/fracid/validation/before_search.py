@@ -38,8 +38,7 @@ and of the minimum :func:`after` asks
                     twice the geometric mean of noise and motion
 ==================  ==============================================================================================
 
-What a check needs of recordings and model is laid out first (:class:`Hanging`,
-:class:`fracid.validation.reversed_signs.Reversal`); a check then reads numbers, and yields findings.
+A check reads the numbers of recordings and model, and yields findings.
 
 Nothing is repaired in silence: a finding says what to type.  Another fault explains a recording as well as the one
 that is named, now and then, so each says "may".
@@ -49,7 +48,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -124,11 +123,10 @@ def before(
     recordings, reports = (*problem.experiments, *validation), reports or {}
     samples = [f for e in recordings for f in _sample_findings(problem, e, reports.get(e.name))]
     findings = [f for f in samples if f.code != "counted-backwards"]  # the model itself tells a wrong sign
-    hanging = _hanging(problem)
     in_its_unit = not any(f.code in ("degrees-as-radians", "radians-as-degrees") for f in findings)
     if in_its_unit:  # else all that follows from it would be said too
-        findings += [f for e in problem.experiments for f in _wrong_zero(problem, e, hanging)]
-        findings += [f for e in recordings for f in _tilted_axis(problem, e, hanging)]
+        findings += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
+        findings += [f for e in recordings for f in _tilted_axis(problem, e)]
     findings += _worst(f for e in problem.experiments for f in _long_steps(problem, e))
     if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
         findings += wrong_sign(reversals(problem, jobs))
@@ -155,38 +153,6 @@ def _is_angle(problem: Problem, signal: str) -> bool:
 
 
 # --- what the model does along a recording, and where it stays ---------------------------------------------
-
-
-@dataclass(frozen=True)
-class Hanging:
-    """Where the model says that its pendulum hangs."""
-
-    pendulum: str
-    """The angle."""
-    parameter: str
-    """The name of its rest."""
-    zero: str
-    """``hanging`` or ``upright``."""
-    rest: float
-    """The parameter's start [rad]."""
-    reach: float
-    """How far it may go from there [rad]."""
-
-    def off(self, angle: float) -> float:
-        """How far an angle is from hanging [rad]."""
-        return math.remainder(angle - self.rest - (math.pi if self.zero == "upright" else 0.0), 2 * math.pi)
-
-
-def _hanging(problem: Problem) -> Hanging | None:
-    """None where the model has no pendulum, or one whose rest is no parameter."""
-    pendulum = problem.model.pendulum
-    rest = problem.model.rest_of(pendulum)
-    if not rest:
-        return None
-    own, start, reach = problem.parameters.get(rest), problem.model.parameter(rest).value, 0.0
-    if isinstance(own, Free):
-        start, reach = own.start, max(own.upper - own.start, own.start - own.lower)
-    return Hanging(pendulum, rest, problem.model.zero, start, reach)
 
 
 def _growth(problem: Problem, e: Experiment, posture: Mapping[str, float]) -> float:
@@ -225,42 +191,46 @@ def _measured_states(problem: Problem, e: Experiment) -> Iterator[tuple[float, F
 # --- the checks ------------------------------------------------------------------------------------------
 
 
-def _wrong_zero(problem: Problem, e: Experiment, hanging: Hanging | None) -> Iterator[Finding]:
+def _wrong_zero(problem: Problem, e: Experiment) -> Iterator[Finding]:
     """Where the recording stays, does the model?"""
     ends = {} if _driven(e) else {o: final_value(y) for o, y in zip(problem.outputs, e.measured.T, strict=True)}
     posture = {o: value for o, value in ends.items() if value is not None}
     growth, swing = _growth(problem, e, posture), min(swing_period(e.most_moved), len(e.measured)) * e.step
     falls = growth * swing > 1  # the model, put there, has left within a swing
-    if hanging is not None and hanging.pendulum in posture:
-        yield from _off_hanging(f"{e.name}: {hanging.pendulum}", posture[hanging.pendulum], falls, hanging)
+    pendulum = problem.model.pendulum
+    if problem.model.rest_of(pendulum) and pendulum in posture:
+        yield from _off_hanging(problem, f"{e.name}: {pendulum}", posture[pendulum], falls)
     elif posture and falls:
         yield SAYS.finding("falls", e.name, growth, 0.0, seconds=1 / growth)
 
 
-def _off_hanging(where: str, angle: float, falls: bool, hanging: Hanging) -> Iterator[Finding]:
-    off, pendulum = hanging.off(angle), hanging.pendulum
+def _off_hanging(problem: Problem, where: str, angle: float, falls: bool) -> Iterator[Finding]:
+    """How far is an angle from where the model says that its pendulum hangs, or may be found to?"""
+    model = problem.model
+    rest = model.rest_of(model.pendulum)
+    own, at = problem.parameters.get(rest), problem.parameter_starts.get(rest, model.parameter(rest).value)
+    reach = max(own.upper - own.start, own.start - own.lower) if isinstance(own, Free) else 0.0
+    off = math.remainder(angle - at - (math.pi if model.zero == "upright" else 0.0), 2 * math.pi)
     stays, away = f"it stays at {math.degrees(angle):.1f}°", abs(math.degrees(off))
     if falls and abs(off) > math.pi / 2:
-        other = "hanging" if hanging.zero == "upright" else "upright"
-        yield SAYS.finding("upside-down", where, away, 90.0, stays=stays, hanging=hanging, pendulum=pendulum,
-                           other=other)  # fmt: skip
-    elif abs(off) > OFFSET + hanging.reach:
-        yield SAYS.finding("off-zero", where, away, math.degrees(OFFSET + hanging.reach), stays=stays,
-                           pendulum=pendulum, hanging=hanging)  # fmt: skip
+        other = "hanging" if model.zero == "upright" else "upright"
+        yield SAYS.finding("upside-down", where, away, 90.0, stays=stays, model=model, other=other)
+    elif abs(off) > OFFSET + reach:
+        yield SAYS.finding("off-zero", where, away, math.degrees(OFFSET + reach), stays=stays, model=model, rest=rest)
 
 
-def _tilted_axis(problem: Problem, e: Experiment, hanging: Hanging | None) -> Iterator[Finding]:
+def _tilted_axis(problem: Problem, e: Experiment) -> Iterator[Finding]:
     """Where the arm has turned, does the pendulum hang as before?"""
     tilts = {n: k.joint for n, k in problem.model.friction.items() if k.rung == "tilt"}
     level = all(problem.parameters.get(n, problem.model.parameter(n).value) == 0.0 for n in tilts)
-    joint = next(iter(tilts.values()), "")
-    if hanging is None or not level or not {joint, hanging.pendulum} <= set(problem.outputs):
+    joint, pendulum = next(iter(tilts.values()), ""), problem.model.pendulum
+    if not problem.model.rest_of(pendulum) or not level or not {joint, pendulum} <= set(problem.outputs):
         return
-    both = [e.measured[:, problem.outputs.index(n)] for n in (joint, hanging.pendulum)]
+    both = [e.measured[:, problem.outputs.index(n)] for n in (joint, pendulum)]
     rests = [(_before_the_input(e, y), rest if at_rest else None) for y in both for rest, _, at_rest in (tail(y),)]
     turned, moved = (math.nan if a is None or b is None else math.degrees(b - a) for a, b in rests)
     if abs(turned) > math.degrees(TURNED) and abs(moved) > math.degrees(MOVED_REST):
-        yield SAYS.finding("tilted-axis", f"{e.name}: {hanging.pendulum}", abs(moved), math.degrees(MOVED_REST),
+        yield SAYS.finding("tilted-axis", f"{e.name}: {pendulum}", abs(moved), math.degrees(MOVED_REST),
                            moved=moved, joint=joint, turned=turned, tilts=' and '.join(tilts))  # fmt: skip
 
 
