@@ -66,7 +66,7 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import STEPS_A_PERIOD, linearised, modes, step_gain, steps_a_period, too_long
 from fracid.validation.misfits import cost_of
-from fracid.validation.reversed_signs import reversals, wrong_sign
+from fracid.validation.reversed_signs import wrong_sign
 
 SAYS = Words("validation/before_search.toml")
 
@@ -129,7 +129,7 @@ def before(
         findings += [f for e in recordings for f in _tilted_axis(problem, e)]
     findings += _worst(f for e in problem.experiments for f in _long_steps(problem, e))
     if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
-        findings += wrong_sign(reversals(problem, jobs))
+        findings += wrong_sign(problem, jobs)
     return tuple(findings)
 
 

@@ -8,8 +8,8 @@ angles reversed is the same as the other reversed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,21 +44,10 @@ BETTER = 0.5
 """A sign that leaves less than this part of what the given one does is named."""
 
 
-@dataclass(frozen=True)
-class Reversal:
-    """A recording whose two swings are explained with another sign, and not as given."""
-
-    recording: str
-    angles: tuple[str, ...]
-    """Of which either, reversed, explains them."""
-    given: float
-    """Part of the motion that is left over as given."""
-    turned: float
-    """The residual with the best of them reversed."""
-
-
-def reversals(problem: Problem, jobs: int) -> list[Reversal]:
+def wrong_sign(problem: Problem, jobs: int) -> Iterator[Finding]:
     """Turn each angle round, in each recording by itself, for each has signs of its own.
+
+    One finding for all recordings with the same angle reversed, with the numbers of the clearest.
 
     Examples
     --------
@@ -67,28 +56,17 @@ def reversals(problem: Problem, jobs: int) -> list[Reversal]:
     >>> rig = fracid.rotary_pendulum("srv02-rotpen")
     >>> run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": 0.6}, step=4e-3, end=3.0)
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]] * [1.0, -1.0], np.zeros((1, 1)))
-    >>> [r.angles for r in reversals(Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}), 1)]
-    [('theta', 'alpha')]
+    >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)})
+    >>> [(f.code, f.where) for f in wrong_sign(problem, 1)]
+    [('wrong-sign', 'twin: theta')]
     """
-    alone = [replace(problem, experiments=(e,)) for e in _most_moved(problem)]
-    return [r for r in (_reversal(one, jobs) for one in alone) if r is not None]
-
-
-def wrong_sign(reversals: Sequence[Reversal]) -> Iterator[Finding]:
-    """One finding for all recordings with the same angle reversed, with the numbers of the clearest.
-
-    Examples
-    --------
-    >>> [f.where for f in wrong_sign([Reversal("a", ("theta",), 0.9, 0.1), Reversal("b", ("theta",), 0.8, 0.1)])]
-    ['a, b: theta']
-    """
-    for angles in dict.fromkeys(r.angles for r in reversals):
-        alike = [r for r in reversals if r.angles == angles]
-        clearest = max(alike, key=lambda r: r.given / r.turned)
-        given, turned = 100 * clearest.given, 100 * clearest.turned
-        names = ", ".join(r.recording for r in alike)
-        yield SAYS.finding("wrong-sign", f"{names}: {angles[0]}", given, 100 * BAD, turned=turned,
-                           angles=' or '.join(angles))  # fmt: skip
+    alone = {e.name: _reversal(replace(problem, experiments=(e,)), jobs) for e in _most_moved(problem)}
+    reversals = {name: found for name, found in alone.items() if found is not None}
+    for angles in dict.fromkeys(own for own, _, _ in reversals.values()):
+        alike = {name: (given, turned) for name, (own, given, turned) in reversals.items() if own == angles}
+        given, turned = max(alike.values(), key=lambda left: left[0] / left[1])
+        where, either = f"{', '.join(alike)}: {angles[0]}", " or ".join(angles)
+        yield SAYS.finding("wrong-sign", where, 100 * given, 100 * BAD, turned=100 * turned, angles=either)
 
 
 def _most_moved(problem: Problem) -> list[Experiment]:
@@ -101,8 +79,11 @@ def _most_moved(problem: Problem) -> list[Experiment]:
     return [e for e in problem.experiments if any(e is other for other in selection)]
 
 
-def _reversal(problem: Problem, jobs: int) -> Reversal | None:
-    """Of the one recording; None where it fits as it is, or reversed no better."""
+def _reversal(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, float] | None:
+    """Angles of which either, reversed, explains the one recording, and what is left over without that and with it.
+
+    None where it fits as it is, or reversed no better.
+    """
     early = _two_swings(problem)
     angles = [] if early is None else _signed(early)
     if early is None or not angles or (given := _left_over(early, jobs)) < BAD:
@@ -113,7 +94,7 @@ def _reversal(problem: Problem, jobs: int) -> Reversal | None:
         return None
     same = len(angles) == 2 and not np.any(early.experiments[0].inputs)  # undriven, one turned is the other turned
     either = tuple(o for o in angles if same or turned[o] < 1.5 * best)
-    return Reversal(problem.experiments[0].name, either, given, best)
+    return either, given, best
 
 
 def _two_swings(problem: Problem) -> Problem | None:
