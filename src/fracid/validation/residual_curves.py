@@ -21,6 +21,7 @@ def residual_curves(e: FloatArray, ρ: FloatArray, step: float, time: float, *, 
 
     Examples
     --------
+    >>> from fracid.signals.correlation import autocorrelation
     >>> e = np.random.default_rng(1).normal(size=2000)
     >>> curves = residual_curves(e, autocorrelation(e), 1e-2, 1e-2, even=True)
     >>> bool(abs(curves.correlation[1]) < curves.white), curves.quantile.size, round(float(curves.ordered[-1]), 1)
