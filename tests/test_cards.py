@@ -15,7 +15,7 @@ from fracid.cards import CELL, LENGTH, Card, CardDisplay
 from fracid.estimation.cost_profile import CostAtBest, Profile, Profiles
 from fracid.estimation.profile_walk import End
 from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit
-from fracid.fit import Fit, of_problem
+from fracid.fit import CostBlock, Fit, ModelBlock
 from fracid.optimise import Outcome
 from fracid.problem import Problem
 from fracid.recording import Recording
@@ -40,9 +40,14 @@ def problem():
 def fit():
     orders = {"lambda": OrderEstimate(0.9, free=True, interval95=(0.89, 0.91)), "mu": OrderEstimate(1.0)}
     recordings = {f"{HOSTILE} {k}": RecordingFit(f"{k}", "fit", TIME, SWING, SWING, 0.0, {}, {}) for k in range(20)}
-    return Fit(**of_problem(problem(), np.zeros(0), 1e-3), orders=orders, recordings=recordings,
-               parameters={"C1": Estimate(0.0043, "kg m^2", True)}, outcome=Outcome.CONVERGED, evaluations=9, seed=1,
-               optimiser="multistart", warnings=(HOSTILE * 99,))  # fmt: skip
+    p = problem()
+    return Fit(
+        problem=p, x=np.zeros(0), model=ModelBlock(name=p.model.name, zero=p.model.zero, source=p.model.source),
+        minimised=CostBlock(name="rmse", value=1e-3, outputs=list(p.outputs)), method=p.method, memory=p.memory.name,
+        step=1e-2, substeps=1, orders=orders, recordings=recordings,
+        parameters={"C1": Estimate(0.0043, "kg m^2", True)}, outcome=Outcome.CONVERGED, evaluations=9, seed=1,
+        optimiser="multistart", warnings=(HOSTILE * 99,),
+    )  # fmt: skip
 
 
 def profile():
