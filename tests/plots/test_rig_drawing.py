@@ -14,8 +14,7 @@ from fracid.errors import InputError
 from fracid.models import RIGS, Model, Parameter, mass_matrix
 from fracid.models.library import MODEL
 from fracid.models.scene import on_paper
-from fracid.models.written.equations import Equation
-from fracid.models.written.equations import model_of as equations_model
+from fracid.models.written.equations import Equation, Equations
 from fracid.plots import rig_drawing
 from helpers.energy import energy
 
@@ -209,7 +208,5 @@ def test_nothing_written_leaves_the_picture_or_lies_on_other_words(name, style):
 
 def test_a_model_that_nothing_drives_is_drawn():
     mass = {"mass": {"shape": "box", "from": ["x", 0], "to": ["x + 1", 0]}}
-    model = equations_model(
-        "spring", {"x": Equation("v"), "v": Equation("-x")}, {"x": Equation("x")}, {}, (), scene=mass
-    )
-    assert "positive sense." in model.plot().get_supxlabel()
+    spring = Equations({"x": Equation("v"), "v": Equation("-x")}, {"x": Equation("x")}, scene=mass)
+    assert "positive sense." in spring.model("spring", ()).plot().get_supxlabel()
