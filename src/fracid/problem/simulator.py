@@ -120,27 +120,13 @@ class Simulator:
     def _outputs(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray | Failure:
         if not run.completed:
             return Failure(FailureReason.RUN, f"{e.name}: {run.outcome.value} at t = {run.time[-1]:.4g} s")
-        return means(self._shown(x, e, run), min(self.parametrisation.substeps, e.means))
-
-    def _shown(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray:
-        """The outputs at the samples through which the run goes."""
         p, time = self.parametrisation, self._grid(e)[0].time
-        if e.times is not None and not e.sensors and not p.model.derived:
-            return np.column_stack([self._at_samples(x, e, run, n) for n in p.outputs])
         readings = p.readings(x, e, e.sensors) if e.sensors else {}
-        return np.column_stack([
+        outputs = [
             _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None)
             for n in p.outputs
-        ])  # fmt: skip
-
-    def _at_samples(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> FloatArray:
-        """One output at uneven samples; those before the release have its first value."""
-        y, times = self.parametrisation.model.outputs[output], np.maximum(e.time, run.time[0])
-        states = run.at(times)
-        if isinstance(y, int):
-            return np.asarray(states[:, y])
-        p, u = self.parametrisation.unpack(x, e).parameters, self.inputs(x, e)
-        return output_along(y, times, states, u.at((times - run.time[0]) / run.step), p)
+        ]  # fmt: skip
+        return means(np.column_stack(outputs), min(p.substeps, e.means))
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:
         """One output on the grid of a run."""
@@ -150,6 +136,8 @@ class Simulator:
             return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
         u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
         values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p)
+        # a function begins like the state that rises most steeply
+        orders = np.ones(1) if output in model.derived else run.orders.min(keepdims=True)
         if output in model.derived:
             from scipy.interpolate import CubicSpline
 
@@ -157,7 +145,7 @@ class Simulator:
             if radius := self.parametrisation.readings(x, e, e.sensors).get(output, Reading()).radius:
                 gravity = -GRAVITY if model.zero == "upright" else GRAVITY
                 values = radius * values + gravity * np.sin(angle)
-        return replace(run, states=values[:, None], orders=np.ones(1))
+        return replace(run, states=values[:, None], orders=orders)
 
     def trajectories(self, points: Sequence[FloatArray], e: Experiment) -> list[Trajectory]:
         """The runs of one recording from its release on, on its grid divided by `substeps`, one for each point."""

@@ -40,10 +40,6 @@ REPEATS = 1e-4
 """An input that differs by less than this part of itself a period later repeats itself."""
 
 
-PLACE = 1e-6
-"""Part of a step within which a time is a grid point's."""
-
-
 class Driven(NamedTuple):
     """An input on the grid of a run, each of shape (n + 1,), or with a column an input."""
 
@@ -56,22 +52,6 @@ class Driven(NamedTuple):
     def jumps(self) -> FloatArray | None:
         """Those after each grid point; None where there is no jump."""
         return None if self.before is self.after or np.array_equal(self.before, self.after) else self.after
-
-    def at(self, places: FloatArray) -> FloatArray:
-        """The inputs between grid points, after a jump what it is then, shape (n_places, n_inputs); one row for all.
-
-        Examples
-        --------
-        >>> held = between_samples(np.array([1.0, 2.0]), "hold", 0.0, 1.0, 2)
-        >>> Driven(held.before[:, None], held.after[:, None]).at(np.array([0.5, 1.0])).tolist()
-        [[1.0], [2.0]]
-        """
-        if len(self.before) == 1:
-            return self.before
-        last = np.minimum(np.floor(places + PLACE).astype(int), len(self.before) - 1)
-        part = (places - last)[:, None]
-        following = self.before[np.minimum(last + 1, len(self.before) - 1)]
-        return np.asarray(np.where(part < PLACE, self.after[last], (1 - part) * self.after[last] + part * following))
 
     @property
     def mean(self) -> FloatArray:
