@@ -758,21 +758,20 @@ def _estimates(
     values = {**problem.orders, **problem.parameters}
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(values.get(problem.ties.get(n, n)), Free)}  # fmt: skip
-    free = {u.name: _estimate(u, x, i, precision, verdicts.get(u.name)) for i, u in enumerate(problem.unknowns)}
+    free = {u.name: _estimate(u, x, i, precision, verdicts.get(u.name, Verdict(u.name, "unknown")))
+            for i, u in enumerate(problem.unknowns)}  # fmt: skip
     return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 
 
-def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failure, verdict: Verdict | None) -> Estimate:
-    value, kind = float(x[i]), verdict.kind if verdict else "unknown"
+def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failure, verdict: Verdict) -> Estimate:
+    value = float(x[i])
     if isinstance(precision, Failure):
-        return Estimate(value, u.unit, True, identifiable=kind)
-    se = float(precision.standard_error[i])
-    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if precision.at_bound[i] else None
-    return Estimate(
-        value, u.unit, True, se if np.isfinite(se) else None, precision.interval(x, i), bool(precision.at_bound[i]),
-        nearer,
-        kind, verdict.reason if verdict else "", precision.interval(x, i, "white"), precision.method(i),
-    )  # fmt: skip
+        return Estimate(value, u.unit, True, identifiable=verdict.kind)
+    se, own = float(precision.standard_error[i]), bool(precision.at_bound[i])
+    nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if own else None
+    interval, white = (precision.interval(x, i, method) for method in ("sandwich", "white"))
+    return Estimate(value, u.unit, True, se if np.isfinite(se) else None, interval, own, nearer, verdict.kind,
+                    verdict.reason, white, precision.method(i))  # fmt: skip
 
 
 UNTOLD = ("identifiable", "forgotten", "unknown")
