@@ -33,16 +33,20 @@ initial_state = "rest"
 ENDED = """
 import os, signal, sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 import fracid.identification as stages, fracid.workflows.figures as figures
 from fracid.cli import main
 stage, name, submit = sys.argv[1], sys.argv[2], ProcessPoolExecutor.submit
 def here(where):
     if where == stage:
         os.kill(os.getpid(), getattr(signal, name))
-begin, draw = stages._Clock.begin, figures.Drawing.__call__
-def begins(clock, name, key):
-    here(name)
-    begin(clock, name, key)
+given, draw = stages.unless_given, figures.Drawing.__call__
+def hears(observer):
+    watching = given(observer)
+    def begins(name):
+        here(name)
+        watching.stage(name)
+    return replace(watching, stage=begins)
 def draws(*what):
     here("figures")
     return draw(*what)
@@ -50,7 +54,7 @@ def submits(pool, *what):
     future = submit(pool, *what)
     here("start of a process")
     return future
-stages._Clock.begin, figures.Drawing.__call__, ProcessPoolExecutor.submit = begins, draws, submits
+stages.unless_given, figures.Drawing.__call__, ProcessPoolExecutor.submit = hears, draws, submits
 if __name__ == "__main__":
     main(["fit", "rig.toml", "--out", "run", "--jobs", "2"])
 """
