@@ -152,10 +152,15 @@ def _in_doubt(recording: Recording, options: Mapping[str, Any], own: Columns) ->
 def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
     """Parse ``alpha=2,unit=deg,zero=rest``."""
     name, _, rest = text.partition("=")
-    column, *fields = rest.split(",")
-    if not name or not column:
+    if not name or rest[:1] in ("", ","):
         raise InputError(f"--column {text!r} is not possible; expected NAME=COLUMN, e.g. --column alpha=2,unit=deg.")
-    return name, {"column": _number(column)} | each_once(f"--column {text!r}", map(_field, fields))
+    return name, _channel(f"--column {text!r}", rest)
+
+
+def _channel(option: str, text: str) -> dict[str, Any]:
+    """Parse ``2,unit=deg``: a column, by name or place, with what is said of it."""
+    column, *fields = text.split(",")
+    return {"column": _number(column)} | each_once(option, map(_field, fields))
 
 
 def text_of_column(fields: Mapping[str, Any]) -> str:
@@ -191,10 +196,7 @@ def time_from_text(column: str | None, rate: float | None) -> dict[str, Any] | N
         raise InputError("give --time or --rate, not both.")
     if rate is not None:
         return {"rate": rate}
-    if column is None:
-        return None
-    position, *fields = column.split(",")
-    return {"column": _number(position)} | dict(map(_field, fields))
+    return None if column is None else _channel("--time", column)
 
 
 def start_from_text(text: str | None) -> float | str | None:

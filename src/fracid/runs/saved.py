@@ -169,10 +169,10 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
     try:
         run = _read_back(folder, result, project)
+        for fault in _strange(run):
+            raise InputError(f"{fault}.")
     except InputError as error:
         raise InputError(f"{folder / 'result.json'} is not of the project beside it: {error} Fit it again.") from None
-    if fault := next(_strange(run), ""):
-        raise InputError(f"{folder / 'result.json'} is not of the project beside it: {fault}. Fit it again.")
     return run
 
 

@@ -186,15 +186,6 @@ def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: boo
         raise NotTrusted(SAYS("own-code", folder=folder, words=shlex.join(["fracid", *words])))
     if (address := next((word for word in words if ADDRESS in word), None)) and not elsewhere:
         raise InputError(SAYS("scheduler", folder=folder, there=address.removeprefix("--scheduler=")))
-    return [word for word in _without_address(words) if word != "--trust"]
-
-
-def _without_address(words: list[str]) -> list[str]:
-    """Without a scheduler's address and the option before it."""
-    rest: list[str] = []
-    for word in words:
-        if ADDRESS not in word:
-            rest.append(word)
-        elif rest[-1] in ("--scheduler", "--executor"):
-            rest.pop()
-    return rest
+    places = ("--scheduler", "--executor")  # before an address, and without it nothing
+    return [word for word, then in zip(words, [*words[1:], ""], strict=True)
+            if ADDRESS not in word and word != "--trust" and not (word in places and ADDRESS in then)]  # fmt: skip
