@@ -213,8 +213,8 @@ class Simulator:
         """The inputs as actuators make them of those recorded, a column each, or one row for all."""
         (grid, substeps), begun = self._grid(e), self._first(e)
         u = grid.all_inputs
-        if len(u) == 1 and not actuators:
-            return Driven(u, u)
+        if not u.size or (len(u) == 1 and not actuators):
+            return Driven(u[:1], u[:1])
         count = self.steps(e) + 1 + (0 if e.past is None else len(e.past) * substeps - begun)
         first, spacing = begun / substeps + release / grid.step, 1 / substeps
         driven = []
