@@ -148,7 +148,7 @@ def test_a_set_against_integer_orders_is_furthest_from_its_nearest_alternative()
     assert told[chosen] == pytest.approx(max(told.values()), rel=1e-9)
     done = [SPACE.candidates[i] for i in chosen]
     table = alternatives_of(subject, done, range(len(done)), rivals_of(subject, done))
-    assert {"friction", "drag", "a delay of alpha"} <= set(table.names)
+    assert {"friction", "drag", "a delay of alpha"} <= set(table.columns)
     every = table.distances([0, 1])
     assert all(d <= every["friction"] * (1 + 1e-9) for d in every.values())  # each may do what friction does
 

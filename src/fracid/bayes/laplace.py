@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -35,12 +34,6 @@ from fracid.tasks.job import Progress, Task
 from fracid.tasks.tasks import Execution
 
 SAYS = Words("bayes/target.toml")
-
-DEGREES = 7.0
-"""Degrees of freedom of the proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
-
-MOST = 1000
-"""Draws for each that lies within the bounds, at most."""
 
 BATCH = 25
 """Draws of one task."""
@@ -62,47 +55,6 @@ ENOUGH = 10
 
 LEAST_DRAWS = 100
 """Fewer draws say nothing of a posterior's tail."""
-
-
-@dataclass(frozen=True)
-class StudentProposal:
-    """A multivariate Student's t, of which what lies within the bounds is drawn."""
-
-    shape: GaussianApproximation
-    """Whose mode and scale it has."""
-    prior: BoxPrior
-
-    @property
-    def degrees(self) -> float:
-        """Of freedom."""
-        return min(self.shape.degrees, DEGREES)
-
-    @cached_property
-    def root(self) -> FloatArray:
-        """L of the scale matrix L L', shape (n, n)."""
-        size = np.sqrt(np.diag(self.shape.covariance))
-        values, vectors = np.linalg.eigh(self.shape.covariance / np.outer(size, size))
-        return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1])))
-
-    def draw(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, int]:
-        """Points within the bounds, shape (count, n), and how many were drawn for them."""
-        n, nu = len(self.root), self.degrees
-        kept, drawn = [np.empty((0, n))], 0
-        while (lacking := count - sum(map(len, kept))) > 0 and drawn < MOST * count:
-            normal = rng.standard_normal((count, n))
-            x = self.shape.mean + (normal @ self.root.T) / np.sqrt(rng.chisquare(nu, (count, 1)) / nu)
-            inside = np.flatnonzero(self.prior.inside(x))[:lacking]
-            kept.append(x[inside])
-            drawn += int(inside[-1]) + 1 if len(inside) == lacking else count
-        return np.concatenate(kept), drawn
-
-    def log_density(self, x: FloatArray) -> FloatArray:
-        """Of points within the bounds, shape (n_points,): of all draws, those beyond counted too."""
-        n, nu = len(self.root), self.degrees
-        z = np.linalg.solve(self.root, (x - self.shape.mean).T)
-        constant = math.lgamma((nu + n) / 2) - math.lgamma(nu / 2) - n / 2 * math.log(nu * math.pi)
-        volume = float(np.linalg.slogdet(self.root)[1])
-        return np.asarray(constant - volume - (nu + n) / 2 * np.log1p(np.sum(z**2, axis=0) / nu))
 
 
 @dataclass(frozen=True)
@@ -179,7 +131,7 @@ def importance_sample(
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
         name = f"laplace, {draws} draws, seed {seed}, round {number}"
-        pilot = _Round(likelihood, StudentProposal(shape, prior), name, rng)
+        pilot = _Round(likelihood, prior, shape, name, rng)
         pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share
@@ -196,13 +148,15 @@ def importance_sample(
 class _Round:
     """The draws of one proposal."""
 
-    def __init__(self, likelihood: Likelihood, proposal: StudentProposal, name: str, rng: np.random.Generator) -> None:
-        self.likelihood, self.proposal, self.name, self.rng = likelihood, proposal, name, rng
-        self.points, self.values, self.drawn = np.empty((0, len(proposal.root))), np.empty(0), 0
+    def __init__(
+        self, likelihood: Likelihood, prior: BoxPrior, shape: GaussianApproximation, name: str, rng: np.random.Generator
+    ) -> None:
+        self.likelihood, self.prior, self.shape, self.name, self.rng = likelihood, prior, shape, name, rng
+        self.points, self.values, self.drawn = np.empty((0, len(shape.mean))), np.empty(0), 0
 
     def extend(self, count: int, total: int, execution: Execution, *, than: float = 0.0) -> None:
         """Draw so many more, and simulate them, or the first alone where no greater part than `than` counts."""
-        points, drawn = self.proposal.draw(self.rng, count)
+        points, drawn = self.shape.draw(self.prior, self.rng, count)
         self.drawn += drawn
         first = PILOT if than > 0 else len(points)
         self._simulate(points[:first], total, execution)
@@ -220,8 +174,7 @@ class _Round:
     @property
     def log_ratios(self) -> FloatArray:
         """Posterior over proposal, −inf where a run fails, shape (n_draws,)."""
-        proposal, x = self.proposal, self.points
-        return np.asarray(self.values + proposal.prior.log_density(x) - proposal.log_density(x))
+        return np.asarray(self.values + self.prior.log_density(self.points) - self.shape.log_density(self.points))
 
     @property
     def share(self) -> float:
@@ -234,7 +187,7 @@ class _Round:
 
     def moved(self) -> GaussianApproximation:
         """The weighted mean and covariance; the weights are flattened until enough draws take part."""
-        ratios, shape = self.log_ratios, self.proposal.shape
+        ratios, shape = self.log_ratios, self.shape
         some, enough = np.isfinite(ratios), ENOUGH * len(shape.mean)
         if np.count_nonzero(some) < enough:
             return replace(shape, covariance=shape.covariance / 4)  # nearly all runs fail: closer to the minimum

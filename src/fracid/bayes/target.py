@@ -48,6 +48,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -69,6 +70,12 @@ SAYS = Words("bayes/target.toml")
 
 FEWEST_DEGREES, MOST_DEGREES = 1.0, 1e4
 """Of Student's t: one has no mean, the other is the normal distribution."""
+
+HEAVY = 7.0
+"""Degrees of freedom of a proposal at most: in 15 dimensions 70 % of the draws of a normal posterior count."""
+
+MOST = 1000
+"""Draws for each that lies within the bounds, at most."""
 
 FLAT = 1e-12
 """Relative curvature below which a direction counts as flat."""
@@ -179,7 +186,34 @@ class GaussianApproximation:
     covariance: FloatArray
     """Shape (n, n)."""
     degrees: float = math.inf
-    """Degrees of freedom of Student's t that the tails follow."""
+    """Degrees of freedom of Student's t that the tails follow; no more than :data:`HEAVY` where it is drawn from."""
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """L of the scale matrix L L', shape (n, n)."""
+        size = np.sqrt(np.diag(self.covariance))
+        values, vectors = np.linalg.eigh(self.covariance / np.outer(size, size))
+        return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-10 * values[-1])))
+
+    def draw(self, prior: BoxPrior, rng: np.random.Generator, count: int) -> tuple[FloatArray, int]:
+        """Points within the bounds, shape (count, n), and how many were drawn for them."""
+        n, nu = len(self.root), min(self.degrees, HEAVY)
+        kept, drawn = [np.empty((0, n))], 0
+        while (lacking := count - sum(map(len, kept))) > 0 and drawn < MOST * count:
+            normal = rng.standard_normal((count, n))
+            x = self.mean + (normal @ self.root.T) / np.sqrt(rng.chisquare(nu, (count, 1)) / nu)
+            inside = np.flatnonzero(prior.inside(x))[:lacking]
+            kept.append(x[inside])
+            drawn += int(inside[-1]) + 1 if len(inside) == lacking else count
+        return np.concatenate(kept), drawn
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Of what is drawn, shape (n_points,): of all draws, those beyond the bounds counted too."""
+        n, nu = len(self.root), min(self.degrees, HEAVY)
+        z = np.linalg.solve(self.root, (x - self.mean).T)
+        constant = math.lgamma((nu + n) / 2) - math.lgamma(nu / 2) - n / 2 * math.log(nu * math.pi)
+        volume = float(np.linalg.slogdet(self.root)[1])
+        return np.asarray(constant - volume - (nu + n) / 2 * np.log1p(np.sum(z**2, axis=0) / nu))
 
 
 def joint_prior(problem: Problem) -> BoxPrior:

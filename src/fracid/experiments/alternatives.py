@@ -73,8 +73,8 @@ class Alternatives:
 
     origin: Mapping[str, float]
     """Value of each parameter that all alternatives may move."""
-    extra: Mapping[str, tuple[str, ...]]
-    """Element → what it frees."""
+    columns: Mapping[str, tuple[int, ...]]
+    """Alternative → which of what is free it may move."""
     moved: tuple[str, ...]
     """All that is free, in order."""
     scale: FloatArray
@@ -88,24 +88,13 @@ class Alternatives:
     def of(cls, rivals: Sequence[_Rival]) -> Alternatives:
         """Before any candidate."""
         origin = {n: v for rival in reversed(rivals) for n, v in rival.values.items()}
-        extra: dict[str, tuple[str, ...]] = {}
-        for rival in rivals:
-            for element, names in rival.extra.items():
-                extra[element] = tuple(dict.fromkeys((*extra.get(element, ()), *names)))
+        elements = dict.fromkeys(element for rival in rivals for element in rival.extra)
+        extra = {e: dict.fromkeys(n for rival in rivals for n in rival.extra.get(e, ())) for e in elements}
         moved = tuple(dict.fromkeys((*origin, *(n for more in extra.values() for n in more))))
         sizes = {n: size for rival in reversed(rivals) for n, size in rival.sizes.items()}
-        return cls(origin, extra, moved, np.array([sizes[n] for n in moved]))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the alternatives."""
-        return FRICTION, *self.extra
-
-    @cached_property
-    def columns(self) -> tuple[tuple[int, ...], ...]:
-        """Which parameters each of them may move."""
-        own = tuple(range(len(self.origin)))
-        return own, *((*own, *(self.moved.index(n) for n in names)) for names in self.extra.values())
+        own = tuple(range(len(origin)))
+        columns = {FRICTION: own} | {e: (*own, *map(moved.index, names)) for e, names in extra.items()}
+        return cls(origin, columns, moved, np.array([sizes[n] for n in moved]))
 
     @property
     def base(self) -> tuple[FloatArray, ...]:
@@ -114,13 +103,14 @@ class Alternatives:
 
     def objective(self, sums: tuple[FloatArray, ...]) -> FloatArray:
         """−log(1 + T) of the nearest alternative."""
-        return np.asarray(-np.log1p(np.maximum(distance(sums, self.columns, self.scale).min(axis=-1), 0.0)))
+        return np.asarray(-np.log1p(np.maximum(distance(sums, [*self.columns.values()], self.scale).min(axis=-1), 0.0)))
 
     def distances(self, chosen: Sequence[int]) -> Mapping[str, float]:
         """Alternative → its distance from a set of experiments, in standard deviations."""
         at = [self.allowed.index(i) for i in chosen if i in self.allowed]
         sums = tuple(b + p[at].sum(axis=0) for p, b in zip(self.parts, self.base, strict=True))
-        return dict(zip(self.names, np.sqrt(distance(sums, self.columns, self.scale)).tolist(), strict=True))
+        found = np.sqrt(distance(sums, [*self.columns.values()], self.scale))
+        return dict(zip(self.columns, found.tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -191,7 +181,7 @@ def orders_alone(
     >>> space = fracid.DesignSpace(release=(10, 45, 90), seconds=4, rate=100)
     >>> subject = subject_of(fracid.rotary_pendulum("qube-servo2"), space, orders={"mu": 0.95})
     >>> table = orders_alone(subject, space.candidates, 1).of["mu"]
-    >>> table.names[0], table.parts[0].shape
+    >>> next(iter(table.columns)), table.parts[0].shape
     ('friction', (3,))
     """
     rigs = _one_order_off(subject, of)

@@ -30,10 +30,10 @@ from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError, writing
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate
-from fracid.experiments.subject import VAGUE, Subject, driven
+from fracid.experiments.subject import CLAMPED, VAGUE, Subject, driven
 from fracid.figures import Style, draw
 from fracid.fit import Fit
-from fracid.problem.toml_text import plain_value, toml_value
+from fracid.problem.toml_text import plain_value, toml_document
 from fracid.problem.unknowns import Value as Given
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
@@ -166,7 +166,37 @@ class Plan(CardDisplay, Record):
         InputError
             If the folder cannot be written.
         """
-        return write_sheet(self, Path(folder))
+        from fracid.plots import save  # matplotlib is slow to load
+
+        folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
+        texts = {
+            "sheet.txt": _sheet(self),
+            "plan.json": json.dumps(self.to_json(), indent=2, ensure_ascii=False) + "\n",
+        }
+        for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
+            own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
+            texts |= {name: _project(self.subject, own)} if own else {}
+        with writing(f"The folder {folder}"):
+            folder.mkdir(parents=True, exist_ok=True)
+            for name, text in texts.items():
+                write_text(folder / name, text)
+        files = [folder / name for name in texts]
+        for curve in curves:
+            number = self.experiments.index(curve.candidate) + 1
+            if curve.voltage is not None:
+                name = driven(problem)
+                units = {name: problem.model.input_unit(name)}
+                signal = Recording.of("voltage", curve.time, {name: curve.voltage}, units)
+                files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
+            bands = {n: y for o, y in curve.outputs.items() for n, y in
+                     ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
+            kinds = {n: "rad" if n.split()[0] in problem.model.angles else "1" for n in bands}
+            expected, note = Recording.of("expected", curve.time, bands, kinds), f"{curve.candidate}, 95 % band"
+            files.append(save_recording(expected, folder / f"expected-{number}.csv", note=note))
+        files += save(draw("expected_curves", curves, problem.model), folder / "figures", "expected")
+        if len({(c.release, c.seconds) for c, _ in self.landscape}) > 1:  # one point shows nothing
+            files += save(self.plot(), folder / "figures", "intervals")
+        return tuple(files)
 
     def summary(self) -> str:
         """The card, and the expected intervals of all free values, in lines."""
@@ -267,49 +297,6 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     return tuple(curves)
 
 
-def write_sheet(plan: Plan, folder: Path) -> tuple[Path, ...]:
-    """Write the sheet of a plan into a folder that is made if need be.
-
-    Raises
-    ------
-    InputError
-        If the disk will not take it.
-    """
-    from fracid.plots import save  # matplotlib is slow to load
-
-    curves, files = expected_curves(plan), []
-    with writing(f"The folder {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        texts = {
-            "sheet.txt": _sheet(plan),
-            "plan.json": json.dumps(plan.to_json(), indent=2, ensure_ascii=False) + "\n",
-        }
-        for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
-            own = [(k, c) for k, c in enumerate(plan.experiments, 1) if c.arm == arm]
-            if own:
-                texts[name] = _project(plan, own, clamped=arm == "clamped")
-        for name, text in texts.items():
-            write_text(folder / name, text)
-            files.append(folder / name)
-    for curve in curves:
-        number = plan.experiments.index(curve.candidate) + 1
-        if curve.voltage is not None:
-            problem = plan.subject.problem
-            name = driven(problem)
-            signal = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: problem.model.input_unit(name)})
-            files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
-        bands = {n: y for o, y in curve.outputs.items() for n, y in
-                 ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
-        angles = plan.subject.problem.model.angles
-        kinds = {n: "rad" if n.split()[0] in angles else "1" for n in bands}
-        expected = Recording.of("expected", curve.time, bands, kinds)
-        files.append(save_recording(expected, folder / f"expected-{number}.csv", note=f"{curve.candidate}, 95 % band"))
-    files += save(draw("expected_curves", curves, plan.subject.problem.model), folder / "figures", "expected")
-    if len({(c.release, c.seconds) for c, _ in plan.landscape}) > 1:  # one point shows nothing
-        files += save(plan.plot(), folder / "figures", "intervals")
-    return tuple(files)
-
-
 def _sheet(plan: Plan) -> str:
     lines = [plan.summary(), "", "Experiments"]
     for k, c in enumerate(plan.experiments, 1):
@@ -326,36 +313,32 @@ def _sheet(plan: Plan) -> str:
 # --- the project file --------------------------------------------------------------------------------------
 
 
-def _project(plan: Plan, experiments: list[tuple[int, Candidate]], *, clamped: bool) -> str:
+def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
     """A project for recordings that are not there yet."""
-    subject, p = plan.subject, plan.subject.problem
-    table = subject.table.get("model", {})
+    p, table = subject.problem, subject.table.get("model", {})
     own = {k: table[k] for k in ("name", "rig", "zero", "actuation") if k in table}
     actuation = {"actuation": p.model.inputs[0]} if p.model.name == "rotary-pendulum" and p.model.inputs else {}
     head = own or {"name": p.model.name, **({"zero": p.model.zero} if p.model.zero else {}), **actuation}
-    values: dict[str, Given] = {n: v for n, v in p.parameters.items()}
-    if not own.get("rig"):
-        values = {q.name: q.value for q in p.model.parameters} | values
-    if clamped:
-        values["J_theta"] = 1e3
-    fit = {"outputs": [*subject.outputs], "initial_state": plan.subject.space.initial_state, "weights": p.weights,
+    values: dict[str, Given] = {} if own.get("rig") else {q.name: q.value for q in p.model.parameters}
+    values |= p.parameters
+    if any(c.arm == "clamped" for c in experiments.values()):
+        values["J_theta"] = CLAMPED
+    fit = {"outputs": [*subject.outputs], "initial_state": subject.space.initial_state, "weights": p.weights,
            "method": p.method}  # fmt: skip
     if p.per_recording:
         fit["per_recording"] = list(p.per_recording)
-    said = f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."
-    copied = "\n# copy that file beside this one" * (".py:" in str(head.get("name")))
-    return "\n\n".join((
-        f"{said}\n{_table('[model]', head)}{copied}",
-        _table("[model.parameters]", {n: plain_value(v) for n, v in values.items()}),
-        _table("[model.orders]", {n: plain_value(v) for n, v in p.orders.items()}),
-        *(_table(f"[[recording]]  # {c}", _recording(plan, k, c)) for k, c in experiments),
-        _table("[fit]", fit),
-    )) + "\n"  # fmt: skip
+    said = [f"# Planned by fracid design for {subject.name}: put the recordings where file = ... says, then fit."]
+    said += ["# The model is a file of yours: copy it beside this one."] * (".py:" in str(head.get("name")))
+    said += [f"# recording-{k}.csv: {c}" for k, c in experiments.items()]
+    given = {"parameters": values, "orders": p.orders}
+    plain = {name: {n: plain_value(v) for n, v in some.items()} for name, some in given.items()}
+    recordings = [_recording(subject, k, c) for k, c in experiments.items()]
+    return "\n".join([*said, toml_document({"model": {**head, **plain}, "recording": recordings, "fit": fit})])
 
 
-def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
+def _recording(subject: Subject, number: int, c: Candidate) -> dict[str, Any]:
     """The table of one experiment, with what the recording so far says of its signals."""
-    p, known, outputs = plan.subject.problem, plan.subject.table.get("recording", {}), plan.subject.outputs
+    p, known, outputs = subject.problem, subject.table.get("recording", {}), subject.outputs
     entries: dict[str, Any] = {
         "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
         "initial": {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs},
@@ -370,11 +353,7 @@ def _recording(plan: Plan, number: int, c: Candidate) -> dict[str, Any]:
         between = "line" if name in p.model.input_rates.values() else "hold"
         entries |= {name: {**column, "between": between}, "amplifier": known.get("amplifier", {})}
     else:
-        moment = plan.subject.space.moment
+        moment = subject.space.moment
         sought = {"start": 0.0, "lower": -moment, "upper": moment} if moment else {}
         entries |= {"from": "release", "release_time": sought}
     return {n: v for n, v in entries.items() if v != {}}
-
-
-def _table(heading: str, entries: Mapping[str, Any]) -> str:
-    return "\n".join([heading, *(f"{name} = {toml_value(value)}" for name, value in entries.items())])

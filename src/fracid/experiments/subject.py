@@ -138,24 +138,6 @@ class Subject:
 
     # --- one experiment ------------------------------------------------------------------------------
 
-    def experiment(self, c: Candidate) -> Experiment:
-        """The recording that a candidate would give, without its samples: they stay where they begin."""
-        model, pattern, space = self.problem.model, self.problem.experiments[0], self.space
-        first = np.array([self._first_value(n, c) for n in self.problem.outputs])
-        time = np.arange(c.samples) / c.rate
-        inputs, between = self._inputs(c, time)
-        initial = {} if space.initial_state != "held" else {
-            model.states[i]: v for n, v in zip(self.problem.outputs, first.tolist(), strict=True)
-            if (i := model.output_states.get(n)) is not None
-        }  # fmt: skip
-        moment = space.moment if c.release else 0.0
-        return Experiment(
-            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial,
-            constants={**pattern.constants, **dict(c.constants)}, units=pattern.units, sensors=pattern.sensors,
-            actuators=pattern.actuators,
-            between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
-        )  # fmt: skip
-
     def _inputs(self, c: Candidate, time: FloatArray) -> tuple[FloatArray, dict[str, Between]]:
         """What is played is held between samples, or a line where its rate is an input too."""
         model, played = self.problem.model, driven(self.problem)
@@ -170,13 +152,29 @@ class Subject:
         return np.column_stack(columns), between | ({played: "line"} if rates else {})
 
     def problem_of(self, c: Candidate) -> Problem:
-        """The problem of one candidate alone, every free value at its own."""
-        p = replace(self.problem, outputs=self.outputs, memo=None)
-        e = replace(self, problem=p).experiment(c)
+        """The problem of the recording that a candidate would give, alone, every free value at its own.
+
+        Its samples are not there yet: they stay where they begin.
+        """
+        p, space, pattern = self.problem, self.space, self.problem.experiments[0]
+        first = np.array([self._first_value(n, c) for n in self.outputs])
+        inputs, between = self._inputs(c, np.arange(c.samples) / c.rate)
+        initial = {} if space.initial_state != "held" else {
+            p.model.states[i]: v for n, v in zip(self.outputs, first.tolist(), strict=True)
+            if (i := p.model.output_states.get(n)) is not None
+        }  # fmt: skip
+        moment = space.moment if c.release else 0.0
+        e = Experiment(
+            "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial,
+            constants={**pattern.constants, **dict(c.constants)}, units=pattern.units, sensors=pattern.sensors,
+            actuators=pattern.actuators,
+            between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
+        )  # fmt: skip
         clamped = {"J_theta": CLAMPED} if c.arm == "clamped" else {}
-        substeps = max(1, math.ceil(1 / c.rate / self.step - 1e-9))
-        return replace(p, experiments=(e,), parameters={**p.parameters, **clamped}, substeps=substeps,
-                       initial_state=self.space.initial_state)  # fmt: skip
+        return replace(
+            p, outputs=self.outputs, memo=None, experiments=(e,), parameters={**p.parameters, **clamped},
+            substeps=max(1, math.ceil(1 / c.rate / self.step - 1e-9)), initial_state=space.initial_state,
+        )  # fmt: skip
 
     def _first_value(self, output: str, c: Candidate) -> float:
         """Where an output begins: the released one at the angle of release from its rest."""
