@@ -229,7 +229,8 @@ def observer(
         raise InputError(SAYS("relaxing", names=", ".join(model.relaxing)))
     if channels := {c for c in (*e.sensors, *e.actuators)}:
         raise InputError(SAYS("channels", names=", ".join(sorted(channels))))
-    found = {n: _noise(e.measured[:, problem.outputs.index(n)]) for n in names if n in problem.outputs}
+    recorded = {n: e.measured[:, problem.outputs.index(n)] for n in names if n in problem.outputs}
+    found = {n: noise_floor(y) or white_noise(y) for n, y in recorded.items()}  # finer than its digits: of all samples
     noise = found | dict(noise or {})
     for n in names:
         if not noise.get(n, 0.0) > 0.0:
@@ -266,11 +267,6 @@ def _held(problem: Problem) -> bool:
     return bool(kinds) and all(kinds.get(n) == "hold" for n in problem.model.inputs)
 
 
-def _noise(signal: FloatArray) -> float:
-    """Of a sensor; of one that is finer than its digits that of all samples."""
-    return noise_floor(signal) or white_noise(signal)
-
-
 @dataclass
 class _Made:
     """What an observer is made of."""
@@ -286,10 +282,6 @@ class _Made:
 
     def observer(self, drive: float) -> StateObserver:
         """With so much unknown drive."""
-        return StateObserver(self.problem.model, self.sensors, self.noise, tuple(self.slow), self._filter(drive),
-                        self.problem.substeps, _held(self.problem))  # fmt: skip
-
-    def _filter(self, drive: float) -> Filter:
         problem, model, e = self.problem, self.problem.model, self.problem.experiments[0]
         orders, p, start = (v.copy() for v in problem.unpack(self.x, e)[:3])
         h = e.step / problem.substeps
@@ -307,29 +299,27 @@ class _Made:
         blocks = [np.array([lasting]) if one else fractional for one in integer]
         begin, (z, a, b) = np.cumsum([0, *map(len, blocks)]), np.vstack(blocks).T.copy()
         modes, k = len(z), len(self.slow)
-        slow = np.zeros((k, 5))
+        slow, xi, P = np.zeros((k, 5)), np.zeros(modes + k), np.zeros((modes + k, modes + k))
         for s, (n, walk) in enumerate(self.slow.items()):
             if n in model.parameter_names:
                 index = model.parameter_names.index(n)
                 q = model.parameters[index]
-                slow[s] = 0.0, index, q.lower, q.upper, walk**2 * h
+                slow[s], value = (0.0, index, q.lower, q.upper, walk**2 * h), p[index]
             else:
-                slow[s] = 1.0, 0.0, LOWEST, HIGHEST, walk**2 * h
-        xi, P = np.zeros(modes + k), np.zeros((modes + k, modes + k))
+                slow[s], value = (1.0, 0.0, LOWEST, HIGHEST, walk**2 * h), orders[names.index(n)]
+            xi[modes + s], P[modes + s, modes + s] = value, self.initial.get(n, 0.1 * abs(value)) ** 2
         sizes = np.ptp(self.simulated, axis=0)
         for i, state in enumerate(model.states):
             sensor = next((n for n in self.sensors if model.output_states.get(n) == i), None)
             deviation = self.initial.get(state, 3 * self.noise[sensor] if sensor else 0.1 * sizes[i])
             xi[begin[i]], P[begin[i], begin[i]] = start[i], deviation**2
-        for s, n in enumerate(self.slow):
-            value = p[int(slow[s, 1])] if slow[s, 0] == 0.0 else orders[names.index(n)]
-            xi[modes + s], P[modes + s, modes + s] = value, self.initial.get(n, 0.1 * abs(value)) ** 2
         of = [list(self.slow).index(n) if n in self.slow and n in model.order_names else -1 for n in names]
         drives = drive**2 * self._sizes() ** 2
-        return Filter(
+        first = Filter(
             z, a, b, begin, np.array([lowest, SPACING, float(count)]), orders, p, slow, np.array(of), drives, xi, P,
             np.zeros(max(1, len(model.inputs))), np.array([h]),
         )  # fmt: skip
+        return StateObserver(model, self.sensors, self.noise, tuple(self.slow), first, problem.substeps, _held(problem))
 
     def _sizes(self) -> FloatArray:
         """How large f is along the recording, of the states that forces act on; of those whose rate is a state 0."""

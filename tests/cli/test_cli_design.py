@@ -128,7 +128,7 @@ def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path):
         (("--release", "far"), "--release 'far' is not possible"),
         (("--voltage", "square,1,2,3"), "expected multisine,0.2,8,6"),
         (("--limit", "theta"), "expected NAME=VALUE: --limit theta=2.5"),
-        (("--arm", "loose"), "expected 'free' or 'clamped'"),
+        (("--arm", "loose"), "unknown arm 'loose'; the known ones are free, clamped"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(capsys, tmp_path, options, told):

@@ -266,7 +266,7 @@ def test_what_drove_the_recordings_is_what_is_played_with_the_others_as_without_
     problem = driven_by(np.sin(np.arange(201)))
     space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), around=0.7, noise=1e-3)
     (c, *_) = space.candidates
-    e = subject_of(problem, space).experiment(c)
+    e = subject_of(problem, space).problem_of(c).experiments[0]
     u = dict(zip(problem.model.inputs, e.inputs.T, strict=True))
     np.testing.assert_allclose(u["goal"], 0.7 + c.voltage.signal(e.time))
     assert [float(np.max(np.abs(u[n] - v))) for n, v in (("torque", 0), ("voltage", 0), ("torque_enable", 1))] == [
@@ -280,7 +280,7 @@ def test_a_stretch_is_played_in_lines_with_the_rate_that_they_have():
     e = fracid.Experiment("log", 0.1, np.zeros((3, 1)), np.zeros((1, 2)), units={"force": "N"})
     problem = fracid.Problem(model, (e,), {"nu": fracid.Free(0.3, 0.1, 0.9)}, outputs=("force",))
     space = fracid.DesignSpace(seconds=2, rate=50, voltage=fracid.Multisine(1.0, 1.0, 0.3, 1), noise=1e-3)
-    played = subject_of(problem, space).experiment(space.candidates[0])
+    played = subject_of(problem, space).problem_of(space.candidates[0]).experiments[0]
     stretch, rate = played.inputs.T
     np.testing.assert_allclose(stretch[0] + np.cumsum(rate[:-1]) / 50, stretch[1:], atol=1e-12)
     assert (played.between["stretch"], played.between["rate"]) == ("line", "hold")
@@ -302,7 +302,7 @@ def test_a_driven_model_is_planned_as_it_was_recorded_where_nothing_is_said():
     [
         ({"release": ()}, "release = "),
         ({"seconds": 0.01}, "fewer than 10 samples"),
-        ({"arm": "loose"}, "expected 'free' or 'clamped'"),
+        ({"arm": "loose"}, "unknown arm 'loose'; the known ones are free, clamped"),
         ({"voltage": 6.0}, r"fracid\.Multisine"),
         ({"voltage": fracid.Pulses(0.3, 0.3, peak=2.0), "voltage_step": 3.0}, "no more than the peak"),
         ({"counts": 2}, "counts a turn"),
@@ -321,8 +321,8 @@ def test_what_no_experiment_can_have_is_refused(change, told):
     [
         ({}, {"of": ("muu",)}, "there is no 'muu'"),
         ({}, {"of": ("C4",)}, "C4 is fixed"),
-        ({}, {"against": "friction"}, "expected 'integer'"),
-        ({}, {"criterion": "E"}, "expected one of D, A, Ds, T"),
+        ({}, {"against": "friction"}, "the known ones are integer"),
+        ({}, {"criterion": "E"}, "the known ones are D, A, Ds, T"),
         ({}, {"against": "integer", "orders": {"lambda": 1.0, "mu": 1.0}}, "Every order is an integer"),
         ({"limits": {"beta": 1.0}}, {}, "unknown output in limits"),
         ({"limits": {"alpha": 1e-3}}, {}, "None of the 8 candidates is possible"),

@@ -306,16 +306,9 @@ def _degrees(widening: float) -> float:
     >>> round(_degrees(4.302653 / NORMAL_95), 3)
     2.0
     """
-    from scipy.optimize import brentq
-    from scipy.special import stdtrit
+    from scipy.special import stdtridf
 
-    def excess(log_degrees: float) -> float:
-        return float(stdtrit(math.exp(log_degrees), 0.975)) / NORMAL_95 - widening
-
-    fewest, most = math.log(FEWEST_DEGREES), math.log(MOST_DEGREES)
-    if excess(fewest) < 0 or excess(most) > 0:
-        return FEWEST_DEGREES if excess(fewest) < 0 else MOST_DEGREES
-    return math.exp(brentq(excess, fewest, most))
+    return float(np.clip(stdtridf(0.975, NORMAL_95 * widening), FEWEST_DEGREES, MOST_DEGREES))
 
 
 def approximation(

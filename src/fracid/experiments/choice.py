@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError, at_least
+from fracid.errors import Failure, InputError, at_least, refuse_unknown
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import searched
 from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
@@ -113,13 +113,11 @@ def design(
     """
     at_least("experiments", experiments, 1, 1000)
     at_least("robust", robust, 0, 1000)
-    if against not in (None, "integer"):
-        raise InputError(f"against = {against!r} is not possible; expected 'integer'.")
+    refuse_unknown("rival to design against", ("integer",), against or "integer")
     if isinstance(of, str):
         of = (of,)
     name = criterion or ("T" if against else "Ds" if of else "D")
-    if name not in CRITERIA:
-        raise InputError(f"criterion = {name!r} is not possible; expected one of {', '.join(CRITERIA)}.")
+    refuse_unknown("criterion", CRITERIA, name)
     if not (candidates := space.candidates):  # before a project is searched
         raise InputError(SAYS("no-candidate"))
     watching = observer or Observer()

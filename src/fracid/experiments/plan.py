@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -207,14 +208,9 @@ class Plan(CardDisplay, Record):
             lines.append(f"  {n:<20} {ends} {v.unit}".rstrip())
         return "\n".join(lines)
 
-    @property
-    def repetitions(self) -> dict[Candidate, int]:
-        """Each experiment with how often it is done."""
-        return {c: self.experiments.count(c) for c in dict.fromkeys(self.experiments)}
-
     def _card(self) -> Card:
         named = self.of or tuple(self.expected)
-        rows = [(f"{count} ×", str(c)) for c, count in self.repetitions.items()]
+        rows = [(f"{count} ×", str(c)) for c, count in Counter(self.experiments).items()]
         shown = rows if len(rows) <= MOST_ROWS else [*rows[: MOST_ROWS - 1], ("…", "more experiments")]
         texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + ("" if v.interval95 else " (not shown)")
                  for n, v in self.expected.items()}  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import InputError, is_number
+from fracid.errors import InputError, is_number, refuse_unknown
 from fracid.experiments.excitation import Chirp, Excitation, Multisine, Pulses
 from fracid.findings import Words
 from fracid.problem.unknowns import InitialState
@@ -128,9 +128,7 @@ class DesignSpace(CardDisplay):
                 raise InputError(SAYS("numbers", name=name, value=getattr(self, name), least=least))
         if min(_several(self.seconds)) * min(_several(self.rate)) < 10:
             raise InputError(SAYS("few-samples", seconds=min(_several(self.seconds)), rate=min(_several(self.rate))))
-        for arm in _several(self.arm):
-            if arm not in ARMS:
-                raise InputError(f"arm = {arm!r} is not possible; expected {' or '.join(map(repr, ARMS))}, or both.")
+        refuse_unknown("arm", ARMS, *_several(self.arm))
         for u in _several(self.voltage):
             if not isinstance(u, Multisine | Chirp | Pulses | None):
                 raise InputError(SAYS("voltage", u=u))

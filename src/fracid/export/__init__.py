@@ -173,13 +173,12 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
         yield "In MATLAB and JavaScript inputs are straight lines; where one jumps, give it the mean of both values."
 
 
-def _matlab(run: SavedRun, folder: Path, options: Options) -> Written:
+def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.identified import Identified
-    from fracid.export.matlab import matlab_model, matlab_results, write_results
+    from fracid.export.matlab import matlab_model, matlab_results
     from fracid.export.state_space import integer_model
 
-    write_results(folder / "results.mat", matlab_results(run, integer=integer_model(run).to_matlab()))
-    yield folder / "results.mat"
+    yield "results.mat", matlab_results(run, integer=integer_model(run).to_matlab())
     model = Identified.of_run(run, options.steps)
     yield "model.m", matlab_model(model.tables, model.case, run.folder.name)
     if run.problem.per_recording:

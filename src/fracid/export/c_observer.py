@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,9 +69,7 @@ def c_observer(
 
 def _values(watch: StateObserver, measured: FloatArray, inputs: FloatArray) -> FloatArray:
     """Estimates, then standard deviations, a row a sample."""
-    watch.reset()
-    track = watch.run(measured, inputs)
-    watch.reset()
+    track = replace(watch).run(measured, inputs)
     return np.column_stack([*track.states.values(), *track.deviations.values()])
 
 

@@ -16,7 +16,6 @@ from typing import Literal
 from uuid import UUID
 
 from fracid._version import __version__
-from fracid.errors import refuse_unknown
 from fracid.export.c import c_model
 from fracid.export.compilers import PLATFORMS, here, library_of
 from fracid.export.identified import Identified, Quantity
@@ -141,7 +140,7 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     Raises
     ------
     InputError
-        For an unknown platform, or sources that do not compile.
+        For sources that do not compile.
 
     Examples
     --------
@@ -156,7 +155,6 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     if version == "3":
         files["sources/buildDescription.xml"] = (DECLARATION + xml("build.xml.in", model=model)).encode()
     notes = []
-    refuse_unknown("platform", PLATFORMS, *platforms)
     for name in platforms or [here()]:
         if isinstance(library := library_of(texts, "fmu.c", name), str):
             notes.append(library)

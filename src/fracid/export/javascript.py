@@ -12,7 +12,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.export.markup import program as filled
 from fracid.export.recursion import TIGHT, Case
-from fracid.export.whole import not_written, written, written_outputs
+from fracid.export.whole import written, written_outputs
 from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.problem import Experiment, Problem
@@ -66,8 +66,10 @@ def no_javascript(problem: Problem) -> str:
     >>> no_javascript(problem)
     ''
     """
-    if reason := not_written(problem.model, "javascript"):
-        return reason
+    try:
+        written(problem.model, "javascript")
+    except InputError as error:
+        return str(error)
     if not _scheme(METHODS[problem.method]):
         known = ", ".join(n for n, method in METHODS.items() if _scheme(method))
         return f"The method {problem.method} is not written in JavaScript; {known} are."

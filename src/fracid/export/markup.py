@@ -70,8 +70,7 @@ def initialiser(values: ArrayLike) -> str:
         return "INFINITY" if np.isinf(array) else repr(array.item())
     if array.ndim > 1:
         return "{" + ",\n    ".join(initialiser(part) for part in array) + "}"
-    words = [repr(v) for v in array.tolist()]
-    return "{" + ",\n    ".join(", ".join(words[i : i + 5]) for i in range(0, len(words), 5)) + "}"
+    return "{" + _lines(array.tolist(), 5, "") + "}"
 
 
 def literal(values: ArrayLike) -> str:
@@ -85,11 +84,13 @@ def literal(values: ArrayLike) -> str:
     matrix = np.atleast_2d(np.asarray(values))
     if matrix.size == 0:
         return "zeros({}, {})".format(*matrix.shape)
-    rows = []
-    for row in matrix.tolist():
-        words = [repr(v) for v in row]
-        rows.append(", ...\n    ".join(", ".join(words[i : i + 6]) for i in range(0, len(words), 6)))
-    return "[" + "; ...\n    ".join(rows) + "]"
+    return "[" + "; ...\n    ".join(_lines(row, 6, " ...") for row in matrix.tolist()) + "]"
+
+
+def _lines(values: list[Any], each: int, ending: str) -> str:
+    """Numbers with commas between, so many a line."""
+    words = [repr(v) for v in values]
+    return f",{ending}\n    ".join(", ".join(words[i : i + each]) for i in range(0, len(words), each))
 
 
 def duration(seconds: float) -> str:

@@ -6,22 +6,20 @@ same memory, the same corrections of the start.  Its right-hand side is the mode
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from pathlib import Path
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fracid._version import __version__
-from fracid.arrays import FloatArray
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
-from fracid.safety.door import own_text, write_whole
+from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
 
@@ -67,8 +65,8 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
 # --- results.mat -------------------------------------------------------------------------------------
 
 
-def matlab_results(run: SavedRun, **more: Any) -> dict[str, Any]:
-    """What ``results.mat`` holds; `more` goes into it as it is.
+def matlab_results(run: SavedRun, **more: Any) -> bytes:
+    """``results.mat`` (version 5); `more` goes into it as it is.
 
     Parameters
     ----------
@@ -78,22 +76,22 @@ def matlab_results(run: SavedRun, **more: Any) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        For :func:`scipy.io.savemat`.
+    bytes
 
     Examples
     --------
     >>> matlab_results.__name__
     'matlab_results'
     """
+    from scipy.io import savemat
+
     p, result = run.problem, run.result
     recordings = []
     for name, fit in run.recordings.items():
         case = of_recording(run, name)
         recordings.append({
-            "name": name, "use": fit.use, "time": fit.time[:, None],
-            "measured": _columns(fit.measured), "fitted": _columns(fit.fitted),
-            "residual": _columns({n: fit.residual(n) for n in fit.measured}),
+            "name": name, "use": fit.use, "time": fit.time, "measured": fit.measured, "fitted": fit.fitted,
+            "residual": {n: fit.residual(n) for n in fit.measured},
             "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.inputs, "step": case.step,
             "steps": float(case.steps), "start": case.start,
             "constants": dict(zip(p.model.parameter_names, case.parameters.tolist(), strict=True)),
@@ -109,18 +107,9 @@ def matlab_results(run: SavedRun, **more: Any) -> dict[str, Any]:
                     "preset": result.get("preset")},
         **more,
     }  # fmt: skip
-    return {name: _plain(value) for name, value in content.items()}
-
-
-def write_results(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a ``.mat`` file (version 5) whole."""
-    from io import BytesIO
-
-    from scipy.io import savemat
-
     memory = BytesIO()
-    savemat(memory, dict(content), do_compression=True, oned_as="column", long_field_names=True)
-    write_whole(path, memory.getvalue())
+    savemat(memory, _plain(content), do_compression=True, oned_as="column", long_field_names=True)
+    return memory.getvalue()
 
 
 def of_recording(run: SavedRun, name: str) -> Case:
@@ -133,10 +122,6 @@ def of_recording(run: SavedRun, name: str) -> Case:
     return Case.of(problem, np.array([run.values.get(u.name, u.range.start) for u in problem.unknowns]), e)
 
 
-def _columns(signals: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    return {n: y[:, None] for n, y in signals.items()}
-
-
 def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:
     """By name: value, unit, interval and what is said of it."""
     fields = ("value", "unit", "free", "standard_error", "interval95", "identifiable")
@@ -145,9 +130,8 @@ def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:
 
 def _cell(values: list[Any]) -> NDArray[Any]:
     """A column of a cell array."""
-    cell = np.empty((len(values), 1), dtype=object)
-    for i, value in enumerate(values):
-        cell[i, 0] = _plain(value)
+    cell = np.empty(len(values), dtype=object)
+    cell[:] = [_plain(value) for value in values]
     return cell
 
 
@@ -161,7 +145,7 @@ def _plain(value: Any) -> Any:
         return printable(value) or np.zeros((0, 0))
     if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
         return _cell(list(value))
-    return math.nan if value is math.nan else value
+    return value
 
 
 def _field(name: str) -> str:

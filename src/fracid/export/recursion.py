@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
@@ -87,8 +87,6 @@ class Recursion:
     method: str
     orders: FloatArray
     """Of each state, shape (n_states,)."""
-    parameters: FloatArray
-    """p, shape (n_parameters,)."""
     time_scale: float
     """τ₀ [s]: the weight of a step is h^q τ₀^(1−q)."""
     memory: str
@@ -181,7 +179,7 @@ class Recursion:
         Raises
         ------
         InputError
-            If `steps` is no whole number above 0, or recordings have an order each: a program has one memory.
+            If recordings have an order each: a program has one memory.
 
         Examples
         --------
@@ -192,8 +190,6 @@ class Recursion:
         >>> tables.row, tables.lags, tables.together
         ((0, 0, 1, 1), 8, 1)
         """
-        if steps is not None:
-            at_least("steps", steps, 1)
         own, first = problem.own_parameters, problem.experiments[0]
         for order in (problem.model.parameter_names[k] for _, k in problem.model.complements):
             if order in own and len(problem.experiments) > 1:
@@ -206,7 +202,7 @@ class Recursion:
         family = METHODS[problem.method].family
         kernels = _of_same_lags([memory.kernel(family, q, longest) for q in distinct])
         return cls(
-            problem.model, problem.method, orders, parameters, time_scale(problem.model, parameters), memory.name,
+            problem.model, problem.method, orders, time_scale(problem.model, parameters), memory.name,
             longest, tuple(distinct.index(q) for q in orders.tolist()), tuple(kernels),
             _start(family, orders, distinct, longest),
         )  # fmt: skip

@@ -96,22 +96,6 @@ def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> s
     return writer(tree, taken, "", "void fracid_output").text(writer(model.program, taken))
 
 
-def not_written(model: Model, language: str) -> str:
-    """Why there is no program of a model; empty if there is one.
-
-    Examples
-    --------
-    >>> import fracid
-    >>> not_written(fracid.rotary_pendulum(), "c")
-    ''
-    """
-    try:
-        written(model, language)
-    except InputError as error:
-        return str(error)
-    return ""
-
-
 def words_of(template: str) -> tuple[str, ...]:
     """All words of a template of this package."""
     return tuple(set(re.findall(r"\w+", (files("fracid.export") / template).read_text(encoding="utf-8"))))

@@ -1,40 +1,21 @@
-r"""PID loops and their fractional kin, tuned on the simulation of the fitted model itself.
+r"""PID loops and their fractional kin.
 
 .. math::  u = -\Big(K_p + K_i s^{-λ} + K_d \frac{s^μ}{1 + T s}\Big) e
 
 of one output, with orders 1 a PID.  Fractional operators are the sums of :mod:`fracid.export.state_space`, sampled with
 e held.  At a limit the states are those of an e that would not have met it (Hanus' conditioning).
-
-A PID minimises the mean of :math:`(y/\bar y)^2 + (u/\bar u)^2` over a simulation; a FOPID of each of
-:data:`ORDERS` the same, with no more than the PID's effort (rms of u) and an open loop no nearer to −1 (the same
-maximum sensitivity), which is what makes the two comparable.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
-from scipy.optimize import differential_evolution, minimize
 
-from fracid.arrays import FloatArray
 from fracid.export.state_space import positive_sum
 from fracid.feedback.regulators import REDUCED, SLOWEST, held
 from fracid.schemas.feedback import Controller
 
 FILTER = 2.0
 """Time constant of the derivative's filter, in samples."""
-
-RANGES = ((-1.0, 1.5), (-2.5, 1.5), (-2.5, 1.0))
-"""Decades of the gains, about the whole input for the allowed deviation, over a second, and over a tenth of one."""
-
-ORDERS = tuple(itertools.product((0.6, 0.8, 1.0), (0.7, 0.8, 0.9, 1.0)))
-"""Of integral and derivative, that a FOPID is tried with."""
-
-GENERATIONS, PEOPLE, TRIES = 12, 10, 80
-"""Of the search for gains by differential evolution, and of that from there on by simplices."""
 
 
 def pid(
@@ -71,38 +52,3 @@ def pid(
     weights = {"Kp": proportional, "Ki": integral, "Kd": derivative}
     weights |= {"lambda": orders[0], "mu": orders[1]} if kind == "FOPID" else {}
     return Controller(kind, weights, period, A.tolist(), B.tolist(), C.tolist(), D.tolist(), E.tolist())
-
-
-def both(
-    judge: Callable[[Controller, float, float], float], spent: Callable[[Controller], tuple[float, float]],
-    scale: float, period: float, place: int, outputs: int, seed: int,
-) -> list[Controller]:  # fmt: skip
-    """A PID, and a FOPID of no more than its effort and no nearer to −1.
-
-    Parameters
-    ----------
-    judge : function (controller, most effort, least distance from −1) -> float
-        Less is better.
-    spent : function (controller) -> (effort, distance)
-    scale : float
-        A gain of the right sign and size.
-    period, place, outputs
-        As of :func:`pid`.
-    seed : int
-    """
-
-    def make(z: FloatArray, orders: tuple[float, float] = (1.0, 1.0), kind: str = "PID") -> Controller:
-        first, second, third = (scale * 10**z * np.array([1.0, 1.0, 0.1])).tolist()
-        return pid((first, second, third), orders, period, place, outputs, kind)
-
-    def refined(z: FloatArray, bounds: tuple[float, float], *fractional: Any) -> Any:
-        return minimize(lambda z: judge(make(z, *fractional), *bounds), z, method="Nelder-Mead",
-                        options={"maxfev": TRIES})  # fmt: skip
-
-    rough = differential_evolution(lambda z: judge(make(z), np.inf, 0.0), RANGES, maxiter=GENERATIONS, popsize=PEOPLE,
-                                   rng=seed, polish=False)  # fmt: skip
-    plain = refined(rough.x, (np.inf, 0.0)).x
-    bounds = spent(make(plain))
-    found = {orders: refined(plain, bounds, orders, "FOPID") for orders in ORDERS}
-    best = min(ORDERS, key=lambda orders: found[orders].fun)
-    return [make(plain), make(found[best].x, best, "FOPID")]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
-from fracid.export.state_space import IntegerModel, LinearModel, _by_name, moving, positive_sum, posture
+from fracid.export.state_space import LinearModel, _by_name, moving, posture
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
@@ -114,26 +114,6 @@ class Plant:
     """From the input that is asked for to the output that shows it [s]."""
     begins: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     """The reduced states from outputs and their rates, as in a motion in the middle of the band, (n, 2 n_outputs)."""
-
-    @classmethod
-    def of(
-        cls, model: Model, orders: FloatArray, parameters: FloatArray, at: Posture, outputs: tuple[str, ...],
-        channel: int, delay: float, period: float,
-    ) -> Plant:  # fmt: skip
-        """Reduced to the band of a loop with this period."""
-        band = (SLOWEST * math.pi / period, math.pi / period)
-        sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
-        system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
-        linear = system.linearised(at.name, at.states, moving(model, parameters), at.inputs)
-        picked = [list(model.output_states).index(n) for n in outputs]
-        rows = tuple(linear.rows[i] for i in picked)
-        size = np.abs(system.C).sum(axis=0)  # of what each z adds to its state
-        balanced = replace(linear, outputs=outputs, rows=rows, A=linear.A * size[:, None] / size,
-                           B=linear.B * size[:, None], C=linear.C[picked] / size)  # fmt: skip
-        part = np.abs(system.C / (1j * math.sqrt(band[0] * band[1]) + system.decay))
-        part /= part.sum(axis=1, keepdims=True)
-        rates = [int(np.abs(linear.F[row]).argmax()) for row in rows]
-        return cls(balanced, channel, delay, part[[*rows, *rates]].T)
 
     def response(self, omega: FloatArray, period: float) -> Any:
         """Of the fractional model, held, late and sampled, shape (n_omega, n_outputs)."""

@@ -17,14 +17,15 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import differential_evolution, minimize
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import uncertainty
-from fracid.export.state_space import moving
-from fracid.feedback.pid import both
-from fracid.feedback.regulators import UPRIGHT, Plant, Posture, margins, posture_of, regulator
+from fracid.export.state_space import IntegerModel, moving, positive_sum
+from fracid.feedback.pid import pid
+from fracid.feedback.regulators import REDUCED, SLOWEST, UPRIGHT, Plant, Posture, margins, posture_of, regulator
 from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Style, draw
 from fracid.findings import Words
@@ -71,6 +72,15 @@ QUIET = 0.5
 GROWS, MORE = 1.02, (1.5, 2.0, 3.0, 5.0, 8.0)
 """By how much a swing that still grows does in a quarter of a trial, and times of the limit that are tried for one that
 does not."""
+
+RANGES = ((-1.0, 1.5), (-2.5, 1.5), (-2.5, 1.0))
+"""Decades of the gains, about the whole input for the allowed deviation, over a second, and over a tenth of one."""
+
+ORDERS = tuple(itertools.product((0.6, 0.8, 1.0), (0.7, 0.8, 0.9, 1.0)))
+"""Of integral and derivative, that a FOPID is tried with."""
+
+GENERATIONS, PEOPLE, TRIES = 12, 10, 80
+"""Of the search for gains by differential evolution, and of that from there on by simplices."""
 
 UNSEEN = 0.01
 """By how much a direction that the recordings do not see may change the response, along a tenth of it."""
@@ -134,11 +144,22 @@ class ClosedLoop:
         return posture_of(self.problem.model, parameters, c.posture, c.at, self.channel)
 
     def plant(self, x: FloatArray) -> Plant:
-        """Linearised."""
+        """Linearised, and reduced to the band of the loop."""
         orders, parameters, *_ = self.problem.unpack(x, self.experiment)
-        c = self.conditions
-        return Plant.of(self.problem.model, orders, parameters, self.posture(x), c.outputs, self.channel,
-                        self.delay(x), c.period)  # fmt: skip
+        c, at, model = self.conditions, self.posture(x), self.problem.model
+        band = (SLOWEST * math.pi / c.period, math.pi / c.period)
+        sums = {q: positive_sum(q, band, REDUCED) for q in orders.tolist()}
+        system = IntegerModel(model, parameters, orders, tuple(sums[q] for q in orders.tolist()))
+        linear = system.linearised(at.name, at.states, moving(model, parameters), at.inputs)
+        picked = [list(model.output_states).index(n) for n in c.outputs]
+        rows = tuple(linear.rows[i] for i in picked)
+        size = np.abs(system.C).sum(axis=0)  # of what each z adds to its state
+        balanced = replace(linear, outputs=c.outputs, rows=rows, A=linear.A * size[:, None] / size,
+                           B=linear.B * size[:, None], C=linear.C[picked] / size)  # fmt: skip
+        part = np.abs(system.C / (1j * math.sqrt(band[0] * band[1]) + system.decay))
+        part /= part.sum(axis=1, keepdims=True)
+        rates = [int(np.abs(linear.F[row]).argmax()) for row in rows]
+        return Plant(balanced, self.channel, self.delay(x), part[[*rows, *rates]].T)
 
     @cached_property
     def fitted(self) -> Plant:
@@ -388,12 +409,6 @@ class Plan:
     designs: list[Controller]
     seed: int
 
-    @cached_property
-    def mark(self) -> str:
-        """Of all that a trial depends on beside its design and draw."""
-        content = json.dumps(as_json(Conditions, self.loop.conditions)).encode() + self.points.tobytes()
-        return sha256(content).hexdigest()[:12]
-
     def run(self, **how: Any) -> Control:
         """Try the designs on the first draws, and the best on all; `how` is of :func:`fracid.run_tasks`."""
         first, c = min(FIRST, len(self.points)), self.loop.conditions
@@ -411,23 +426,41 @@ class Plan:
                                   most=with_unit(c.most, c.unit), late=late))  # fmt: skip
         done, chosen = len(self.designs) * first, self.designs[best]
         (more,) = self._tried([chosen], range(first, len(self.points)), Part("trials", done, total), how)
-        notes = (*_notes(self.loop), *_compared(tried, trials), *_counted(self.loop, chosen, self.seed))
         judged = (*trials[best], *more)
-        worst = min(range(len(judged)), key=lambda k: _far(judged[k]))
+        near = [(t.holds, t.until, -t.up, t.distance) for t in judged]  # to falling, and then to instability
+        worst = near.index(min(near))
         return Control(
             self.loop.problem.model.name, c, _design(self.loop, chosen, judged), tried, judged,
             self.loop.problem.named(self.points[worst]), worst, self.seed,
-            binomial95(sum(t.holds for t in judged), len(judged)), notes, self.loop,
+            binomial95(sum(t.holds for t in judged), len(judged)), (*self._notes(trials, chosen),), self.loop,
         )  # fmt: skip
 
     def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:
         """Of each design its trials."""
+        content = json.dumps(as_json(Conditions, self.loop.conditions)).encode() + self.points.tobytes()
+        mark = sha256(content).hexdigest()[:12]  # of all that a trial depends on beside its design and draw
         tasks = [
-            Task(f"{self.mark} {d.kind} {json.dumps(d.weights)}, draw {k}", (self.points[k], d, self.seed + k))
+            Task(f"{mark} {d.kind} {json.dumps(d.weights)}, draw {k}", (self.points[k], d, self.seed + k))
             for d in designs for k in draws
         ]  # fmt: skip
         done = iter(run_tasks(self.loop.trial, tasks, part=part, **how).values())
         return [[record_of(Trial, next(done)) for _ in draws] for _ in designs]
+
+    def _notes(self, trials: Sequence[Sequence[Trial]], chosen: Controller) -> Iterator[str]:
+        """What it rests on, what a FOPID brings beside a PID of the same effort, and how many swings it takes."""
+        loop, kinds = self.loop, {d.kind: t for d, t in zip(self.designs, trials, strict=True)}
+        if not any(np.any(e.all_inputs) for e in loop.problem.experiments):
+            yield f"Nothing drove the recordings: what {loop.conditions.input} does rests on constants that were given."
+        if set(kinds) == {"PID", "FOPID"}:
+            whole, part = (np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID"))
+            error, effort = part / whole
+            yield SAYS("fopid", error=error, effort=effort)
+        if chosen.swing:  # at the fitted values
+            time, y, _ = loop.run(loop.x, chosen, self.seed)
+            up = loop.trial(loop.x, chosen, self.seed)["up"]
+            slopes = np.diff(y[time <= up, loop.conditions.outputs.index(chosen.swing.output)])
+            turns = int(np.count_nonzero(np.diff(np.sign(slopes[slopes != 0]))))
+            yield SAYS("swings", count=turns + 1, swings="swing" if not turns else "swings", up=up)
 
 
 def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
@@ -442,11 +475,20 @@ def _regulators(loop: ClosedLoop, _seed: int) -> list[Controller]:
 
 
 def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
-    """A PID of the output that begins off, and a FOPID of the same effort and distance from −1."""
+    r"""A PID of the output that begins off, and a FOPID of the same effort, tuned on the simulation of the fit.
+
+    A PID minimises the mean of :math:`(y/\bar y)^2 + (u/\bar u)^2`; a FOPID of each of :data:`ORDERS` the same, with no
+    more than the PID's effort (rms of u) and an open loop no nearer to −1 (the same maximum sensitivity), which is what
+    makes the two comparable.
+    """
     c = loop.conditions
     name = next(iter(c.off))
     place, off, most = c.outputs.index(name), c.off[name], min(c.most - c.at_rest, c.at_rest - c.least)
     early = loop.fitted.linear.exact_response(np.array([-0.5j / c.period]))[0, place, loop.channel].real
+
+    def made(z: FloatArray, orders: tuple[float, float] = (1.0, 1.0), kind: str = "PID") -> Controller:
+        gains = math.copysign(most / abs(off), early) * 10**z * np.array([1.0, 1.0, 0.1])
+        return pid(gains.tolist(), orders, c.period, place, len(c.outputs), kind)
 
     def ran(controller: Controller) -> tuple[float, float, float]:
         """How long it held, the error's and the input's rms."""
@@ -454,16 +496,25 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
         error, effort = (float(np.sqrt(np.mean(v**2))) for v in (y[:, place], u - c.at_rest))
         return float(time[-1]), error, effort
 
-    def judged(controller: Controller, allowed: float, distance: float) -> float:
+    def judged(z: FloatArray, bounds: tuple[float, float], *fractional: Any) -> float:
+        """Less is better; the bounds are of the effort and of the distance from −1."""
+        controller, (allowed, distance) = made(z, *fractional), bounds
         held, error, effort = ran(controller)
         near = max(0.0, 1 - margins(loop.fitted, controller)[2] / distance) if distance else 0.0
         short = max(0.0, 1 - held / (c.seconds - 1.5 * c.period)) + max(0.0, effort / allowed - 1) + near
         return (error / off) ** 2 + (effort / most) ** 2 + 10 * short
 
-    def spent(controller: Controller) -> tuple[float, float]:
-        return ran(controller)[2], margins(loop.fitted, controller)[2]
+    def refined(z: FloatArray, *of: Any) -> Any:
+        return minimize(judged, z, of, method="Nelder-Mead", options={"maxfev": TRIES})
 
-    return both(judged, spent, math.copysign(most / abs(off), early), c.period, place, len(c.outputs), seed)
+    rough = differential_evolution(judged, RANGES, ((np.inf, 0.0),), maxiter=GENERATIONS, popsize=PEOPLE, rng=seed,
+                                   polish=False)  # fmt: skip
+    z = refined(rough.x, (np.inf, 0.0)).x
+    plain = made(z)
+    bounds = ran(plain)[2], margins(loop.fitted, plain)[2]
+    found = {orders: refined(z, bounds, orders, "FOPID") for orders in ORDERS}
+    best = min(ORDERS, key=lambda orders: found[orders].fun)
+    return [plain, made(found[best].x, best, "FOPID")]
 
 
 def _swings(loop: ClosedLoop, seed: int) -> list[Controller]:
@@ -514,37 +565,7 @@ KINDS = {"lqr": (_regulators, OFF), "pid": (_loops, OFF), "swing": (_swings, HAN
 """What is tried, by name, and how far off it begins."""
 
 
-def _compared(tried: Sequence[Design], trials: Sequence[Sequence[Trial]]) -> Iterator[str]:
-    """What a FOPID brings beside a PID of the same effort."""
-    kinds = {d.controller.kind: t for d, t in zip(tried, trials, strict=True)}
-    if set(kinds) == {"PID", "FOPID"}:
-        whole, part = (np.median([(t.error, t.effort) for t in kinds[n]], axis=0) for n in ("PID", "FOPID"))
-        error, effort = part / whole
-        yield SAYS("fopid", error=error, effort=effort)
-
-
-def _counted(loop: ClosedLoop, controller: Controller, seed: int) -> Iterator[str]:
-    """How many swings it takes at the fitted values."""
-    if controller.swing:
-        time, y, _ = loop.run(loop.x, controller, seed)
-        up = loop.trial(loop.x, controller, seed)["up"]
-        slopes = np.diff(y[time <= up, loop.conditions.outputs.index(controller.swing.output)])
-        turns = int(np.count_nonzero(np.diff(np.sign(slopes[slopes != 0]))))
-        yield SAYS("swings", count=turns + 1, swings="swing" if not turns else "swings", up=up)
-
-
-def _far(trial: Trial) -> tuple[bool, float, float, float]:
-    """From falling, and then from instability."""
-    return trial.holds, trial.until, -trial.up, trial.distance
-
-
 def _design(loop: ClosedLoop, controller: Controller, trials: Sequence[Trial]) -> Design:
     held = sum(t.holds for t in trials)
     gain, phase, distance = margins(loop.fitted, controller)
     return Design(controller, len(trials), held, json_number(gain), phase, distance)
-
-
-def _notes(loop: ClosedLoop) -> list[str]:
-    if any(np.any(e.all_inputs) for e in loop.problem.experiments):
-        return []
-    return [f"Nothing drove the recordings: what {loop.conditions.input} does rests on constants that were given."]
