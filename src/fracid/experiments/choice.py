@@ -113,7 +113,7 @@ def design(
     """
     at_least("experiments", experiments, 1, 1000)
     at_least("robust", robust, 0, 1000)
-    refuse_unknown("rival to design against", ("integer",), against or "integer")
+    refuse_unknown("alternative to design against", ("integer",), against or "integer")
     if isinstance(of, str):
         of = (of,)
     name = criterion or ("T" if against else "Ds" if of else "D")

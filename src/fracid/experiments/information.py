@@ -65,17 +65,6 @@ class Information:
         return np.asarray(inverse @ (self.scatter * size) @ np.swapaxes(inverse, -1, -2) * size)
 
 
-def nothing(count: int) -> Information:
-    """No experiment at all.
-
-    Examples
-    --------
-    >>> nothing(2).curvature.tolist()
-    [[0.0, 0.0], [0.0, 0.0]]
-    """
-    return Information(np.zeros((count, count)), np.zeros((count, count)))
-
-
 def of_samples(
     outputs: FloatArray, shared: FloatArray, own: FloatArray, noise: Sequence[Noise], weights: Weights,
     excess: FloatArray,

@@ -29,7 +29,7 @@ from fracid.errors import Failure, InputError, refuse_unknown, unknown_name
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
 from fracid.estimation.rounding import encoder_noise
-from fracid.experiments.information import Information, Noise, nothing, of_samples
+from fracid.experiments.information import Information, Noise, of_samples
 from fracid.experiments.space import SPEED, Candidate, DesignSpace
 from fracid.findings import Words
 from fracid.models import Model
@@ -276,13 +276,12 @@ def subject_of_problem(
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
     values = dict(zip((u.target for u in unknowns), x.tolist(), strict=True))
     held = {u.target for u, k in zip(unknowns, shared, strict=True) if u.experiment is None and not k}
-    recorded = nothing(int(shared.sum()))
+    priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
+    recorded = Information(priors, priors)
     for e, error, j in zip(problem.experiments, J.errors, J.parts, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
         fitted = e.measured - error
         recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], problem.weights, excess)
-    priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
-    recorded += Information(priors, priors)
     intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
                  if (interval := precision.interval(x, k)) is not None}  # fmt: skip
     start = {n: v for n, v in values.items() if n in problem.per_recording or n in problem.names}
@@ -333,8 +332,9 @@ def subject_of_model(
     if step == 0.0 and noise == 0.0:
         raise InputError("counts = 0 and noise = 0: without any noise every experiment is perfect; give one of them.")
     count, finest = len(problem.names), FINE if model.angles else math.inf
+    nothing = Information(np.zeros((count, count)), np.zeros((count, count)))
     return Subject(
-        problem, dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing(count), {}, model.name,
+        problem, dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing, {}, model.name,
         {}, space,
     )  # fmt: skip
 
