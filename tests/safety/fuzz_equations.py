@@ -189,6 +189,7 @@ def _more_than_mathematics(code: str) -> str:
         NAMES
         | {n.name for n in nodes if isinstance(n, ast.FunctionDef)}
         | {n.arg for n in nodes if isinstance(n, ast.arg)}
+        | {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
     )
     for node in nodes:
         if not isinstance(node, ALLOWED):

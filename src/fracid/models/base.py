@@ -615,7 +615,7 @@ class Model(CardDisplay):
             if name not in index:
                 raise unknown_name(f"{self.name} state", name, self.states)
             if not is_number(value) or not math.isfinite(value):
-                raise InputError(f"initial state {name} = {value!r}: expected a finite number")
+                raise InputError(f"initial state {name} = {value!r}: expected a finite number: numpy.radians(10)")
             x[index[name]] = value
         return x
 

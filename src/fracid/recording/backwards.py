@@ -29,6 +29,8 @@ LEFT, MATTERS = 0.1, 0.5
 
 MOST = 2**16
 """Samples that are looked at: those about the fastest motion of the arm."""
+FARTHEST = 1e12
+"""Angle [rad] that no encoder counts."""
 
 
 def counted_backwards(step: float, theta: FloatArray, alpha: FloatArray) -> Iterator[Finding]:
@@ -45,7 +47,7 @@ def counted_backwards(step: float, theta: FloatArray, alpha: FloatArray) -> Iter
     >>> [f.code for sign in (1, -1) for f in counted_backwards(5e-3, theta, sign * alpha)]
     ['counted-backwards']
     """
-    if not (np.isfinite(theta).all() and np.ptp(theta) > 0):
+    if not (np.abs([theta, alpha]).max() < FARTHEST and np.ptp(theta) > 0):
         return
     at = int(np.argmax(np.abs(np.diff(theta))))
     part = slice(max(0, at - MOST // 2), at + MOST // 2)
