@@ -343,7 +343,7 @@ def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
         searches.append(options)
         return minimise(*args, **options | ({"callback": interrupt_after(0)} if len(searches) > 1 else {}))
 
-    monkeypatch.setattr(discretisation, "nearly_equal_shift", lambda *_: None)
+    monkeypatch.setattr(discretisation, "nearly_equal_minimum", lambda *_: None)
     monkeypatch.setattr(discretisation, "beside", lambda *_: None)
     monkeypatch.setattr(horizons, "minimise", second_is_interrupted)
     fit = identify(problem(twin(end=1.0)), optimiser="least-squares")

@@ -135,7 +135,7 @@ def test_the_check_of_the_step_shifts_the_orders_as_a_search_at_half_the_step_do
     monkeypatch.setattr("fracid.validation.discretisation.refined", lambda *a, **k: asked.append(a) or refined(*a, **k))
     fast = discretisation_check(made, x, known, 1)
     assert not asked
-    monkeypatch.setattr("fracid.validation.discretisation.nearly_equal_shift", lambda *_: None)
+    monkeypatch.setattr("fracid.validation.discretisation.nearly_equal_minimum", lambda *_: None)
     full = discretisation_check(made, x, known, 1)
     assert asked
     assert abs(full.shift["mu"]) > 0.02 * half_width(known, x, 0)

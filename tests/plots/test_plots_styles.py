@@ -102,7 +102,7 @@ def scores(recording, rungs):
     return {recording: Score({"alpha": 0.01 / rungs}, {"alpha": 95.0}, {"alpha": 0.1})}
 
 
-PAST = Treatment({"lambda": 0.95, "mu": 1.05}, {"lambda": 0.05, "mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+PAST = Treatment({"lambda": 0.95, "mu": 1.05}, 0.1, {"alpha": 0.1}, {"lambda": 0.05, "mu": 0.05}, False)
 CUT = CutCheck(AsFitted({"lambda": 0.9, "mu": 1.0}, 0.1, {"alpha": 0.1}), {"lambda": None, "mu": 0.01},
                {"with the past": PAST}, {})  # fmt: skip
 DRIFTS = tuple(Drift(order, "release 92°", (0.5, 0.1), (0.99, 0.95), (1e-3, 2e-3), 1e-9, 1.0, -0.04)

@@ -166,11 +166,11 @@ LATER_NAME = "cut later by 0.3 s"
 
 
 def made(half, shift, level=0.1, later=None, **options):
-    t = Treatment({"mu": 1.0 + shift}, {"mu": shift}, 0.1, {"alpha": level}, options.get("stopped", False))
+    t = Treatment({"mu": 1.0 + shift}, 0.1, {"alpha": level}, {"mu": shift}, options.get("stopped", False))
     return CutCheck(AS_FITTED, {"mu": half}, {"with the past": t} | ({LATER_NAME: later} if later else {}), {})
 
 
-LATER = Treatment({"mu": 1.08}, {"mu": 0.08}, 0.1, {"alpha": 0.1}, False)
+LATER = Treatment({"mu": 1.08}, 0.1, {"alpha": 0.1}, {"mu": 0.08}, False)
 
 
 @pytest.mark.parametrize(("found", "words"), [

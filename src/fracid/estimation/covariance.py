@@ -414,19 +414,13 @@ def _sparse(directions: FloatArray) -> FloatArray:
 
     A basis of the unseen directions is arbitrary; row reduction gives the one that names the fewest together.
     """
-    rows, lead = directions / np.max(np.abs(directions), axis=1, keepdims=True, initial=1e-300), 0
-    for column in np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable"):
-        if lead == len(rows):
-            break
-        best = lead + int(np.argmax(np.abs(rows[lead:, column])))
-        if abs(rows[best, column]) < PART:
-            continue
-        rows[[lead, best]] = rows[[best, lead]]
-        rows[lead] /= rows[lead, column]
-        others = np.arange(len(rows)) != lead
-        rows[others] -= np.outer(rows[others, column], rows[lead])
-        lead += 1
-    rows = rows / np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
+    from scipy.linalg import qr  # slow to load
+
+    rows = directions / np.max(np.abs(directions), axis=1, keepdims=True, initial=1e-300)
+    largest_first = np.argsort(-np.max(np.abs(rows), axis=0, initial=0.0), kind="stable")
+    pivots = qr(rows, mode="r", pivoting=True)[1][: len(rows)]
+    rows = np.linalg.solve(rows[:, largest_first[np.isin(largest_first, pivots)]], rows)
+    rows /= np.max(np.abs(rows), axis=1, keepdims=True, initial=1e-300)
     return np.asarray(np.where(np.abs(rows) > PART, rows, 0.0))
 
 

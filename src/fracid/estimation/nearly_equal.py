@@ -45,12 +45,6 @@ def nearly_equal_minimum(problem: Problem, x: FloatArray, other: Problem, jobs: 
     return None if isinstance(J, Failure) else _chord(other, x, inside, J)
 
 
-def nearly_equal_shift(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> FloatArray | None:
-    """How far the minimum of `other` is from that of `problem`, which is next to x; None as above."""
-    here, there = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
-    return None if here is None or there is None else there - here
-
-
 def derivatives_of_each(problem: Problem, x: FloatArray, jobs: int) -> dict[str, FloatArray]:
     """Of each recording alone by its unknowns, in their order, shape (n_samples, n_outputs, n_unknowns).
 

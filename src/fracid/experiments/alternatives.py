@@ -322,10 +322,6 @@ class _Rival:
     extra: Mapping[str, tuple[str, ...]]
     """Element → what it frees."""
 
-    def of(self, problem: Problem) -> Problem:
-        """This model of the experiments of another problem of that arm."""
-        return replace(problem, orders=self.problem.orders, parameters=self.problem.parameters, memo=None)
-
 
 def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     """Fit the integer-order model, friction free, to what the fractional one does; None where no run of that ends."""
@@ -373,7 +369,7 @@ def _sums(
     subject: Subject, rival: _Rival, table: Alternatives, problem: Problem, samples: Sequence[int]
 ) -> list[tuple[FloatArray, ...]]:
     """c, b and A of the beginnings of one experiment; none where the integer-order model fails."""
-    here = rival.of(problem)
+    here = replace(problem, orders=rival.problem.orders, parameters=rival.problem.parameters, memo=None)
     J = differences(here, here.start, np.arange(len(here.names)))
     if isinstance(J, Failure):
         return []

@@ -42,7 +42,7 @@ class _Band:
         middle = float(np.sqrt(self.low * self.high))
         bands = [(self.low, self.high)]
         bands += [] if middle in bands[0] else [(self.low, middle), (middle, self.high)]
-        return tuple(replace(self, low=a, high=b, peak=p) for a, b in bands for p in _peaks(self.peak))
+        return tuple(replace(self, low=a, high=b, peak=part * self.peak) for a, b in bands for part in PARTS_OF_PEAK)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Multisine(_Band):
         if self.lines > 1:
             return super().variants(levels)
         frequencies = np.geomspace(self.low, self.high, levels if self.high > self.low else 1).tolist()
-        return tuple(replace(self, low=f, high=f, peak=p) for f in frequencies for p in _peaks(self.peak))
+        return tuple(replace(self, low=f, high=f, peak=part * self.peak) for f in frequencies for part in PARTS_OF_PEAK)
 
     def signal(self, time: FloatArray) -> FloatArray:
         """u at some times [s], shape (n_samples,)."""
@@ -165,7 +165,7 @@ class Pulses:
         """Concrete signals that a design compares: widths and amplitudes."""
         count = min(levels, 4) if self.longest > self.shortest else 1
         widths = np.geomspace(self.shortest, self.longest, count).tolist()
-        return tuple(Pulses(w, w, p) for w in widths for p in _peaks(self.peak))
+        return tuple(Pulses(w, w, part * self.peak) for w in widths for part in PARTS_OF_PEAK)
 
     def signal(self, time: FloatArray) -> FloatArray:
         """u at some times [s], shape (n_samples,)."""
@@ -178,10 +178,6 @@ class Pulses:
 
 
 Excitation = Multisine | Chirp | Pulses
-
-
-def _peaks(peak: float) -> tuple[float, ...]:
-    return tuple(part * peak for part in PARTS_OF_PEAK)
 
 
 def _sines(time: FloatArray, frequency: FloatArray, phase: FloatArray) -> FloatArray:

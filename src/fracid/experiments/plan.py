@@ -271,9 +271,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     (45, (201,))
     """
     subject, curves = plan.subject, []
-    covariance = plan.covariance
-    if subject.intervals:
-        covariance = subject.known(VAGUE).covariance(subject.scale)
+    covariance = subject.known(VAGUE).covariance(subject.scale) if subject.intervals else plan.covariance
     for c in dict.fromkeys(plan.experiments):
         problem = subject.problem_of(c)
         outputs = problem.fitted(problem.start, problem.experiments[0])
@@ -285,8 +283,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
         part = covariance[np.ix_(rows, rows)]
         variance = np.einsum("toi,ij,toj->to", J[0], part, J[0])
         half = NORMAL_95 * np.sqrt(np.maximum(variance, 0.0))
-        played = subject.problem.model.inputs.index(driven(subject.problem)) if c.voltage is not None else 0
-        u = None if c.voltage is None else problem.experiments[0].inputs[:, played]
+        u = None if c.voltage is None else subject.space.applied(c.voltage, np.arange(c.samples) / c.rate)
         names = problem.outputs
         curves.append(Expected(c, problem.experiments[0].time, dict(zip(names, outputs.T, strict=True)),
                                dict(zip(names, half.T, strict=True)), u))  # fmt: skip

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
@@ -126,11 +126,10 @@ class Plant:
 
 def held(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
     """What is left of the states after a time, and what an input adds to them that is held so long."""
-    n = len(A)
-    block = np.zeros((n + B.shape[1], n + B.shape[1]))
-    block[:n, :n], block[:n, n:] = A, B
-    whole = expm(time * block)
-    return whole[:n, :n], whole[:n, n:]
+    from scipy.signal import cont2discrete  # slow to load
+
+    left, added, *_ = cont2discrete((A, B, A, B), time)
+    return left, added
 
 
 def sampled(plant: Plant, period: float) -> tuple[FloatArray, FloatArray, FloatArray]:

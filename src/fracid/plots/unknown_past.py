@@ -39,7 +39,7 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
     Examples
     --------
     >>> from fracid.validation.unknown_past import AsFitted, CutCheck, Treatment
-    >>> past = Treatment({"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+    >>> past = Treatment({"mu": 1.05}, 0.1, {"alpha": 0.1}, {"mu": 0.05}, False)
     >>> fit = AsFitted({"mu": 1.0}, 0.1, {"alpha": 0.1})
     >>> figure = cut_shifts(CutCheck(fit, {"mu": 0.01}, {"with the past": past}, {}))
     >>> [label.get_text() for label in figure.axes[0].get_yticklabels()]

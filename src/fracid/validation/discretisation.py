@@ -25,7 +25,7 @@ from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
 from fracid.estimation.minimum import beside, settled
-from fracid.estimation.nearly_equal import nearly_equal_minimum, nearly_equal_shift
+from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Words
 from fracid.optimise import Evaluation
@@ -137,10 +137,10 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
         there = beside(replace(near, problem=other), x)
         if there is not None:
             return there.x + there.step()
-    shift = nearly_equal_shift(problem, x, other, jobs)
-    if shift is None:
+    begun, ended = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
+    if begun is None or ended is None:
         return uninterrupted(refined(other, x, Watch(jobs), tolerance=1e-6, budget=20)).best.point
-    return np.clip(x + shift, problem.space.lower, problem.space.upper)
+    return np.clip(x + (ended - begun), problem.space.lower, problem.space.upper)
 
 
 def _corrected_check(

@@ -71,12 +71,8 @@ def wrong_sign(problem: Problem, jobs: int) -> Iterator[Finding]:
 
 def _most_moved(problem: Problem) -> list[Experiment]:
     """Not more than so many recordings, in their order: those in which the angle that moves less moves most."""
-
-    def least(e: Experiment) -> float:
-        return float(np.min(np.ptp(e.measured, axis=0)))
-
-    selection = sorted(problem.experiments, key=least, reverse=True)[:SIGNS]
-    return [e for e in problem.experiments if any(e is other for other in selection)]
+    travels = [-np.min(np.ptp(e.measured, axis=0)) for e in problem.experiments]
+    return [problem.experiments[i] for i in np.sort(np.argsort(travels, kind="stable")[:SIGNS])]
 
 
 def _reversal(problem: Problem, jobs: int) -> tuple[tuple[str, ...], float, float] | None:

@@ -164,7 +164,7 @@ def misreadings(
     problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1
 ) -> list[Misreading]:
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals."""
-    if isinstance(uncertainty, Failure) or not problem.names:
+    if isinstance(uncertainty, Failure) or not np.any(np.isfinite(uncertainty.standard_error)):
         return []
     length = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
     if length < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
@@ -172,8 +172,6 @@ def misreadings(
     if length < max(len(e.measured) for e in problem.experiments):
         problem = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None)
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
-    if not len(free):
-        return []
     forms, J = _forms(problem, x), differences(problem, x, free, jobs=jobs)
     if isinstance(J, Failure) or forms is None or math.sqrt(np.mean(joined(J.errors) ** 2)) < NOTHING:
         return []

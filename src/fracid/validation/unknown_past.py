@@ -90,16 +90,11 @@ class AsFitted(Record):
 
 
 @dataclass(frozen=True)
-class Treatment(Record):
-    """The orders, with something else taken for the motion before the start."""
+class Treatment(AsFitted):
+    """The same with something else taken for the motion before the start, of the samples that this treatment scores."""
 
-    orders: Mapping[str, float]
-    """Free orders → value."""
     shift: Mapping[str, float]
-    """How far each lies from the fit's."""
-    cost: float
-    levels: Annotated[Mapping[str, float], Field(alias="rmse")]
-    """Output → rms of its residual [rad]; of the samples that this treatment scores."""
+    """How far each order lies from the fit's."""
     stopped: Annotated[bool, Field(alias="still_moving")]
     """Whether the budget ended the refit: the orders were still moving."""
 
@@ -191,7 +186,7 @@ class CutCheck(CardDisplay, Record):
 
         Examples
         --------
-        >>> past = Treatment({"mu": 1.05}, {"mu": 0.05}, 0.1, {"alpha": 0.1}, False)
+        >>> past = Treatment({"mu": 1.05}, 0.1, {"alpha": 0.1}, {"mu": 0.05}, False)
         >>> fit = AsFitted({"mu": 1.0}, 0.1, {"alpha": 0.1})
         >>> check = CutCheck(fit, {"mu": 0.01}, {"with the past": past}, {})
         >>> check.plot().axes[0].get_xlabel()
@@ -447,7 +442,7 @@ def _refitted(
     orders, before = _orders(other, best.point), _orders(problem, x)
     label = f"{name} by {later:.2g} s" if later > 0 else name
     shift, stopped = {n: orders[n] - before[n] for n in orders}, result.outcome is Outcome.BUDGET_SPENT
-    return {label: Treatment(orders, shift, best.cost, other.levels(best.point), stopped)}
+    return {label: Treatment(orders, best.cost, other.levels(best.point), shift, stopped)}
 
 
 def _orders(problem: Problem, x: FloatArray) -> dict[str, float]:
