@@ -68,7 +68,6 @@ References
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -81,13 +80,12 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models.base import LinearTerms, Model, Parameter
-from fracid.models.library import model_of_table
+from fracid.models.library import model_of_table, table_of
 from fracid.models.rigs import GRAVITY, RIGS
-from fracid.safety.door import own_text
 
 SAYS = Words("models/base.toml")
 
-TABLE = tomllib.loads(own_text("models/rotary-pendulum.toml"))
+TABLE = table_of("rotary-pendulum")
 
 
 def rotary_pendulum(
@@ -237,7 +235,9 @@ def _columns(
 
 _TERMS: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in TABLE["regression"].items()}
 
-LINEAR_TERMS = LinearTerms(**_TERMS, columns=_columns)
+_GAUGE = next(n for n, row in TABLE["model"]["parameters"].items() if row.get("gauge"))
+
+LINEAR_TERMS = LinearTerms(**_TERMS, gauge=_GAUGE, columns=_columns)
 
 MODEL = {"rotary-pendulum": rotary_pendulum}
 """By the name that a project file gives it."""

@@ -50,6 +50,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.models import RIGS, rotary_pendulum
+from fracid.models.pendulum import TABLE
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
@@ -72,24 +73,8 @@ BRIDGED = 0.25
 MOTOR = "torque_per_volt"
 """What an input is seen by."""
 
-SHARP = (1e-3, 0.2)
-"""Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on it.
-"""
-
-BETWEEN = {"slip_speed": SHARP}
-"""Constants whose bounds do not follow from a value."""
-
 BEGUN = ("C1", "C3", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_theta", "coulomb_alpha", "cable_stiffness", MOTOR)
 """The constants that a draft may be told to begin with."""
-
-FREED = (*BEGUN[:-1], "slip_speed", "drag_theta", "drag_alpha", "theta_rest", "alpha_rest")
-"""What a draft frees of a release; :data:`MOTOR` too where a voltage was recorded."""
-
-STILL_ARM = {
-    "output": "theta", "parameters": {"C3": 0.0}, "orders": {"lambda": 1.0},
-    "fixed": ["C3", "C6", "J_theta", "b_theta", "coulomb_theta", "drag_theta", "cable_stiffness", "theta_rest"],
-}  # fmt: skip
-"""What holds of a rotary pendulum whose arm nobody measured: it is taken to stand still."""
 
 ENOUGH = 64
 """Samples of a swing."""
@@ -112,7 +97,7 @@ STILL = 1e-2
 SMALL = math.radians(20)
 """Swings to each side below which C6 does not show."""
 
-SPAN = 5.0
+SPAN: float = TABLE["span"]
 """A constant is looked for within this factor of the rig's."""
 
 LIKE = 1.5
@@ -456,7 +441,9 @@ def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
 class _Page:
     """What the template, ``rotary-pendulum.j2``, asks about a recording."""
 
-    sharp = SHARP
+    sharp = TABLE["model"]["parameters"]["slip_speed"]["between"]
+    """Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on
+    it."""
 
     def __init__(
         self, recording: Recording, columns: Columns, rig: str, window: Mapping[str, Any], starts: Mapping[str, float]

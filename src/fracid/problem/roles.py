@@ -2,19 +2,18 @@
 
 Each model's file has a pattern for each of its inputs and outputs (``[columns]``).  A table is of the model that has a
 place for most of its columns; rates and accelerations have none, since a model knows them by their coordinates.  The
-rotary pendulum's are :data:`fracid.recording.guess.NAMES`; where no column has a telling name, its columns are found by
-how they move.
+rotary pendulum comes first of those that have as many; where no column has a telling name, its columns are found by how
+they move.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.library import MODEL, table_of
-from fracid.recording.guess import NAMES
 
 SAYS = Words("problem/roles.toml")
 
@@ -37,7 +36,7 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
     >>> roles_of("cart-pole", ["cart_pos", "cart_vel", "pole_angle", "force"])
     {'position': 'cart_pos', 'angle': 'pole_angle', 'force': 'force'}
     """
-    patterns: Mapping[str, str] = NAMES if model == ROTARY else table_of(model)["columns"]
+    patterns: dict[str, str] = table_of(model)["columns"]
     roles: dict[str, str] = {}
     for signal, pattern in patterns.items():
         free = [c for c in columns if c not in roles.values()]
@@ -54,6 +53,8 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
 def likely_models(columns: Sequence[str]) -> dict[str, dict[str, str]]:
     """Models that a table may be of → what each of its columns is; those that have most places for them.
 
+    A rotary pendulum is the only one where it is one of them, and where the names of the columns say nothing.
+
     Examples
     --------
     >>> likely_models(["current", "voltage"])
@@ -63,16 +64,18 @@ def likely_models(columns: Sequence[str]) -> dict[str, dict[str, str]]:
     """
     found = {name: roles_of(name, columns) for name in (ROTARY, *MODEL)}
     found = {n: roles for n, roles in found.items() if _whole(n, roles, len(columns))}
+    if not found and nameless(columns):
+        return {ROTARY: {}}
     most = max(map(len, found.values()), default=0)
-    return {n: roles for n, roles in found.items() if len(roles) == most}
+    likely = {n: roles for n, roles in found.items() if len(roles) == most}
+    return {ROTARY: likely[ROTARY]} if ROTARY in likely else likely
 
 
-def _whole(name: str, roles: Mapping[str, str], columns: int) -> bool:
-    """Whether the columns that the model needs are there, and one that is measured."""
-    if name == ROTARY:
-        return "alpha" in roles or ("theta" in roles and columns > len(roles))
+def _whole(name: str, roles: dict[str, str], columns: int) -> bool:
+    """Whether the columns that the model needs are there, or one left to be found by its motion, and a measured one."""
     spec = table_of(name)
-    return {*spec["needs"]} <= roles.keys() and bool(roles.keys() & spec["model"]["outputs"].keys())
+    moves = spec.get("moves", ()) if columns > len(roles) else ()
+    return {*spec["needs"]} - {*moves} <= roles.keys() and bool(roles.keys() & spec["model"]["outputs"].keys())
 
 
 def nameless(columns: Sequence[str]) -> bool:
@@ -103,8 +106,6 @@ def model_of_columns(file: str, columns: Sequence[str]) -> str:
     fracid.errors.InputError: No model of the library has the columns rain, wind of log.csv. ...
     """
     likely = likely_models(columns)
-    if ROTARY in likely or (not likely and nameless(columns)):
-        return ROTARY
     shown = ", ".join(columns[:8])
     if not likely:
         raise InputError(SAYS("none", shown=shown, file=file))

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,17 +31,14 @@ from fracid.errors import InputError
 from fracid.findings import Words, with_code
 from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
 from fracid.recording.recording import Recording
+from fracid.safety.door import own_text
 
 SAYS = Words("recording/columns.toml")
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
 
-NAMES = {
-    "alpha": r"alpha|pend|pole|rod\b|joint_?1|joint_?2(?!.*joint_?1)|swing",
-    "theta": r"theta|\barm|arm\b|base|motor|servo|joint_?0|yaw",
-    "voltage": r"volt|\bvm\b|\bu\b|input|command|effort_control|\bcmd",
-}
+NAMES: dict[str, str] = tomllib.loads(own_text("models/rotary-pendulum.toml"))["columns"]
 """How the columns of angles and inputs are called, in words of a header."""
 
 OTHER = r"dot|veloc|speed|rate|\bd_|deriv|accel|effort$|torque|stamp|offset|current|temp"

@@ -17,14 +17,11 @@ from fracid.errors import InputError, writing
 from fracid.export.javascript import program_of, solver
 from fracid.models import MODELS, RIGS, Model, model
 from fracid.models.library import table_of
-from fracid.models.pendulum import LINEAR_TERMS
 from fracid.models.written.languages import JavaScript
 from fracid.problem import Experiment, Free, Problem
-from fracid.problem.draft import BETWEEN, FREED, SPAN, STILL_ARM
-from fracid.problem.model_draft import SPAN as WIDE
+from fracid.problem.model_draft import SPAN
 from fracid.problem.roles import ROTARY
 from fracid.recording.channel import TABLES
-from fracid.recording.guess import NAMES
 from fracid.recording.readers.table import Table, read_table
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
@@ -122,10 +119,10 @@ def _written(models: Mapping[str, Model]) -> str:
 
 def _spec(name: str, m: Model) -> dict[str, Any]:
     """What the page must know of a model."""
-    library = {} if name == ROTARY else table_of(name)
+    table = table_of(name)
     scene, outputs = m.scene, {i: n for n, i in m.output_states.items()}
     return {
-        "about": m.about or "an arm that a motor turns, and at its end a pendulum",
+        "about": m.about,
         "zero": m.zero,
         "program": program_of(m, "pi2", TOLERANCE),
         "orders": [_order(m, q) for q in m.order_names],
@@ -133,13 +130,13 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
                     "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
         "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
         "initial": [{"state": m.states.index(s), "output": outputs.get(m.states.index(s))} for s in _sought_states(m)],
-        "parameters": list(_parameters(name, m)),
-        "columns": NAMES if name == ROTARY else library["columns"],
-        "needs": ["alpha"] if name == ROTARY else library["needs"],
+        "parameters": list(_parameters(table, m)),
+        "columns": table["columns"],
+        "needs": table["needs"],
         "swings": m.pendulum or "",
-        "without": STILL_ARM if name == ROTARY else None,
+        "without": table.get("without"),
         "rigs": [{"name": n, "title": rig.title, "parameters": rig.parameters} for n, rig in RIGS.items()]
-        if name == ROTARY else None,
+        if "rigs" in table else None,
         "scene": scene and {"dimension": scene.dimension, "bodies": scene.bodies,
                             "outputs": list(scene.outputs), "movedBy": list(scene.moved_by)},
     }  # fmt: skip
@@ -166,13 +163,12 @@ def _sought_states(m: Model) -> list[str]:
     return [u.target for u in unknowns if u.kind == "initial"]
 
 
-def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
+def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:
     """Each with where it is free: always, where the rig is driven, or never."""
-    rows = {} if name == ROTARY else table_of(name)["model"]["parameters"]
     for p in m.parameters:
-        row, kind = rows.get(p.name, {}), m.friction.get(p.name)
-        if name == ROTARY:
-            free = "always" if p.name in FREED else "driven" if p.name == m.drive else "never"
+        row, kind = table["model"]["parameters"][p.name], m.friction.get(p.name)
+        if "free" in row:
+            free = row["free"]
         elif row.get("known") or row.get("needs") or p.name.startswith(("springpot_order", "stribeck_speed")):
             free = "never"
         elif p.value == 0.0:
@@ -180,13 +176,12 @@ def _parameters(name: str, m: Model) -> Iterator[dict[str, Any]]:
         else:
             free = "driven" if row.get("gauge") else "always"
         finite = {n: v for n, v in (("lower", p.lower), ("upper", p.upper)) if np.isfinite(v)}
-        between = BETWEEN.get(p.name, ()) if name == ROTARY else ()
         yield {
             "name": p.name, "unit": p.unit, "value": p.value, "about": p.description, "free": free, **finite,
-            **dict(zip(("lowest", "highest"), between, strict=False)),
+            **dict(zip(("lowest", "highest"), row.get("between", ()), strict=False)),
             # About how large a constant is that the library has as 0.
             "size": abs(p.value) or (0.05 if p.name.endswith("_rest") else 1e-3),
-            "span": SPAN if name == ROTARY else WIDE, "rest": p.name in m.rests,
+            "span": table.get("span", SPAN), "rest": p.name in m.rests,
             "friction": kind is not None and not kind.signed, "signed": p.name == m.drive,
-            "gauge": p.name == LINEAR_TERMS.gauge if name == ROTARY else row.get("gauge", False),
+            "gauge": row.get("gauge", False),
         }  # fmt: skip

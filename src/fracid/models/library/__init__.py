@@ -1,10 +1,13 @@
 """The library: a model is one file of equations in this folder, as a project file has them.
 
 Above stand ``about``, ``source``, one line for lists and where the equations come from, ``needs``, the columns without
-which a recording is of something else, and ``[columns]``, how those of recordings are called
-(:mod:`fracid.problem.roles`); ``[beside]``, constants that a log says beside its samples, and ``[with.SIGNAL]``, what a
-draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`).  ``[twin]`` below is what
-``fracid simulate --model`` simulates, with inputs as functions of t.  ``[model]`` is a project's; what it has beside is
+which a recording is of something else, ``moves``, those of them that are found by how they move where another column is
+left, and ``[columns]``, how those of recordings are called (:mod:`fracid.problem.roles`); ``[beside]``, constants that
+a log says beside its samples, and ``[with.SIGNAL]``, what a draft of a recording with that signal is like
+(:mod:`fracid.problem.model_draft`).  For the page that opens a recording, ``[without]`` is what is fixed where an
+output is missing, ``span`` the factor within which constants are sought, and ``rigs = true`` says that the rigs of
+``rigs.toml`` are of this model.  ``[twin]`` below is what ``fracid simulate --model`` simulates, with inputs as
+functions of t.  ``[model]`` is a project's; what it has beside is
 
 ==================  ===========================================================================================
 ``angle``           the output that is 0 where the pendulum hangs, or with ``zero = "upright"`` where it stands; in
@@ -15,7 +18,8 @@ draft of a recording with that signal is like (:mod:`fracid.problem.model_draft`
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
                     ``gauge = true`` for what must be, where nothing drives the model, ``rung`` of the ladder,
-                    ``corner = true`` for what linear models are without
+                    ``corner = true`` for what linear models are without, ``between``, bounds that do not follow from
+                    a value, and ``free``, ``"always"`` or ``"driven"``, where the rest of the row does not say it
 ``symbols`` …       input or definition → how it is printed, and ``drive``, ``seen_in``, ``paper`` of a model
 of an equation      ``symbol``, ``only``, ``follows``, ``forgets``, ``size``, ``name``, ``note``:
                     :class:`fracid.models.written.equations.Equation`
@@ -39,6 +43,7 @@ from fracid.models.base import ZEROS, Model, Parameter, symbol_of
 from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
+from fracid.safety.door import own_text
 
 _FOLDER = resources.files(__name__)
 
@@ -48,14 +53,15 @@ FIELDS = ("input_rates", "input_defaults", "integer_orders", "drive", "seen_in",
 
 @cache
 def table_of(name: str) -> Mapping[str, Any]:
-    """The file of a model, as TOML has it.
+    """The file of a model, as TOML has it; the rotary pendulum's stands beside its module, in ``models``.
 
     Examples
     --------
     >>> table_of("pendulum")["model"]["inputs"]
     {'torque': 'N m'}
     """
-    return tomllib.loads(_FOLDER.joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+    folder = "models/library" if name in MODEL else "models"
+    return tomllib.loads(own_text(f"{folder}/{name}.toml"))
 
 
 def from_library(name: str, *, zero: str | None = None, **parameters: float) -> Model:
