@@ -98,12 +98,10 @@ def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) ->
 
 def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
     """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
-    from fracid.problem.roles import ROTARY, likely_models
+    from fracid.problem.roles import likely_models
 
     columns = [str(c["column"]) for c in own.values()] if own else list(recording.signals)
     likely = likely_models(columns)
-    if ROTARY in likely:
-        return [((), "writes a project of it, which runs as it is")]
     if len(likely) == 1:
         return [((), f"writes a project of the model {next(iter(likely))}, which runs as it is")]
     if likely:

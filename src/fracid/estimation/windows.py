@@ -149,8 +149,8 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
 
 def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> list[tuple[float, float, float]]:
     """The growth from so many places of a recording, each to the next one."""
-    ends = np.linspace(0, len(e.measured), places + 1).astype(int).tolist()
-    parts = (problem.with_shared(x, (piece(e, e.name, a, b),)) for a, b in pairwise(ends) if b - a > SAMPLES)
+    spans = _equal_spans(0, len(e.measured), places)
+    parts = (problem.with_shared(x, (piece(e, e.name, a, b),)) for a, b in spans if b - a > SAMPLES)
     return [_growth(replace(part, initial_state="estimate", memo=None)) for part in parts]
 
 
@@ -307,25 +307,28 @@ def closes_a_loop(e: Experiment) -> bool:
     return False
 
 
+def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
+    """First and last + 1 sample of so many parts of a stretch."""
+    return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
+
+
 def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, remembers: bool) -> list[Experiment]:
     """Windows of a recording that hold all of its samples; of more than `most` so many, evenly spread; or parts."""
     samples = len(e.measured)
     length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
-    ends = np.linspace(0, samples, max(1, samples // length) + 1).astype(int).tolist()
-    pairs, whole = list(pairwise(ends)), e
+    pairs, whole = _equal_spans(0, samples, max(1, samples // length)), e
     if len(pairs) > most:
         kept = set(np.linspace(0, len(pairs) - 1, most).astype(int).tolist())
         left = [pair for k, pair in enumerate(pairs) if k not in kept]
         between = [(e.start + a * e.step, e.start + (b - 1) * e.step) for a, b in left]
         pairs, whole = [pair for k, pair in enumerate(pairs) if k in kept], replace(e, mask=(*e.mask, *between))
-    pairs = [p for a, b in pairs for p in pairwise(np.linspace(a, b, parts + 1).astype(int).tolist())]
+    pairs = [part for a, b in pairs for part in _equal_spans(a, b, parts)]
     windows = []
     for k, (a, b) in enumerate(pairs, start=1):
         window = replace(piece(e, f"{e.name}, window {k}", a, b), whole=whole, begun=_begun(e, a))
         if remembers and a >= SAMPLES:
-            before = slice(max(0, a - PAST * length), a)
-            inputs = e.inputs if len(e.inputs) == 1 else e.inputs[before]
-            window = replace(window, past=e.measured[before], past_inputs=inputs)
+            before = piece(e, e.name, max(0, a - PAST * length), a)
+            window = replace(window, past=before.measured, past_inputs=before.inputs)
         windows.append(window)
     return windows
 
@@ -358,8 +361,8 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
     """
     pieces = []
     for e in problem.experiments:
-        ends = np.linspace(0, len(e.measured), parts + 1).astype(int).tolist()
-        pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(pairwise(ends), start=1)]
+        spans = _equal_spans(0, len(e.measured), parts)
+        pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(spans, start=1)]
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
     scored = tuple(p for p in pieces if p.samples)
     return replace(problem, experiments=scored, per_recording=names, initial_state="estimate", memo=Recent())

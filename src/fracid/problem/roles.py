@@ -42,9 +42,8 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
         free = [c for c in columns if c not in roles.values()]
         exact = [c for c in free if re.sub(r"\s*[\[(].*", "", c.lower()) == signal]  # "angle [rad]"
         found = exact or [c for c in free if re.search(pattern, c.lower()) and not re.search(RATE, c.lower())]
-        if model != ROTARY:  # "pole_pos" is the cart's only where no other column is
-            own = {s: p for s, p in patterns.items() if s != signal}
-            found.sort(key=lambda c: sum(bool(re.search(p, c.lower())) for p in own.values()))
+        own = {s: p for s, p in patterns.items() if s != signal}  # "pole_pos" is the cart's only where no other is
+        found.sort(key=lambda c: sum(bool(re.search(p, c.lower())) for p in own.values()))
         if found:
             roles[signal] = found[0]
     return roles

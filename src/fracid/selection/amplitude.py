@@ -49,6 +49,7 @@ from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, from_start, refined
+from fracid.estimation.windows import piece
 from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
@@ -304,19 +305,17 @@ def _piece(
 ) -> Problem:
     """The window's own problem: orders, initial state and constants free, viscous friction as fitted."""
     (first, last), (orders, parameters) = span, _window_values(problem, x, e, errors)
-    inputs = e.inputs if len(e.inputs) == 1 else e.inputs[first:last]
-    part = replace(e, measured=e.measured[first:last], inputs=inputs, start=e.start + first * e.step,
-                   release_time=problem.unpack(x, e).release)  # fmt: skip
-    state = problem.initial_state
+    part, state = piece(e, e.name, first, last), problem.initial_state
     if first > 0:
         before = e.measured[:first] if e.past is None else np.vstack([e.past, e.measured[:first]])
-        part = replace(part, past=before, past_inputs=inputs[:1], initial={}, release_time=0.0)
-        state = "estimate"
-    piece = partial(replace, problem, orders=orders, parameters=parameters, per_recording=(), initial_state=state)
+        part, state = replace(part, past=before, past_inputs=part.inputs[:1]), "estimate"
+    else:
+        part = replace(e, measured=part.measured, inputs=part.inputs, release_time=problem.unpack(x, e).release)
+    of = partial(replace, problem, orders=orders, parameters=parameters, per_recording=(), initial_state=state)
     try:
-        return piece(experiments=(part,))
+        return of(experiments=(part,))
     except InputError:  # a past that does not tell every state: the window's memory begins with it
-        return piece(experiments=(replace(part, past=None, past_inputs=None),))
+        return of(experiments=(replace(part, past=None, past_inputs=None),))
 
 
 def _window_values(
