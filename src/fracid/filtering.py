@@ -236,7 +236,7 @@ def observer(
         if not noise.get(n, 0.0) > 0.0:
             raise InputError(f"The noise of {n} is not known: give it, noise={{{n!r}: standard deviation}}.")
     run = problem.simulate(x, e)
-    made = _Made(problem, x, names, noise, slow, dict(initial or {}), run.states)
+    made = _Made(problem, x, names, noise, slow=slow, initial=dict(initial or {}), simulated=run.states)
     made.look_for_what_is_unseen()
     return made.observer(made.most_likely_drive() if drive is None else drive)
 

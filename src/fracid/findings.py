@@ -77,4 +77,4 @@ class Words(Sentences):
         """A finding whose words have these values, and its own: ``where``, ``number`` and ``limit``."""
         values |= {"where": where, "number": number, "limit": limit}
         entry = {key: text.format(**values) for key, text in ({"code": name} | self.table[name]).items()}
-        return Finding(entry["code"], where, number, limit, entry["unit"], entry["says"])
+        return Finding(entry["code"], where, number, limit, unit=entry["unit"], sentence=entry["says"])

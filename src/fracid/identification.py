@@ -226,7 +226,7 @@ def identify(
             result, attempts = search(work, entry, rng, starts=starts, watch=watch, options=options,
                                       executor=executor, journal=journal)  # fmt: skip
             if window and not result.interrupted:
-                work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs)
+                work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs=jobs)
                 result, attempts = refined(work, at, watch), ()
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
         asked = _Asked(problem, window, entry, seed, starts, alternatives or {}, fixed_step, tuple(seen), validation,
@@ -260,8 +260,8 @@ def _counted(
                 callback(best, evaluations)
             if tell is not None:
                 seconds, finite = time.perf_counter() - start_time, math.isfinite(best.cost)
-                tell(Progress(evaluations, entry.evaluations, 0, seconds, best.cost if finite else None, unit,
-                              "" if finite else best.reason))  # fmt: skip
+                tell(Progress(evaluations, entry.evaluations, 0, seconds, best=best.cost if finite else None, unit=unit,
+                              note="" if finite else best.reason))  # fmt: skip
 
         yield count
 
@@ -390,7 +390,7 @@ class _Findings:
         if (draw := self.asked.observer.recordings) is not None:
             problem = on_every_sample(self.problem, self.asked.problem)
             estimates = _estimates(problem, self.x, self.known, self.verdicts)
-            fitted = {n: _recording(problem, self.x, estimates, n, "fit") for n in problem.recordings}
+            fitted = {n: _recording(problem, self.x, estimates, n, use="fit") for n in problem.recordings}
             draw(fitted | self.validated)
 
     def settle(self) -> None:
@@ -431,7 +431,7 @@ class _Findings:
         rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
         if not rises.size or not is_rough(self.near, float(rises.min())):
             return False
-        finer = halved(Refined(self.problem, self.best, self.known, self.check, self.near), self.asked.jobs)
+        finer = halved(Refined(self.problem, self.best, self.known, self.check, near=self.near), self.asked.jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
         said = SAYS("halved", finer=finer, began=self.asked.problem.substeps)
@@ -452,7 +452,7 @@ class _Findings:
         check = discretisation_check(problem, x, self.known, asked.jobs, substeps=self.substeps, near=self.near)
         self.check = replace(check, refinement=taken)
         fixed = asked.fixed_step or asked.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
-        finer = None if fixed else finer_step(problem, x, self.check, asked.jobs, self.near)
+        finer = None if fixed else finer_step(problem, x, self.check, asked.jobs, near=self.near)
         if finer is not None:
             self._take(finer)
         if not fixed:  # what no finer step helped
@@ -491,7 +491,7 @@ class _Findings:
         """Simulate what was held out; what is wrong with the step is known by now."""
         problem = on_every_sample(self.problem, self.asked.problem)
         for e in self.asked.validation:
-            self.validated[e.name], reason = _validate(problem, self.x, e, self.asked.window, self.asked.jobs)
+            self.validated[e.name], reason = _validate(problem, self.x, e, self.asked.window, jobs=self.asked.jobs)
             self.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         if self.asked.validation:
             self.show()
@@ -660,7 +660,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
         for n in found.alternative.orders:
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
-    fitted = {n: _recording(problem, best.point, estimates, n, "fit") for n in problem.recordings}
+    fitted = {n: _recording(problem, best.point, estimates, n, use="fit") for n in problem.recordings}
     ended = () if found.outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(found.starts)), *found.missed())
     later = (*found.seen[len(asked.seen) :], *ended)
     findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
@@ -730,7 +730,7 @@ def _recording(problem: Problem, x: FloatArray, estimates: Mapping[str, Estimate
         own["release_time"] = estimates[f"release_time [{e.name}]"]
     elif e.release_time:  # else it is the first sample
         own["release_time"] = Estimate(e.release_time, "s")
-    return fit_of(problem, x, name, use, initial, own)
+    return fit_of(problem, x, name, use, initial=initial, parameters=own)
 
 
 def _validate(
@@ -746,7 +746,7 @@ def _validate(
         alone, best = (alone, best) if isinstance(exact, Failure) else exact
     precision = uncertainty(alone, best.point, jobs=jobs)
     estimates = _estimates(alone, best.point, precision, identifiability(alone, best.point, precision, jobs=jobs))
-    return _recording(on_every_sample(alone, sampled), best.point, estimates, e.name, "validate"), best.reason
+    return _recording(on_every_sample(alone, sampled), best.point, estimates, e.name, use="validate"), best.reason
 
 
 def _estimates(
@@ -758,7 +758,7 @@ def _estimates(
     values = {**problem.orders, **problem.parameters}
     fixed = {n: Estimate(float(v), units.get(n, "")) for n, v in starts.items()
              if not isinstance(values.get(problem.ties.get(n, n)), Free)}  # fmt: skip
-    free = {u.name: _estimate(u, x, i, precision, verdicts.get(u.name, Verdict(u.name, "unknown")))
+    free = {u.name: _estimate(u, x, i, precision, verdict=verdicts.get(u.name, Verdict(u.name, "unknown")))
             for i, u in enumerate(problem.unknowns)}  # fmt: skip
     return fixed | free | {name: free[to] for name, to in problem.aliases.items()}
 

@@ -100,7 +100,7 @@ def laplace_evidence(problem: Problem, x: FloatArray, *, seed: int = 1, jobs: in
         diagonal[i] = normal.sd**-2
         linear[i] = (centre[i] - normal.mean) / normal.sd**2
     integral = log_box_integral(
-        likelihood.precision, likelihood.degrees, slope, diagonal, linear, lower, upper, seed=seed
+        likelihood.precision, likelihood.degrees, slope, diagonal, linear=linear, lower=lower, upper=upper, seed=seed
     )
     return Evidence(float(prior.log_density(centre)) + integral, likelihood.cost)
 

@@ -131,7 +131,7 @@ def importance_sample(
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
         name = f"laplace, {draws} draws, seed {seed}, round {number}"
-        pilot = _Round(likelihood, prior, shape, name, rng)
+        pilot = _Round(likelihood, prior, shape, name, rng=rng)
         pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share
@@ -168,7 +168,7 @@ class _Round:
         told = None if tell is None else lambda p: tell(  # by draws and not by batches
             Progress(min(before + BATCH * p.done, total), total, before + BATCH * p.earlier, p.seconds))  # fmt: skip
         how = replace(execution, progress=told)
-        values = simulated(self.likelihood, points, f"{self.name}, after {before}", BATCH, how)
+        values = simulated(self.likelihood, points, f"{self.name}, after {before}", BATCH, execution=how)
         self.points, self.values = np.concatenate([self.points, points]), np.append(self.values, values)
 
     @property

@@ -91,7 +91,7 @@ def nested_sample(
     some = log_weights > math.log(np.finfo(float).tiny)  # without runs that fail, and draws whose weight is nothing
     kept = log_weights[some]
     return WeightedDraws(points[some, :n], kept - np.logaddexp.reduce(kept), float(sampler.log_z),
-                         1 / math.sqrt(float(sampler.n_eff)), batches.simulations)  # fmt: skip
+                         1 / math.sqrt(float(sampler.n_eff)), simulations=batches.simulations)  # fmt: skip
 
 
 class _Batches:
@@ -106,7 +106,7 @@ class _Batches:
     def __call__(self, points: FloatArray) -> FloatArray:
         """Of points of shape (n_points, n), shape (n_points,)."""
         self.count += 1
-        values = simulated(self.likelihood, points, f"{self.name}, batch {self.count}", SHARE, self.execution)
+        values = simulated(self.likelihood, points, f"{self.name}, batch {self.count}", SHARE, execution=self.execution)
         self.simulations += len(points)
         if self.progress is not None:
             self.progress(Progress(self.simulations, None, 0, time.perf_counter() - self.began))

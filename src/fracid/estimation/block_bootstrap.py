@@ -140,7 +140,7 @@ def bootstrap(
     blocks = sum(len(e) // length for e in errors)
     warning = (f"The residuals are autocorrelated over {length} samples, which leaves {blocks} blocks: the bootstrap's "
                "intervals are too narrow.") if blocks < FEW_BLOCKS else ""  # fmt: skip
-    return Bootstrap(problem.names, x, points, length, warning)
+    return Bootstrap(problem.names, x, points, length, warning=warning)
 
 
 def resampled(errors: FloatArray, length: int, rng: np.random.Generator, *, median: bool = False) -> FloatArray:

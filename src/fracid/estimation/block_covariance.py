@@ -93,7 +93,7 @@ def normal_equations(problem: Problem, J: BlockJacobian, free: NDArray[np.intp])
         for tall in parts:  # in place: each is as long as its recording
             tall /= norm[J.blocks.columns(k)]
     prior = prior / norm**2
-    return Equations(norm, rows, scores, prior, level, bread_of(J.blocks, rows, np.sqrt(prior)))
+    return Equations(norm, rows, scores, prior, level=level, bread=bread_of(J.blocks, rows, np.sqrt(prior)))
 
 
 def bread_of(blocks: Blocks, rows: Sequence[FloatArray], prior: FloatArray) -> Bread:
@@ -238,7 +238,7 @@ def widening(blocks: Blocks, rows: Sequence[FloatArray], bread: Bread, bandwidth
         for i, v in zip(at, G, strict=True):  # one after the other: each is as long as the recording
             total[:, i] += told_by_one(r @ v, along[k], K)
     if blocks.own.size:
-        total += _told_by_others(blocks, rows, along, bread, K)
+        total += _told_by_others(blocks, rows, along, bread, share=K)
     whole, scatter, leverage = total
     remainder = 1 - np.minimum(leverage / np.maximum(whole, 1e-300), TAKEN)
     degrees = np.maximum(whole**2 / np.maximum(scatter, 1e-300), 1.0)

@@ -230,7 +230,7 @@ def cost_plane(
     near = part_of(as_fitted(problem, x))  # what has nearly its shape there, and is cheap
     far = [_reach(near, x, i, (orders or {}).get(problem.unknowns[i].target)) for i in at]
     ranges = [problem.unknowns[i].range for i in at]
-    axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, GATHERED)
+    axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, gathered=GATHERED)
             for r, i, d in zip(ranges, at, far, strict=True)]  # fmt: skip
     grid = [(a, b) for a in axes[0] for b in axes[1]]
 

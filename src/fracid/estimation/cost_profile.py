@@ -295,7 +295,7 @@ def profile(
     count = Counter(progress, 0 if joint is None else min(points, GRID) ** 2, about=True)
     for _ in range(3):
         surface = _minimum(problem, x, at, jobs)
-        walks, (x, lower) = _walks(surface, at, points, jobs, count)
+        walks, (x, lower) = _walks(surface, at, points, jobs, count=count)
         if lower > -LOWER:
             break
         notes.append(f"A point of the profile has a lower cost than the minimum, W = {lower:.2g}; all starts from it.")
@@ -303,7 +303,7 @@ def profile(
     profiles = {problem.names[i]: _join(surface, i, below, above) for i, below, above in pairs}
     if not surface.calibrated:
         notes.append(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: there is no threshold.")
-    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs, count)
+    grid = None if pair is None else _joint(surface, pair, profiles, points, jobs=jobs, count=count)
     return Profiles(
         problem=problem, minimum=problem.named(surface.top.point), profiles=profiles, joint=grid, notes=tuple(notes),
         at_best=CostAtBest(name=problem.cost_function.name, value=surface.top.cost),

@@ -251,7 +251,7 @@ def uncertainty(
             return found
         touching = (x <= problem.space.lower) | (x >= problem.space.upper)
         ends = x[:, None] + NORMAL_95 * np.outer(np.sqrt(np.diag(found.covariance)), (-1.0, 1.0))
-        return _spread_out(problem, x, found, touching, ends, np.full_like(ends, np.nan))
+        return _spread_out(problem, x, found, touching, ends=ends, rise=np.full_like(ends, np.nan))
     here = tangent(problem, x, jobs=jobs) if near is None else near
     if isinstance(here, Failure):
         return here
@@ -294,10 +294,10 @@ def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
     ends, rise = np.empty((len(free), 2)), np.outer(0.5 * NORMAL_95**2 * kappa, (1.0, 1.0))
     for k, i in enumerate(free):
         for side, sign in enumerate((-1, 1)):
-            far, stopped = reach(R, y, low, high, k, sign, rise[k, side])
+            far, stopped = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
             if stopped:
                 rise[k, side] *= BESIDE_A_BOUND / NORMAL_95**2
-                far, _ = reach(R, y, low, high, k, sign, rise[k, side])
+                far, _ = reach(R, y, low, high, i=k, side=sign, rise=rise[k, side])
             end = here.x[i] + delta[k] + sign * far
             ends[k, side] = max(end, here.x[i]) if side else min(end, here.x[i])
     return ends, rise
@@ -394,7 +394,7 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
         covariance, wider = np.outer(narrower, narrower) * covariance, wider * narrower
     for square in (inverse, covariance, white):
         square /= scale
-    return Sandwich(free, inverse, covariance, white, bread.unseen / norm, wider)
+    return Sandwich(free, inverse, covariance, white, directions=bread.unseen / norm, widening=wider)
 
 
 def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:

@@ -179,7 +179,7 @@ def grown_horizon(
         result = _on_part(problem, live, horizon, watch)
         for way in live[1:]:
             if not result.interrupted and not way.lowest < np.inf:
-                end = _moved(problem, way, others, parts[: number + 1], watch)
+                end = _moved(problem, way, others, parts[: number + 1], watch=watch)
                 if end is not None:
                     best = min(result.best, end.best, key=lambda e: e.cost)
                     result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)

@@ -90,14 +90,14 @@ def walked(here: Tangent, known: Uncertainty, *, most: float = math.inf, jobs: i
     ('sandwich', True)
     """
     shared = [i for i, u in enumerate(here.problem.unknowns) if u.experiment is None]
-    found = _walked(here, known, shared, 0.5 * most, jobs)
+    found = _walked(here, known, shared, 0.5 * most, jobs=jobs)
     if isinstance(found, Evaluation):
         return found
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = np.log((found.ends - here.x[:, None]) / (known.ends - here.x[:, None]))[shared]
     if not np.any(np.abs(moved[np.isfinite(moved)]) > math.log(BENT)):
         return found
-    return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], 0.5 * most, jobs)
+    return _walked(here, found, [i for i in range(len(here.x)) if i not in shared], 0.5 * most, jobs=jobs)
 
 
 def _walked(

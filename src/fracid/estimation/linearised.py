@@ -74,7 +74,7 @@ class Linearised(AtPoint):
         if np.any(delta):
             scaled = self.near.norms * delta
             J = J + np.outer(F - before - J @ delta, self.near.norms * scaled / float(scaled @ scaled))
-        return Linearised(self.near, problem.criterion(x, errors), errors, (*self.axes, axis), J, F)
+        return Linearised(self.near, problem.criterion(x, errors), errors, (*self.axes, axis), J=J, F=F)
 
     def taught(self, by: Linearised) -> Linearised:
         """The same point with the derivatives of another one, that was found from it."""
@@ -86,7 +86,7 @@ def linearised(near: Tangent) -> Linearised:
     rows = near.rows
     Q, R = np.linalg.qr(rows[:, :-1])
     F, axis = _coordinates((Q,), rows[:, -1])
-    return Linearised(near, near.evaluation, near.errors, (Q, axis), np.vstack([R, np.zeros(R.shape[1])]), F)
+    return Linearised(near, near.evaluation, near.errors, (Q, axis), J=np.vstack([R, np.zeros(R.shape[1])]), F=F)
 
 
 def _coordinates(axes: tuple[FloatArray, ...], F: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -188,7 +188,7 @@ def scores_covariance(fitted: FloatArray, score: FloatArray, step: float, noise:
     variance = step**2 / 12 + noise**2
     if step == 0 or noise >= DITHERED * step:
         return np.asarray(variance * score.T @ score)
-    table, periodic = _table(fitted, score, step, noise / step, np.asarray)
+    table, periodic = _table(fitted, score, step, noise / step, psi=np.asarray)
     return np.asarray(table.T @ table / len(table) + max(variance - periodic, 0.0) * score.T @ score)
 
 

@@ -116,7 +116,7 @@ def search(
         points += _sobol_starts(problem, starts - len(points), rng, watch, **options)
     points, spare = points[:starts], points[starts:] if starts > 1 else []
     if executor != "threads" and starts > 1:
-        return _scattered(problem, points, executor, watch, journal)
+        return _scattered(problem, points, executor, watch, journal=journal)
     result, made = grown_horizon(problem, points, watch, spare)
     return (result, made) if result.interrupted else _climbing(problem, result, made, watch)
 

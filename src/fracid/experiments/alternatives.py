@@ -296,7 +296,7 @@ def alternatives_of(
         rival = rivals.get(longest.arm)
         if problem is None or rival is None:
             return []
-        return _sums(subject, rival, none, problem, [candidates[i].samples for i in at])
+        return _sums(subject, rival, none, problem, samples=[candidates[i].samples for i in at])
 
     groups = by_motion([candidates[i] for i in which])
     rows = {which[i]: row for group, found in zip(groups, in_threads(subject.jobs, sums, groups), strict=True)
@@ -345,7 +345,7 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     values = {u.name: float(v) for u, v, free in zip(joint.unknowns, best.point, inside, strict=True)
               if u.experiment is None and free}  # fmt: skip
     sizes = {n: size for p in (joint, *elements.values()) for n, size in p.named(p.space.sizes(p.start)).items()}
-    return _Rival(joint, best, values, sizes, extra)
+    return _Rival(joint, best, values, sizes, extra=extra)
 
 
 def _elements(problem: Problem, *, slow: bool = False) -> Iterator[Element]:

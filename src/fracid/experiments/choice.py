@@ -152,7 +152,7 @@ def design(
         chosen = exchange([nominal], experiments)
         if robust:
             watching.stage("values from the intervals")
-            chosen = _robust(subject, candidates, nominal, chosen, _drawn(subject, robust, seed))
+            chosen = _robust(subject, candidates, nominal, chosen, draws=_drawn(subject, robust, seed))
     watching.stage("")
     excluded = len(tables) - len(possible)
     return _plan(subject, possible, chosen, criterion=name, of=narrowed, excluded=excluded, **told)

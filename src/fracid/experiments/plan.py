@@ -286,7 +286,7 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
         u = None if c.voltage is None else subject.space.applied(c.voltage, np.arange(c.samples) / c.rate)
         names = problem.outputs
         curves.append(Expected(c, problem.experiments[0].time, dict(zip(names, outputs.T, strict=True)),
-                               dict(zip(names, half.T, strict=True)), u))  # fmt: skip
+                               dict(zip(names, half.T, strict=True)), voltage=u))  # fmt: skip
     return tuple(curves)
 
 

@@ -181,7 +181,7 @@ class DesignSpace(CardDisplay):
             _several(self.arm), self.voltages, self.angles, settings, _several(self.rate), _several(self.seconds)
         )
         return tuple(
-            Candidate(release, float(seconds), float(rate), arm, voltage, constants)
+            Candidate(release, float(seconds), float(rate), arm, voltage=voltage, constants=constants)
             for arm, voltage, release, constants, rate, seconds in decisions
             if (release != 0.0 or voltage is not None) and (arm == "free" or (voltage is None and release != 0.0))
         )

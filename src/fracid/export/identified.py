@@ -94,7 +94,7 @@ class Identified:
 
     def _quantity(self, name: str, unit: str, value: float, about: str = "") -> Quantity:
         known = self.estimates.get(name)
-        return Quantity(name, unit, float(value), about, known.interval95 if known else None)
+        return Quantity(name, unit, float(value), about, interval=known.interval95 if known else None)
 
     @cached_property
     def constants(self) -> dict[str, Quantity]:

@@ -412,9 +412,9 @@ class IntegerModel:
         F = slopes(lambda x: self.f(x, u, parameters), about)
         G = slopes(lambda v: self.f(about, v, parameters), u)
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
-        return LinearModel(name, about, self.model.inputs, outputs, self.orders, self.weight, F, G,
-                           np.diag(-self.decay) + self.B @ F @ self.C, self.B @ G, self.C[list(rows)],
-                           rows)  # fmt: skip
+        return LinearModel(name, about, self.model.inputs, outputs, orders=self.orders, weight=self.weight, F=F, G=G,
+                           A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
+                           rows=rows)  # fmt: skip
 
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
@@ -440,10 +440,10 @@ class IntegerModel:
         p = moving(self.model, self.parameters)
         u = np.zeros((1, len(linear.inputs)))
         u[0, 0] = small
-        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale(self.model, p),
-                            self.model.relaxing_states)  # fmt: skip
+        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale=time_scale(self.model, p),
+                            relaxing=self.model.relaxing_states)  # fmt: skip
         run = integrate(equation, InitialCondition(linear.about), end / points, points,
-                        Options("pi2", compressed(), limit=LIMIT))  # fmt: skip
+                        options=Options("pi2", compressed(), limit=LIMIT))  # fmt: skip
         exact = np.full((points + 1, len(linear.rows)), np.nan)
         exact[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
         return time, integer.reshape(len(time), -1), exact
@@ -530,7 +530,7 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     operators = {q: positive_sum(q, band) for q in set(orders.tolist())}
     return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
-                        problem.experiments[0].units)  # fmt: skip
+                        units=problem.experiments[0].units)  # fmt: skip
 
 
 def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:

@@ -51,4 +51,4 @@ def pid(
     A, D[0, place] = kept - E @ C, -straight
     weights = {"Kp": proportional, "Ki": integral, "Kd": derivative}
     weights |= {"lambda": orders[0], "mu": orders[1]} if kind == "FOPID" else {}
-    return Controller(kind, weights, period, A.tolist(), B.tolist(), C.tolist(), D.tolist(), E.tolist())
+    return Controller(kind, weights, period, A.tolist(), B=B.tolist(), C=C.tolist(), D=D.tolist(), E=E.tolist())

@@ -197,8 +197,8 @@ def regulator(
         raise InputError(SAYS("no-regulator", name=plant.linear.name, outputs=outputs, error=error)) from None
     K, M = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), np.linalg.solve(C @ S @ C.T + V, C @ S).T
     seen = np.eye(len(A)) - M @ C
-    return Controller("LQR", {"rho": rho, "sigma": sigma}, period, (A @ seen).tolist(), (A @ M).tolist(),
-                      (-K @ seen).tolist(), (-K @ M).tolist(), B.tolist())  # fmt: skip
+    return Controller("LQR", {"rho": rho, "sigma": sigma}, period, (A @ seen).tolist(), B=(A @ M).tolist(),
+                      C=(-K @ seen).tolist(), D=(-K @ M).tolist(), E=B.tolist())  # fmt: skip
 
 
 def margins(plant: Plant, controller: Controller) -> tuple[float, float, float]:

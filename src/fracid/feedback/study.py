@@ -141,7 +141,7 @@ class ClosedLoop:
     def posture(self, x: FloatArray) -> Posture:
         """Where the model rests with other values of the unknowns."""
         c, parameters = self.conditions, self.problem.unpack(x, self.experiment)[1]
-        return posture_of(self.problem.model, parameters, c.posture, c.at, self.channel)
+        return posture_of(self.problem.model, parameters, c.posture, c.at, channel=self.channel)
 
     def plant(self, x: FloatArray) -> Plant:
         """Linearised, and reduced to the band of the loop."""
@@ -195,8 +195,8 @@ class ClosedLoop:
         )  # fmt: skip
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
-                        Options("pi2", compressed(), limit=LIMIT, bounds=bounds),
-                        lambda rhs, run, out: step_closed(rhs, run, loop, out))  # fmt: skip
+                        options=Options("pi2", compressed(), limit=LIMIT, bounds=bounds),
+                        loop=lambda rhs, run, out: step_closed(rhs, run, loop, out))  # fmt: skip
         y = (run.states[:, rows] - reference)[:: c.steps]
         if swung:  # from the upright posture that it comes to
             y[:, c.outputs.index(swung)] -= 2 * math.pi * round(y[-1, c.outputs.index(swung)] / (2 * math.pi))
@@ -251,7 +251,7 @@ def conditions_of(
     most = limit or max(float(np.abs(f.all_inputs[:, model.inputs.index(name)]).max()) for f in problem.experiments)
     if not most > 0:
         raise InputError(SAYS("undriven", name=name, unit=model.input_units.get(name, "SI units")))
-    there = posture_of(model, parameters, posture, at, model.inputs.index(name))
+    there = posture_of(model, parameters, posture, at, channel=model.inputs.index(name))
     outputs = tuple(n for n in problem.outputs if n in model.output_states)
     if not outputs:
         raise InputError(f"None of {', '.join(problem.outputs)} is a state of {model.name}: a loop needs one.")
@@ -395,7 +395,7 @@ def planned(
     designs, begins = KINDS[kind]
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
     if points is None:
-        points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs)
+        points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs=jobs)
     _refuse_unseen(closed, unseen)
     return Plan(closed, points, designs(closed, seed), seed)
 
@@ -488,7 +488,7 @@ def _loops(loop: ClosedLoop, seed: int) -> list[Controller]:
 
     def made(z: FloatArray, orders: tuple[float, float] = (1.0, 1.0), kind: str = "PID") -> Controller:
         gains = math.copysign(most / abs(off), early) * 10**z * np.array([1.0, 1.0, 0.1])
-        return pid(gains.tolist(), orders, c.period, place, len(c.outputs), kind)
+        return pid(gains.tolist(), orders, c.period, place, outputs=len(c.outputs), kind=kind)
 
     def ran(controller: Controller) -> tuple[float, float, float]:
         """How long it held, the error's and the input's rms."""
@@ -568,4 +568,4 @@ KINDS = {"lqr": (_regulators, OFF), "pid": (_loops, OFF), "swing": (_swings, HAN
 def _design(loop: ClosedLoop, controller: Controller, trials: Sequence[Trial]) -> Design:
     held = sum(t.holds for t in trials)
     gain, phase, distance = margins(loop.fitted, controller)
-    return Design(controller, len(trials), held, json_number(gain), phase, distance)
+    return Design(controller, len(trials), held, json_number(gain), phase_margin=phase, distance=distance)

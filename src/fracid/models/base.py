@@ -411,7 +411,7 @@ class Model(CardDisplay):
         """
         if isinstance(written := getattr(self.rhs, "tree", None), Program):
             return written
-        return read(self.rhs, self.parameter_names, self.states, self.relaxing_states, len(self.inputs))
+        return read(self.rhs, self.parameter_names, self.states, self.relaxing_states, inputs=len(self.inputs))
 
     @cached_property
     def outputs_program(self) -> Program:

@@ -103,7 +103,7 @@ def least_squares(
             if not np.array_equal(x_good, x):
                 residuals(x)
             moved = evaluate((x + np.diag(space.steps(x)))[moving]) if moving.any() else []
-            R = triangle(_rows(good, x, moved, moving, unit))
+            R = triangle(_rows(good, x, moved, moving, unit=unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])

@@ -76,7 +76,7 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     grid = figure.subplots(len(comparison.outputs), len(columns), squeeze=False, sharex=True)
     for output, panels in zip(comparison.outputs, grid, strict=True):
         for axes, (heading, recordings, use) in zip(panels, columns.values(), strict=True):
-            _rungs(axes, comparison, output, recordings, use)
+            _rungs(axes, comparison, output, recordings, use=use)
             title(axes, heading if output == comparison.outputs[0] else "")
         unit, _ = axis_unit(comparison.units.get(output, "rad"))
         panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")
@@ -174,4 +174,4 @@ def _order(axes: Axes, order: str, drifts: Sequence[Drift]) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
     verdict = "drifts: friction in disguise" if any(d.drifts for d in drifts) else (
         "differs, but not with amplitude" if any(d.differs for d in drifts) else "does not drift")  # fmt: skip
-    label(axes, verdict, f"mean amplitude of the swing [{unit}]", f"order {symbol(order)} [–]", None)
+    label(axes, verdict, f"mean amplitude of the swing [{unit}]", f"order {symbol(order)} [–]", ticks=None)

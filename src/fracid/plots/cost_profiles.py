@@ -105,7 +105,7 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
     axes.set_ylim(-0.04 * top, top)
     axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
     rises = "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
-    label(axes, panel.verdict, name, rises, 4)
+    label(axes, panel.verdict, name, rises, ticks=4)
 
 
 def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
@@ -116,7 +116,7 @@ def _joint_profile(axes: Axes, joint: JointProfile, model: Model) -> None:
     axes.plot([], [], color=VERMILLION, lw=1.4, label="95 % region, 5.99")
     axes.plot(across * joint.best[0], up * joint.best[1], ls="", label="best", **(MARKS["best"] | {"ms": 11}))
     axes.ticklabel_format(useOffset=False)
-    label(axes, f"together; correlation {number(joint.correlation, 2)}", x, y, 4)
+    label(axes, f"together; correlation {number(joint.correlation, 2)}", x, y, ticks=4)
 
 
 def _smoothed(first: FloatArray, second: FloatArray, rise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

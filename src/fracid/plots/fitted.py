@@ -81,7 +81,7 @@ def fitted_over_time(
     for (panels, strips), name in zip(grid.reshape(len(outputs), 2, -1), outputs, strict=True):
         for panel, strip, span in zip(panels, strips, spans, strict=True):
             _measured_and_fitted(panel, recording, name, span)
-            _residual_strip(strip, recording, name, span, steps[name])
+            _residual_strip(strip, recording, name, span, step=steps[name])
         heading = f"{symbol(name)}: {goodness(recording, name, steps[name])}"
         headings.append(heading)
         short = brief and np.isfinite(recording.rmse[name])

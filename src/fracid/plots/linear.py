@@ -89,8 +89,8 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
         about = f" from {posture}" if output == system.model.pendulum else ""
         label(step, f"step of 1 {unit}", "time [s]", f"{letter}{about} [{display_unit}]")
         across, frequency = f"{plain(linear.inputs[0])} to {letter}", "frequency [rad/s]"
-        label(magnitude, across, frequency, f"magnitude [dB re 1 {own}/{unit}]", None)
-        label(phase, "", frequency, "phase [°]", None)
+        label(magnitude, across, frequency, f"magnitude [dB re 1 {own}/{unit}]", ticks=None)
+        label(phase, "", frequency, "phase [°]", ticks=None)
         if not np.isfinite(exact[:, column]).all():
             note(step, "the fractional model fails here")
     return finish(figure, f"{plain(system.model.name)}, linear about {posture}")

@@ -79,7 +79,7 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
                 axes.plot([at(c)], [h], "*", color=INK, ms=12, label="chosen", zorder=4)
         axes.set_yscale("log")
         over = "release [°]" if by_release else "duration [s]"
-        label(axes, "", over, f"CI half-width of {symbol(name)} [{unit}]", None)
+        label(axes, "", over, f"CI half-width of {symbol(name)} [{unit}]", ticks=None)
     return finish(figure, "Expected interval after one more experiment")
 
 

@@ -74,7 +74,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
         if j < i:
             _pair(grid[i, j], columns[j], columns[i], posterior.weights)
         else:
-            _alone(grid[i, i], posterior, chosen[i], columns[i], factors[i])
+            _alone(grid[i, i], posterior, chosen[i], columns[i], factor=factors[i])
         _few_ticks(grid[i, j], below=i == n - 1, beside=bool(j == 0 and i > 0))
         beside = labels[i] if j < i else "density [–]"
         label(grid[i, j], "", labels[j] if i == n - 1 else "", beside if j == 0 else "")

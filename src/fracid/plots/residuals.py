@@ -99,7 +99,7 @@ def residual_plots(
         raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
     figure = new(9.5, 7, style)
     return _figure_3(figure, figure.subplot_mosaic([["time", "fitted"], ["normal", "probability"]]), recording, output,
-                     encoder_step(resolution, output))  # fmt: skip
+                     step=encoder_step(resolution, output))  # fmt: skip
 
 
 def residual_diagnostics(
@@ -151,15 +151,15 @@ def residual_diagnostics(
     unit, (display_unit, factor) = recording.unit(output), axis_unit(recording.unit(output))
     if (mask := np.isfinite(residual)).any():
         speed = np.asarray(np.gradient(recording.fitted[output], recording.time))
-        _over_fitted(panels["speed"], factor * speed[mask], factor * residual[mask], step, unit)
-        _in_time(panels["lags"], panels["spectrum"], a.curves, factor, a)
+        _over_fitted(panels["speed"], factor * speed[mask], factor * residual[mask], step, unit=unit)
+        _in_time(panels["lags"], panels["spectrum"], a.curves, factor, analysis=a)
     name = symbol(output)
     speeds, value = f"fitted speed of {name} [{_per(display_unit, 's')}]", f"residual of {name} [{display_unit}]"
     label(panels["speed"], "against the fitted speed", speeds, value)
-    label(panels["lags"], _of_lags(a), "lag [s]", "autocorrelation [–]", None)
+    label(panels["lags"], _of_lags(a), "lag [s]", "autocorrelation [–]", ticks=None)
     density = f"density of the power [{'1' if display_unit == '–' else f'{display_unit}²'}/Hz]"
-    label(panels["spectrum"], _of_spectrum(a), "frequency [Hz]", density, None)
-    return _figure_3(figure, panels, recording, output, step)
+    label(panels["spectrum"], _of_spectrum(a), "frequency [Hz]", density, ticks=None)
+    return _figure_3(figure, panels, recording, output, step=step)
 
 
 def _figure_3(
@@ -174,7 +174,7 @@ def _figure_3(
         panels["time"].plot(ends, [0, 0], color="0.6", lw=0.8)
         encoder_band(panels["time"], step, unit)
         line(panels["time"], recording.time, factor * whole, **RESIDUAL)
-        _over_fitted(panels["fitted"], fitted, residual, step, unit)
+        _over_fitted(panels["fitted"], fitted, residual, step, unit=unit)
         _distribution(panels["normal"], residual, step, unit)
         _normal_probability(panels["probability"], residual)
     left = f"residual of {symbol(output)} [{display_unit}]"

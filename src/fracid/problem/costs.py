@@ -101,7 +101,7 @@ def _huber(e: FloatArray) -> FloatArray:
 
 SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
 
-ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _normal_density(e), _smooth_abs, "median", 2)
+ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _normal_density(e), _smooth_abs, centre="median", likelihood_factor=2)
 
 HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
 

@@ -262,7 +262,7 @@ def draft_project(
     notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
-    page = _Page(recording, column_specs, rig_name, part, starts or {})
+    page = _Page(recording, column_specs, rig_name, part, starts=starts or {})
     text = source.text(
         "rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None, rigs=RIGS,
         outputs=[*page.joints], broken=BROKEN, enough=ENOUGH,
@@ -489,13 +489,13 @@ class _Page:
     def friction(self, name: str, start: float, reach: float, meaning: str = "") -> str:
         """The line of a constant that is 0 or more."""
         start = self.starts.get(name, start)
-        return toml_range(name, start, 0.0, max(reach, SPAN * start), meaning or self.meaning(name))
+        return toml_range(name, start, 0.0, max(reach, SPAN * start), comment=meaning or self.meaning(name))
 
     def inertia(self, name: str) -> str:
         """The line of an inertia: of a pendulum whose arm stands still from its period, else the rig's."""
         own = self._inertia if name == "C1" and not self.arm else self.own[name] * self._slower
         start = self.starts.get(name, own)
-        return toml_range(name, start, start / SPAN, start * SPAN, self.meaning(name))
+        return toml_range(name, start, start / SPAN, start * SPAN, comment=self.meaning(name))
 
     def meaning(self, name: str) -> str:
         """What a constant is, and its unit."""

@@ -162,7 +162,7 @@ class Experiment(CardDisplay):
         if step is None:
             options["times"] = recording.time - recording.time[0]
             step, inputs = _on_the_grid(recording, model, options["times"], inputs)
-        inputs = _with_rates(recording, model, step, inputs, options)
+        inputs = _with_rates(recording, model, step, inputs, options=options)
         return cls(
             recording.name, step, measured, inputs, float(recording.time[0]), recording.sha256,
             initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,

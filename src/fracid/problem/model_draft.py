@@ -86,7 +86,7 @@ def draft_of_model(
     ['k', 'b_displacement']
     """
     source = Source(Path(file), time, variable, Path(folder))
-    return _Page(name, source, more, columns, zero).draft()
+    return _Page(name, source, more, columns, zero=zero).draft()
 
 
 def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
@@ -253,7 +253,7 @@ class _Page:
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
         free = [n for n in rows if self.sought(n) and rows[n]["start"] != 0.0]
         optional = [n for n in rows if self.sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
-        return first_values(model, r.report.clock.step, signals, free, optional, starts)
+        return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""

@@ -108,13 +108,13 @@ class Parametrisation:
         own = []
         for name, value in self.parameters.items():
             if isinstance(value, Free) and name not in self.per_recording:
-                shared.append(Unknown(name, units[name], "parameter", name, None, value))
+                shared.append(Unknown(name, units[name], "parameter", name, experiment=None, range=value))
         begun = set[str]()
         for e in self.experiments:
             for name in self.per_recording if (of := e.recording.name) not in begun else ():
                 value = self.parameters[name]
                 assert isinstance(value, Free)
-                own.append(Unknown(f"{name} [{of}]", units[name], "parameter", name, of, value))
+                own.append(Unknown(f"{name} [{of}]", units[name], "parameter", name, experiment=of, range=value))
             begun.add(of)
             own += self._initial_unknowns(e)
             if isinstance(e.release_time, Free):
@@ -141,7 +141,7 @@ class Parametrisation:
         """The unknowns with their bounds, for an optimiser."""
         lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
         scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
-        return Space(self.names, lower, upper, self.start, None if np.all(np.isnan(scale)) else scale)
+        return Space(self.names, lower, upper, self.start, scale=None if np.all(np.isnan(scale)) else scale)
 
     def absent(self, x: FloatArray) -> NDArray[np.bool_]:
         """Unknowns of elements that are not there at x and that no small step brings in, shape (n_unknowns,).

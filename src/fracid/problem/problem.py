@@ -122,7 +122,7 @@ class Problem(Parametrisation, CardDisplay):
     @cached_property
     def criterion(self) -> Criterion:
         """From errors to the cost and its rows."""
-        return Criterion(self.experiments, self.outputs, self.priors, self.cost_function, self.weights)
+        return Criterion(self.experiments, self.outputs, self.priors, self.cost_function, weights=self.weights)
 
     # --- the cost of a point -----------------------------------------------------------------------
 

@@ -365,7 +365,7 @@ def project_from_text(text: str, path: Path, *, preset: str | None = None, trust
     fracid.errors.InputError: rig.toml: [[recording]] number 1: file is missing.
     """
     try:
-        return _project(path, text, _File.model_validate(_toml(text)), preset, trust)
+        return _project(path, text, _File.model_validate(_toml(text)), preset, trust=trust)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is not TOML: {_short(_not_toml(error, text))}") from None
     except ValidationError as error:
@@ -445,7 +445,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     refuse_twins(map(_name, content.recording))  # before any is loaded: a thousand copies of one table are a slip, too
     channels = [_channels(r, model) for r in content.recording]
     each = zip(content.recording, channels, pasts, strict=True)
-    pairs = [_load(r, c, model, path.parent, past, _whence(text)) for r, c, past in each]
+    pairs = [_load(r, c, model, path.parent, past=past, whence=_whence(text)) for r, c, past in each]
     recordings = tuple(recording for recording, _ in pairs)
     outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
     experiments = [
@@ -469,7 +469,7 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     parameters |= _freed_by_recording([n for n in fit.per_recording if n not in of_channels], parameters, model)
     cost = cost_from_name(str(path.parent / fit.cost) if ".py:" in fit.cost else fit.cost)
     problem = Problem(
-        model, fitted, orders, parameters, tuple(fit.per_recording), outputs=outputs, cost_function=cost,
+        model, fitted, orders, parameters, per_recording=tuple(fit.per_recording), outputs=outputs, cost_function=cost,
         initial_state=fit.initial_state, method=fit.method, memory=memory_from_name(fit.memory, fit.tolerance),  # type: ignore[arg-type]
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip

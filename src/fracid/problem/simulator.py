@@ -135,7 +135,7 @@ class Simulator:
         if isinstance(y, int):
             return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
         u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
-        values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p)
+        values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p=p)
         # a function begins like the state that rises most steeply
         orders = np.ones(1) if output in model.derived else run.orders.min(keepdims=True)
         if output in model.derived:
@@ -153,7 +153,7 @@ class Simulator:
         posed = [self._posed(x, e) for x in points]
         options = Options(self.method, self.memory, limit=self._limits[e.name])
         equations, initials = [equation for equation, _ in posed], [initial for _, initial in posed]
-        return integrate_all(equations, initials, grid.step / substeps, self.steps(e), options)
+        return integrate_all(equations, initials, grid.step / substeps, self.steps(e), options=options)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
         orders, parameters, initial, release = self.parametrisation.unpack(x, e)
@@ -224,7 +224,7 @@ class Simulator:
                 driven.append(Driven(gain * column + bias, gain * column + bias))
             else:
                 kind = e.between.get(name, "line")
-                moved = between_samples(column, kind, first - delay / grid.step, spacing, count)
+                moved = between_samples(column, kind, first - delay / grid.step, spacing, count=count)
                 filtered = low_passed_steps(moved, grid.step * spacing, lowpass)
                 driven.append(Driven(*(gain * v + bias for v in filtered)))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))

@@ -149,7 +149,7 @@ def scaled(value: float | Free, factor: float) -> float | Free:
         return factor * value
     lower, upper = sorted((factor * value.lower, factor * value.upper))
     prior = value.prior and Prior(factor * value.prior.mean, abs(factor) * value.prior.sd)
-    return Free(factor * value.start, lower, upper, prior, value.scale and abs(factor) * value.scale)
+    return Free(factor * value.start, lower, upper, prior, scale=value.scale and abs(factor) * value.scale)
 
 
 def root_of(what: str, name: str, values: Mapping[str, Value]) -> str:

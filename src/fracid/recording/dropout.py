@@ -141,9 +141,9 @@ def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) ->
         if all(jumps) or any(all(way) for way in zip(jumps, moves, noisy, strict=True)):
             ways = {(True, True): ", and jumps there and back", (True, False): ", to which it jumps",
                     (False, True): ", from which it jumps"}  # fmt: skip
-            yield Dropout(name, a if jumps[0] or a == 0 else a + 1, b, float(x[a]), ways[jumps])
-        elif why := _lost_noise(name, a, b, angles, noisy[0], moves[0]):
-            yield Dropout(name, a + 1, b, float(x[a]), why)
+            yield Dropout(name, a if jumps[0] or a == 0 else a + 1, b, float(x[a]), why=ways[jumps])
+        elif why := _lost_noise(name, a, b, angles, noise=noisy[0], moving=moves[0]):
+            yield Dropout(name, a + 1, b, float(x[a]), why=why)
 
 
 def _standstills(x: FloatArray) -> list[tuple[int, int]]:

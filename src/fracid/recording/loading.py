@@ -164,7 +164,7 @@ def inspect_recording(
     digest, reading = _digest(path), (*table.notes, *source.sentences, *repeats, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
-        signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses)
+        signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses=guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
         made = Recording(

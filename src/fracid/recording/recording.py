@@ -262,7 +262,7 @@ class Recording(CardDisplay):
         """Measured again; a release that was found stays, for the plateau that tells it may be cut off."""
         old, resampled = self.report, resampled or self.report.resampled
         report = measure(
-            time, signals, self.units, (*old.reading, *notes), resampled, self.bridged,
+            time, signals, self.units, (*old.reading, *notes), resampled=resampled, bridged=self.bridged,
             uneven=self.uneven and resampled is None,
         )  # fmt: skip
         of_the_file = tuple(f for f in old.findings if f.where == "time")

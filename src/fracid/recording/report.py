@@ -261,7 +261,7 @@ def measure(
         release, reason = release_time(time, _swinging(sound, units))
         if release is not None and _driven(time, signals, units, release):
             reason = Note(f"{reason}, then an input moves it", "by-input")  # nobody let go
-    measured = tuple(measure_signal(n, units[n], time, x, sound[n]) for n, x in signals.items())
+    measured = tuple(measure_signal(n, units[n], time, x, sound=sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
     findings += tuple(_short(time, _swinging(sound, units), release, measured))
     return Report(clock, measured, release, reason, reading, resampled, findings, uneven)

@@ -179,9 +179,9 @@ def regress_equations(problem: Problem) -> Regression:
     if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(system.W, scales, strict=True)):
         raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
     gauge = Gauge(tuple(range(len(unknown))), np.eye(len(unknown) + 1)[-1])
-    v, weights = solve("huber", system, gauge, scales, None)
-    bias = v - solve("huber", again, gauge, longer_scales, None)[0]
-    covariance = sandwich(system, gauge, scales, None, v, weights, max(map(len, system.W)) // BLOCKS)
+    v, weights = solve("huber", system, gauge, scales, instruments=None)
+    bias = v - solve("huber", again, gauge, longer_scales, instruments=None)[0]
+    covariance = sandwich(system, gauge, scales, None, v=v, weights=weights, lags=max(map(len, system.W)) // BLOCKS)
     constants = constants_of({n: model.parameter(n).unit for n in unknown}, gauge, v, bias, covariance, {})
     errors = np.hypot(np.sqrt(np.diag(covariance)), bias).tolist()
     wider = {n: replace(c, standard_error=e) for (n, c), e in zip(constants.items(), errors, strict=True)}
@@ -192,7 +192,7 @@ def regress_equations(problem: Problem) -> Regression:
     first = problem.experiments[0]
     width = smoothing(first.measured, first.step) * first.step
     found = estimated(
-        system, gauge, scales, v, weights, wider,
+        system, gauge, scales, v, weights=weights, parameters=wider,
         searched={n: SearchedOrder(value=v, interval95=None) for n, v in problem.order_starts.items()},
         combinations={}, estimator="huber", noise_ratio=math.nan, noise={}, cutoff=0.13 / width,
         cutoff_reason="a Gaussian window from the spectrum", window=width,

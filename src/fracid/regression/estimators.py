@@ -107,10 +107,10 @@ def solve(
     if estimator == "tls":
         return total_least_squares(system, gauge, scales)[0], ones
     if estimator == "iv" and instruments is not None:
-        return _reweighted(A, y, (stack(instruments, scales) @ gauge.B)[:, :-1], _huber, ones, rounds=5)
+        return _reweighted(A, y, (stack(instruments, scales) @ gauge.B)[:, :-1], _huber, weights=ones, rounds=5)
     if estimator in ("huber", "tukey"):
-        v, weights = _reweighted(A, y, A, _huber, ones)  # Tukey's minimum is one of many: from Huber's
-        return (v, weights) if estimator == "huber" else _reweighted(A, y, A, _tukey, weights)
+        v, weights = _reweighted(A, y, A, _huber, weights=ones)  # Tukey's minimum is one of many: from Huber's
+        return (v, weights) if estimator == "huber" else _reweighted(A, y, A, _tukey, weights=weights)
     return _instrumental(A, y, A, ones), ones  # least squares are their own instruments
 
 

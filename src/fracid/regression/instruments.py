@@ -30,8 +30,8 @@ def instruments_of(
 ) -> tuple[Blocks | None, FloatArray]:
     """Instruments from the first start that leads to a response like the measured one; None if none does."""
     for start in ("tls", "huber", "model"):
-        v = data.own[list(gauge.free)] if start == "model" else solve(start, system, gauge, scales, None)[0]
-        instruments, own_scales = _iterated(data, system, gauge, scales, orders, v)
+        v = data.own[list(gauge.free)] if start == "model" else solve(start, system, gauge, scales, instruments=None)[0]
+        instruments, own_scales = _iterated(data, system, gauge, scales, orders=orders, v=v)
         if instruments is None:
             continue
         if min(_likeness(Z, W) for Z, W in zip(instruments, system.W, strict=True) if len(W)) >= ALIKE:
@@ -56,7 +56,7 @@ def _iterated(
             return None, scales
         whole = data.W([simulated], orders)[0]
         keep = (data.times[0] <= horizon, data.times[1] <= horizon)
-        new = solve("iv", system.masked(keep), gauge, scales, only(whole, keep))[0]
+        new = solve("iv", system.masked(keep), gauge, scales, instruments=only(whole, keep))[0]
         still = np.allclose(new, v, rtol=1e-4, atol=0.0)
         v, scales = new, system.scales(gauge.beta(new), near)
         if still and horizon >= longest:

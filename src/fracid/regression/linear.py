@@ -327,7 +327,7 @@ class Asked:
         names, fixed_values = _terms(swings, self)
         hertz, reason = _cutoff(swings, cutoff)
         window = WINDOW / min(s.frequency for s in swings)
-        rows = [Rows(s, model, names, hertz, window) for s in swings]
+        rows = [Rows(s, model, names, hertz, window=window) for s in swings]
         if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
             raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
                                   constants=len(names)))  # fmt: skip
@@ -342,7 +342,7 @@ class Asked:
             intervals, at, spread = search_orders(data, basic, orders)
         searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
         how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
-        regression = _at(data, gauge, at, estimator, spread, **how)
+        regression = _at(data, gauge, at, estimator, spread=spread, **how)
         return doubted(regression, bool(intervals) and any(s.in_motion for s in swings), estimator)
 
 
@@ -363,15 +363,15 @@ def _at(
     scales = system.scales(gauge.beta(solve("tls", system, gauge, scales, None)[0]), system.scales(data.own))
     instruments = None
     if estimator == "iv":
-        instruments, scales = instruments_of(data, system, gauge, scales, orders)
+        instruments, scales = instruments_of(data, system, gauge, scales, orders=orders)
         if instruments is None:
             estimator = "huber"
             warnings.append(SAYS("no-instruments"))
-    v, weights = solve(estimator, system, gauge, scales, instruments)
+    v, weights = solve(estimator, system, gauge, scales, instruments=instruments)
     again = (replace(system, W=W) for W in system.noisy)  # the noise added once more
-    noisier = np.array([solve(estimator, each, gauge, scales, instruments)[0] for each in again])
+    noisier = np.array([solve(estimator, each, gauge, scales, instruments=instruments)[0] for each in again])
     bias = bias_of(v, noisier)
-    covariance = sandwich(system, gauge, scales, instruments, v, weights, overlap(data.rows[0]))
+    covariance = sandwich(system, gauge, scales, instruments, v=v, weights=weights, lags=overlap(data.rows[0]))
     # an encoder's rounding repeats with the motion, so that the residuals understate what it does
     variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
     factor = np.sqrt(variance / np.maximum(np.diag(covariance), 1e-300))
@@ -381,7 +381,7 @@ def _at(
     units = {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
     constants = constants_of({n: units[n] for n in data.names}, gauge, v, bias, covariance, dependent)
     return estimated(
-        system, gauge, scales, v, weights, constants,
+        system, gauge, scales, v, weights=weights, parameters=constants,
         combinations=_combinations(data.names, dependent, gauge.beta(v)), estimator=estimator, noise_ratio=ratio,
         noise=noise, amplitude=amplitude, belief=belief(amplitude, noise["alpha"], ratio), warnings=tuple(warnings),
         **how,

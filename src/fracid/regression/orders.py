@@ -45,11 +45,11 @@ def search_orders(
     rough = [minimize(ratio, q, method="Nelder-Mead", bounds=bounds, options=simplex) for q in starts]
     best = min(rough, key=lambda r: r.fun).x
     result = minimize(ratio, best, method="Nelder-Mead", bounds=bounds, options=simplex | {"maxfev": 80})
-    paths = {n: _profile(ratio, result.x, math.exp(result.fun), bounds, i) for i, n in enumerate(free)}
+    paths = {n: _profile(ratio, result.x, math.exp(result.fun), bounds, i=i) for i, n in enumerate(free)}
     independent = sum(len(t) for t in data.times) / overlap(data.rows[0])
     intervals = {n: _interval(path[:, i], np.exp(path[:, -1]), math.exp(result.fun), independent)
                  for i, (n, path) in enumerate(paths.items())}  # fmt: skip
-    return intervals, at(result.x), _spread(data, gauge, at, paths, intervals)
+    return intervals, at(result.x), _spread(data, gauge, at, paths, interval=intervals)
 
 
 def _profile(

@@ -234,7 +234,7 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - right, chart.logx)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
-    lines = Markup("".join(_path(chart.x, s, x, y, points) for s in chart.series))
+    lines = Markup("".join(_path(chart.x, s, x, y, points=points) for s in chart.series))
     return drawn("chart.svg.j2", chart=chart, x=x, y=y, width=width, right=right, left=LEFT, top=TOP, lines=lines,
                  ylabel=fitting(chart.ylabel, chart.height))  # fmt: skip
 

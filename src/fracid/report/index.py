@@ -279,7 +279,7 @@ def _swings(page: Path) -> Markup:
         lines = Series("measured", measured[:end], "measured"), Series("simulated", simulated[:end], "fitted")
         name = f"{printable(recording['name'])}, first swings"
         label = f"{symbol} [{unit}]" if unit else symbol
-        return still(Chart(name, t[:end], "time [s]", label, lines, "time"), SWINGS_WIDTH)
+        return still(Chart(name, t[:end], "time [s]", label, series=lines, xname="time"), SWINGS_WIDTH)
     except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
         return Markup("")
 

@@ -125,7 +125,7 @@ def write_report(
     if fit is None or project is None:
         fit = run = load_run(folder, trust=trust)
         project = run.project
-    text = report_page(Material.of(folder, fit, project, plane or plane_of(fit, jobs), residuals))
+    text = report_page(Material.of(folder, fit, project, plane or plane_of(fit, jobs), tested=residuals))
     with writing(f"The report {path}", "Give another: --out FILE."):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)

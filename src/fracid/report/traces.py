@@ -84,13 +84,13 @@ def fit_charts(material: Material, r: RecordingFit) -> Iterator[Chart]:
         last, α = k == len(r.measured) - 1, letter(name)
         yield Chart(
             f"{α}, measured and simulated", time, "", f"{α}{_in(unit)}",
-            (Series("measured", factor * r.measured[name], "measured"),
+            series=(Series("measured", factor * r.measured[name], "measured"),
              Series("simulated", factor * r.fitted[name], "fitted")),
-            "time", height=150,
+            xname="time", height=150,
         )  # fmt: skip
         yield Chart(
             residual_title(α, unit, step), time, clock if last else "", f"residual{_in(unit)}",
-            (Series("measured − simulated", factor * r.residual(name), "residual"),), "time",
+            series=(Series("measured − simulated", factor * r.residual(name), "residual"),), xname="time",
             bands=(Band("y", -step / 2, step / 2),) if step else (), height=140 if last else 116,
             yrange=(-limit, limit), right=encoder_ticks(limit, step), rightlabel="steps" if step else "",
         )  # fmt: skip
@@ -124,9 +124,9 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
         yield Chart(
             joined([letter(n) for n in names]), whole.time[at], "time on the recording's clock [s]",
             f"{'angle' if unit == '°' else 'signal'}{_in(unit)}",
-            tuple(Series(letter(n), units[n][1] * whole.signals[n][at], ("first", "second", "third")[k % 3])
+            series=tuple(Series(letter(n), units[n][1] * whole.signals[n][at], ("first", "second", "third")[k % 3])
                   for k, n in enumerate(names)),
-            "time", bands=(Band("x", *used, "window"),), marks=tuple(marks), height=200,
+            xname="time", bands=(Band("x", *used, "window"),), marks=tuple(marks), height=200,
         )  # fmt: skip
 
 
@@ -139,13 +139,13 @@ def residual_charts(residual: ResidualAnalysis, factor: float) -> Iterator[Chart
     if curves is None:
         return
     ρ = Series("correlation", curves.correlation, "first")
-    yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", (ρ,), "lag",
+    yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", series=(ρ,), xname="lag",
                 bands=(Band("y", -curves.white, curves.white),))  # fmt: skip
     if curves.frequency.size:
         S = Series("power per Hz", factor**2 * curves.power, "first")
         marks = (Mark("x", residual.spectrum.swing, "swing"),) if residual.spectrum.swing else ()
-        yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", (S,), "frequency", logx=True,
+        yield Chart("spectrum", curves.frequency, "frequency [Hz]", "power", series=(S,), xname="frequency", logx=True,
                     logy=True, marks=marks)  # fmt: skip
     lines = Series("residual", curves.ordered, "points"), Series("normal", curves.quantile, "dashed")
-    yield Chart("normal probability plot", curves.quantile, "normal quantile", "residual / its spread", lines,
-                "normal")  # fmt: skip
+    yield Chart("normal probability plot", curves.quantile, "normal quantile", "residual / its spread", series=lines,
+                xname="normal")  # fmt: skip

@@ -161,7 +161,7 @@ def reproduce(folder: str | Path, *, trust: bool = False, jobs: int = 1, **optio
         raise InputError(f"The fit in {run.folder} is not finished; type fracid resume {run.folder}.")
     there = read_if_whole(run.folder / "environment.json", EnvironmentBlock) | {"code": state.code}
     here = machine() | {"code": code()}
-    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here)
+    changed = not_as_before(run.folder, state.inputs, inputs_of(run.project), there, here=here)
     with one_blas_thread():  # as on the command line: several threads add up in another order
         fit = identify(run.project, jobs=jobs, **_how(state.options, run), **options)
     return compared(run.result, result_of(fit, run.project, {}), changed)

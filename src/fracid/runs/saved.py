@@ -123,7 +123,7 @@ def _simulated(run: SavedRun) -> dict[str, RecordingFit]:
     if run.window is not None:
         validating = [windowed(p, run.window) for p in validating]
     return {
-        name: fit_of(own, _vector(own, run.values), name, use, there.initial, there.parameters)
+        name: fit_of(own, _vector(own, run.values), name, use, initial=there.initial, parameters=there.parameters)
         for own, use in [(run.problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
         for there in [run.recordings[name]]
     }  # fmt: skip

@@ -256,7 +256,7 @@ def amplitude_test(
         for span in [*spans, *([(0, len(e.measured))] * (len(fits) > 1))]:
             if e.scored is not None and np.mean(e.scored[slice(*span)]) < LEAST_SCORED:
                 continue
-            window = _window(fitted, at, e, span, errors, jobs)
+            window = _window(fitted, at, e, span, fit_errors=errors, jobs=jobs)
             if isinstance(window, Failure):
                 notes.append(str(window))
             else:
@@ -354,7 +354,7 @@ def _window(
     problem: Problem, x: FloatArray, e: Experiment, span: tuple[int, int], fit_errors: Mapping[str, float], jobs: int
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
-    piece, times = _piece(problem, x, e, span, fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
+    piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
     best = refined(piece, start, Watch(jobs), tolerance=1e-5, budget=40).best

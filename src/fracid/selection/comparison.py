@@ -180,7 +180,7 @@ def compare(
     folds = _folds(base, given.validation, leave_one_out)
     optimiser = problem.optimiser if isinstance(problem, Project) else "multistart"
     whole = _Place(given, tuple(sorted(keep)), None if rungs is None else tuple(rungs), leave_one_out)
-    study = _Study(whole, folds, optimiser, seed, starts, Execution(executor, jobs, journal, progress))
+    study = _Study(whole, folds, optimiser, seed, starts=starts, execution=Execution(executor, jobs, journal, progress))
     if evidence:
         for s in study.ladder(WHOLE).structures:
             require_evidence(s.problem)
@@ -348,13 +348,13 @@ def _fit_structure(
     structure, others, watch = place.fold.ladder[name], place.fold.held_out, Watch(jobs)
     problem = structure.problem
     best, outcome = (
-        _fitted(structure, below, seed, starts, watch) if before is None
+        _fitted(structure, below, seed, starts, watch=watch) if before is None
         else _refitted(structure, below, *before, seed, starts, watch)
     )  # fmt: skip
     values, errors = problem.named(best.point), problem.errors(best.point)
     followed = {n: (e, problem.followed(best.point, n)) for n, (e, _) in problem.recordings.items()}
     predicted = {e.name: (problem, e, errors) if isinstance(errors, Failure)
-                 else _predicted(structure, values, e, place.fold.window, jobs) for e in others}  # fmt: skip
+                 else _predicted(structure, values, e, place.fold.window, jobs=jobs) for e in others}  # fmt: skip
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
     intervals, beyond, at_bound = dict[str, tuple[float, float]](), dict[str, float](), tuple[str, ...]()
     if not isinstance(precision := uncertainty(problem, best.point, jobs=jobs), Failure):
@@ -432,7 +432,7 @@ def _refitted(
     lowest = min([near, *nested], key=_cost)
     if near.cost <= (1 + HIGHER) * before and near.cost <= (1 + SAME) * lowest.cost:
         return lowest, how
-    return min((near, how), _fitted(structure, below, seed, starts, watch), key=lambda end: _cost(end[0]))
+    return min((near, how), _fitted(structure, below, seed, starts, watch=watch), key=lambda end: _cost(end[0]))
 
 
 def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
@@ -695,7 +695,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         how = "To decide: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     widths = _half_widths(fractional)
-    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), o.beyond_bounds)
+    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), beyond_bounds=o.beyond_bounds)
               for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()
@@ -713,7 +713,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
                 tests = study.amplitude(comparison, [fractional.name])
                 comparison = replace(comparison, amplitude={**comparison.amplitude, **tests})
             drifts = [d.sentence for d in comparison.amplitude[fractional.name].drifts if d.drifts]
-            first = claim_of(orders, nearest, fractional.left_over, drifts, [comparison.verdict], compared=True)
+            first = claim_of(orders, nearest, fractional.left_over, drifts, support=[comparison.verdict], compared=True)
     verdict = comparison.verdict
     if first.claim != "fractional" and any(with_code([verdict], code) for code in ORDERS_HELP):
         verdict = SAYS("no-evidence", verdict=verdict)

@@ -131,9 +131,9 @@ def finite_memories(
     for count in range(1, MOST + 1):
         rival = _relaxing(problem, best, groups, count)
         nearly = rival if about is problem else _relaxing(about, best, groups, count)
-        starts = [values | _begun(about, best, groups, count, place) for place in PLACES]
+        starts = [values | _begun(about, best, groups, count, place=place) for place in PLACES]
         also = [starts[-1] | fewer | _faint(groups, nearly, count)] if fewer else []
-        end = _lowest(nearly, starts, also, watch, FINE if nearly is rival else FAIR)
+        end = _lowest(nearly, starts, also, watch, last=FINE if nearly is rival else FAIR)
         fewer = nearly.named(end.point)
         more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, watch.jobs) - own
         if nearly is not rival:
@@ -141,9 +141,9 @@ def finite_memories(
             for steps in () if far_off else (SOME, FINE):
                 found = uninterrupted(refined(rival, end.point, watch, **steps))
                 end = found.best
-                if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more) > HOPELESS:
+                if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more=more) > HOPELESS:
                     break
-        memories.append(_judged(rival, end, count, _gain(rival, end, problem, best, more)))
+        memories.append(_judged(rival, end, count, _gain(rival, end, problem, best, more=more)))
         if memories[-1].as_well or watch.spent:
             break
     return tuple(memories)
@@ -241,7 +241,7 @@ def _relaxing(problem: Problem, best: Evaluation, groups: Mapping[str, Sequence[
     """The problem of that model; what has been before a record is unknown, where a past was recorded."""
     model = with_relaxations(problem.model, groups, count)
     step, end = _band(problem)
-    begun = _begun(problem, best, groups, count, PLACES[-1])
+    begun = _begun(problem, best, groups, count, place=PLACES[-1])
     limits = math.log(SHORTEST * step), math.log(LONGEST * end)
     ranges = {n: Free(v, *limits, scale=1.0) if n.startswith("ln_tau") else _within_reach(v) for n, v in begun.items()}
     of_springpots = {problem.model.parameter_names[nu] for _, nu in problem.model.complements}

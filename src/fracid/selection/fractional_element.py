@@ -109,7 +109,7 @@ def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]
     Q = Q[:, singular > SAME_DIRECTION * np.max(singular, initial=0.0)]
     for name in _names(problem):
         for order in ORDERS:
-            s = _effect(problem, x, name, order, e, scored)
+            s = _effect(problem, x, name, order, e=e, scored=scored)
             if s is None:
                 continue
             s = s - Q @ (Q.T @ s)
@@ -173,7 +173,7 @@ def fractional_element(
     explained = all(left.explained for left in leftovers(with_it, end.point).values())
     if gain > -STRONG or end.cost**2 > (1 - SHARE) * before**2 or not explained:
         return None
-    return FractionalElement(score.name, at[score.name], at[order], end.cost, before, gain)
+    return FractionalElement(score.name, at[score.name], at[order], end.cost, before=before, gain=gain)
 
 
 def _names(problem: Problem) -> list[str]:

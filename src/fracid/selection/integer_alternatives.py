@@ -248,7 +248,7 @@ def integer_alternatives(
     if here is None:
         return None
     samples, trial = _tried("friction" if here.own else "the same model", here, problem, best)
-    others = [*_of_the_project(own or {}, here, problem, best, starts, seed, watch)]
+    others = [*_of_the_project(own or {}, here, problem, best, starts=starts, seed=seed, watch=watch)]
     trials = [trial, *(t for _, _, t in others)]
     settled, base = any(t.as_well for t in trials), here
     for change in ELEMENTS:

@@ -256,7 +256,7 @@ def integer_rival(
     if integer.residuals is None:
         return None
     orders = _in_words(problem)
-    return Rival(rival, integer, orders, off, tuple(ranges))
+    return Rival(rival, integer, orders, off, own=tuple(ranges))
 
 
 def springpots(problem: Problem) -> tuple[str, ...]:

@@ -216,7 +216,7 @@ def ladder(
     refuse_unknown("rung", RUNGS, *(rungs or ()))
     problem, notes = _solved_well(problem)
     given = held(problem, unseen(problem, 0.0))
-    beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, ()) for n, p in (alternatives or {}).items())
+    beside = tuple(Structure(n, False, held(p, unseen(p, 0.0)), p, below=()) for n, p in (alternatives or {}).items())
     if not problem.model.friction:
         found = _as_it_is(problem, problem.model.name, ())
         _require_both((*found, *beside), problem)
@@ -309,7 +309,7 @@ def _structures(problem: Problem, rungs: Mapping[str, tuple[str, ...]], blind: s
         for fractional in (False, True):
             this = whole if fractional else replace(whole, orders=_integers(whole))
             below = [name_of(lower, fractional)] * (k > 0) + [name_of(friction, False)] * fractional
-            yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, tuple(below))
+            yield Structure(friction, fractional, held(this, blind | unseen(this, 0.0)), this, below=tuple(below))
 
 
 def _as_it_is(problem: Problem, name: str, rungs: Sequence[Structure]) -> tuple[Structure, ...]:
@@ -324,7 +324,7 @@ def _as_it_is(problem: Problem, name: str, rungs: Sequence[Structure]) -> tuple[
         this = held(whole, unseen(whole, 0.0))
         if this.order_indices or not fractional:
             lower = [s.name for s in rungs if s.fractional is fractional and {*s.problem.names} <= {*this.names}]
-            found.append(Structure(name, fractional, this, whole, (*lower[-1:], *(s.name for s in found))))
+            found.append(Structure(name, fractional, this, whole, below=(*lower[-1:], *(s.name for s in found))))
     return tuple(found)
 
 

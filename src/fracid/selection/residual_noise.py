@@ -35,7 +35,7 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
         return J if isinstance(J, list) else none
 
     def of(problem: Problem) -> dict[str, LeftOver]:
-        fits = [fit_of(problem, x, e.name, "fit", {}, {}) for e in recordings]
+        fits = [fit_of(problem, x, e.name, "fit", initial={}, parameters={}) for e in recordings]
         return {
             f"{r.name}, {GREEK.get(n, n)}":
                 _left_over(r, n, e.inputs, partial(lambda i, k: derivatives()[i][:, k], i, k))

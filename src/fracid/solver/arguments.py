@@ -278,7 +278,7 @@ def check_driven(
         raise unknown_name("value of between", between, BETWEEN)
     if between == "line" or len(u) == 1:
         return u, None
-    driven = [between_samples(column, between, 0.0, 1.0, len(u)) for column in u.T]
+    driven = [between_samples(column, between, 0.0, 1.0, count=len(u)) for column in u.T]
     return np.column_stack([d.before for d in driven]), np.column_stack([d.after for d in driven])
 
 

@@ -93,7 +93,7 @@ def evaluate(_: Any, address: Any, t: Any, x: Any, u: Any, p: Any, out: Any) -> 
     """Call the right-hand side that stands at an address."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
-        return call_at(context, builder, RHS_SIGNATURE, args[0], args[1:])
+        return call_at(context, builder, RHS_SIGNATURE, args[0], args=args[1:])
 
     return types.void(types.int64, *RHS_SIGNATURE.args), emit
 

@@ -105,7 +105,7 @@ def _short_kernel(family: str, order: float, steps: int, length: int) -> Kernel:
     exact = exact_kernel(family, order, min(length, steps))
     if family == "gl" or steps <= length:
         return exact
-    return Kernel(exact.weights, exact.start, np.zeros(1), exact.weights[-1:], np.full(1, 0.5))
+    return Kernel(exact.weights, exact.start, np.zeros(1), exact.weights[-1:], start_ratio=np.full(1, 0.5))
 
 
 def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:

@@ -182,14 +182,14 @@ def solve_fde(
     check_above_0("tolerance", tolerance)
     check_above_0("limit", limit)
     options = Options(method, memory_from_name(memory, tolerance), at_least("corrections", corrections, 1), corrected,
-                      at_least("every", every, 1), limit, check_bounds(bounds, x0))  # fmt: skip
+                      every=at_least("every", every, 1), limit=limit, bounds=check_bounds(bounds, x0))  # fmt: skip
     relaxing = check_relaxing(relaxing, q)
-    probe(rhs, x0, u[0], p, bool(relaxing))
+    probe(rhs, x0, u[0], p, relaxing=bool(relaxing))
     if METHODS[method].raw and np.any(x0 != 0):
         warn_caller(SAYS("raw-sums", options=options), PaperSchemeWarning)
     equation = Equation(compile_rhs(rhs), q, u, p, time_scale(model, p) if model else 1.0, relaxing, after)
-    run = integrate(equation, InitialCondition(x0, slope, start, past), h, steps, options)
-    run = replace(run, fault=fault_of(run, equation.rhs, step_gain(h, q, equation.time_scale), u, p))
+    run = integrate(equation, InitialCondition(x0, slope, start, past), h, steps, options=options)
+    run = replace(run, fault=fault_of(run, equation.rhs, step_gain(h, q, equation.time_scale), u, parameters=p))
     if run.completed and grows_by_itself(run):
         run = replace(run, outcome=Outcome.UNSTABLE)
     if instants is None:
@@ -290,7 +290,7 @@ def integrate(
     By the loop of its method, or another that takes the same.
     """
     method = METHODS[options.method]
-    run = _run(equation, initial, step, steps, options)
+    run = _run(equation, initial, step, steps, options=options)
     out = _room(steps, options.every, len(initial.values))
     out[0] = initial.values
     try:
@@ -301,7 +301,7 @@ def integrate(
                               states=len(initial.values), inputs=equation.inputs.shape[1],
                               parameters=len(equation.parameters))) from None  # fmt: skip
     count = max(0, last) // options.every + 1
-    return _trajectory(out[:count], how, equation, initial, step, options)
+    return _trajectory(out[:count], how, equation, initial, step=step, options=options)
 
 
 def integrate_all(
@@ -314,12 +314,12 @@ def integrate_all(
     runs: list[Trajectory] = []
     while len(equations) - len(runs) >= FEW and go_together(equations[0].rhs, options.method):
         chosen = slice(len(runs), len(runs) + RUNS)
-        together = _together(equations[chosen], initials[chosen], step, steps, options)
+        together = _together(equations[chosen], initials[chosen], step, steps, options=options)
         if together is None:
             break
         runs += together
     left = zip(equations[len(runs) :], initials[len(runs) :], strict=True)
-    return [*runs, *(integrate(e, i, step, steps, options) for e, i in left)]
+    return [*runs, *(integrate(e, i, step, steps, options=options) for e, i in left)]
 
 
 FEW, RUNS = 4, 8
@@ -354,14 +354,14 @@ def _together(
         few = slice(k, k + lanes.COUNT)
         orders = np.stack([e.orders for e in equations[few]], axis=-1).ravel()
         own = {lanes.COUNT * i + lane: k for lane, e in enumerate(equations[few]) for i, k in _own(e, step).items()}
-        kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own)
+        kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own=own)
         runs = [_run(e, i, step, steps, options, kernels) for e, i in zip(equations[few], initials[few], strict=True)]
         found = lanes.run_together((address_of(of_lanes), address_of(one.rhs)), runs)
         if found is None:
             return None
         states += list(found)
     posed = zip(states[: len(states) - len(more)], equations, initials, strict=False)
-    return [_trajectory(x, 0, e, i, step, options) for x, e, i in posed]
+    return [_trajectory(x, 0, e, i, step=step, options=options) for x, e, i in posed]
 
 
 def _run(
@@ -385,7 +385,7 @@ def _run(
         limit=min(float(options.limit), LARGEST),
         bounds=np.tile((-np.inf, np.inf), (states, 1)) if options.bounds is None else options.bounds,
         kernels=kernels
-        or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1, _own(equation, step)),
+        or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1, own=_own(equation, step)),
         corrections=int(options.corrections),
         corrected=bool(options.corrected),
         relaxing=np.array(equation.relaxing, dtype=np.int64),

@@ -106,7 +106,7 @@ def exact_kernel(family: str, order: float, steps: int) -> Kernel:
     if family == "gl":  # a backward difference
         return Kernel(np.array([1.0, -1.0]), np.array([1.0, -1.0]), *np.empty((3, 0)))
     w, start = AT_ORDER_1.get(family) or bdf_weights(order, 40)  # 1 − 3^(−k−1), a running sum from k = 40 on
-    return Kernel(w, start, np.zeros(1), np.ones(1), np.full(1, 0.5))
+    return Kernel(w, start, np.zeros(1), np.ones(1), start_ratio=np.full(1, 0.5))
 
 
 @lru_cache(maxsize=64)
@@ -131,7 +131,7 @@ def relaxing_kernel(shares: tuple[float, ...], rates: tuple[float, ...]) -> Kern
         hat = np.where(s > 0, (np.sinh(s / 2) / (s / 2)) ** 2, 1.0)
     z = np.exp(-s)
     w, start = [a @ (hat - half), a @ (hat * z)], [0.0, a @ (half * z)]
-    return Kernel(np.array(w), np.array(start), np.expm1(-s), a * hat * z * z, half / hat)
+    return Kernel(np.array(w), np.array(start), np.expm1(-s), a * hat * z * z, start_ratio=half / hat)
 
 
 def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatArray]:

@@ -116,8 +116,8 @@ def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tupl
     """A worker that dies takes its pool along; what was under way is then done one by one, to find who kills."""
     job, backlog = Job.of(work, tasks), iter(tasks)
     packed = job.packed()
-    while orphans := (yield from _in_a_pool(job, packed, backlog, jobs, 2 * jobs)):
-        if killers := (yield from _in_a_pool(job, packed, iter(orphans), 1, 1)):
+    while orphans := (yield from _in_a_pool(job, packed, backlog, jobs, window=2 * jobs)):
+        if killers := (yield from _in_a_pool(job, packed, iter(orphans), 1, window=1)):
             raise Stopped(
                 f"The repetition {killers[0].key!r} was given up: a worker process died twice while it ran, the second "
                 "time with nothing beside it (killed from outside, out of memory, or a crash in compiled code)."

@@ -287,7 +287,7 @@ class Twin(CardDisplay):
         for name in self.model.inputs:
             kind = self.between.get(name, "hold" if name in self.model.input_rates else "line")
             read = np.interp(samples, *inputs.get(name, (np.zeros(1), np.zeros(1))))
-            driven.append(between_samples(read, kind, begin - first, h / self.step, past + steps + 1))
+            driven.append(between_samples(read, kind, begin - first, h / self.step, count=past + steps + 1))
         return Driven(*(np.column_stack(side) for side in zip(*driven, strict=True)))
 
     def record(
@@ -328,7 +328,7 @@ class Twin(CardDisplay):
         units: dict[str, str] = {}
         signals: dict[str, FloatArray] = {}
         for name, y in self.model.outputs.items():
-            clean = run.states[:, y] if isinstance(y, int) else output_along(y, run.time, run.states, u, p)
+            clean = run.states[:, y] if isinstance(y, int) else output_along(y, run.time, run.states, u, p=p)
             units[name] = self.model.output_unit(name)
             turns = name in self.model.output_states and units[name] in ("rad", "1")  # an encoder counts it
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]

@@ -133,7 +133,7 @@ def failed(problem: Problem, x: FloatArray) -> tuple[Finding, ...]:
             orders, values, *_ = problem.unpack(x, e)
             gain = step_gain(run.step, orders, time_scale(problem.model, values))
             u = e.inputs if problem.substeps == 1 else e.inputs[:1]
-            fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, values)
+            fault = fault_of(run, compile_rhs(problem.model.rhs), gain, u, parameters=values)
             findings += [] if fault is None else [replace(fault, where=e.name)]
     return tuple(findings)
 

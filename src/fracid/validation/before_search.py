@@ -163,7 +163,7 @@ def _growth(problem: Problem, e: Experiment, posture: Mapping[str, float]) -> fl
         if o in model.output_states:
             still[model.output_states[o]] = value
     with np.errstate(all="ignore"):
-        departures = modes(linearised(compile_rhs(model.rhs), 0.0, still, no_inputs, values), np.ones(len(still)))
+        departures = modes(linearised(compile_rhs(model.rhs), 0.0, still, no_inputs, p=values), np.ones(len(still)))
     return max((m.real for m in departures if abs(m.imag) <= 1e-6 * abs(m)), default=0.0)
 
 
@@ -247,8 +247,8 @@ def _long_steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
     method, substeps, (orders, values, *_) = problem.method, problem.substeps, problem.unpack(problem.start, e)
     gain, rhs = step_gain(e.step / substeps, orders, time_scale(problem.model, values)), compile_rhs(problem.model.rhs)
     with np.errstate(all="ignore"):
-        linear = [linearised(rhs, t, x, u, values) for t, x, u in _measured_states(problem, e)]
-    if beyond := too_long(method, orders, linear, gain, len(e.measured) * substeps):
+        linear = [linearised(rhs, t, x, u, p=values) for t, x, u in _measured_states(problem, e)]
+    if beyond := too_long(method, orders, linear, gain, steps=len(e.measured) * substeps):
         scheme, other = ("an explicit scheme", "pi2") if METHODS[method].follows < math.inf else ("it", "bdf2")
         more = f", or substeps = {substeps * math.ceil(beyond.parts)}" if beyond.parts < MOST_STEPS else ""
         yield SAYS.finding("stiff", e.name, beyond.size, beyond.limit, method=method, scheme=scheme, other=other,

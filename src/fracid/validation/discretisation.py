@@ -113,7 +113,7 @@ def discretisation_check(
     The derivatives of `near`, the tangent at x, serve at half the step.
     """
     if is_coarse(problem):
-        return _corrected_check(problem, x, known, jobs, substeps)
+        return _corrected_check(problem, x, known, jobs, substeps=substeps)
     half = replace(problem, substeps=2 * problem.substeps)
     second = replace(half, method="pi2")
     after = second.evaluate(x)
@@ -124,11 +124,11 @@ def discretisation_check(
         return Discretisation(*costs, {}, {})
     if problem.in_windows:  # at a window's end what a start is off by has grown
         best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
-        return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point)
-    finer = _minimum_beside(problem, x, second, jobs, near)
+        return _judged(problem, x, known, (costs[0], best.cost, best.cost), finer=best.point)
+    finer = _minimum_beside(problem, x, second, jobs, near=near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
-        finer = x + finer - _minimum_beside(problem, x, problem, jobs, near)
-    return _judged(problem, x, known, costs, finer)
+        finer = x + finer - _minimum_beside(problem, x, problem, jobs, near=near)
+    return _judged(problem, x, known, costs, finer=finer)
 
 
 def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None) -> FloatArray:
@@ -150,9 +150,9 @@ def _corrected_check(
     finer = corrected(replace(problem, method="pi2"), x, 2 * substeps, jobs, rounds=1)
     here = problem.cost(x)
     if isinstance(finer, Failure):
-        return Discretisation(here, np.inf, np.inf, {}, {}, warning=SAYS("fails", reason=finer))
+        return Discretisation(here, np.inf, np.inf, {}, shift={}, warning=SAYS("fails", reason=finer))
     there = finer[0].cost(x)
-    return _judged(problem, x, known, (here, there, there), finer[1].point)
+    return _judged(problem, x, known, (here, there, there), finer=finer[1].point)
 
 
 def _judged(
@@ -193,7 +193,7 @@ def finer_step(
     problem: Problem, x: FloatArray, check: Discretisation, jobs: int, near: Tangent | None = None
 ) -> Refined | None:
     """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps."""
-    best, found = None, Refined(problem, problem.evaluate(x), Failure(FailureReason.NO_FIT, ""), check, near)
+    best, found = None, Refined(problem, problem.evaluate(x), Failure(FailureReason.NO_FIT, ""), check, near=near)
     while found.check.warning or found.check.largest > QUIET:
         finer = halved(found, jobs)
         if finer is None or not _helps(problem.method, found.check, finer.check):
@@ -209,12 +209,12 @@ def halved(at: Refined, jobs: int) -> Refined | None:
     other = replace(problem, substeps=2 * problem.substeps)
     if other.substeps > FINEST or 2 * max(other.simulator.steps(e) for e in other.experiments) > MOST_STEPS:
         return None
-    minimum, near = _minimum_of(problem, x, other, jobs, at.near)
+    minimum, near = _minimum_of(problem, x, other, jobs, near=at.near)
     problem.last_derivatives.clear()
     if minimum.reason:
         return None
     known = uncertainty(other, minimum.point, jobs=jobs, near=near)
-    return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near)
+    return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near=near)
 
 
 def is_rough(near: Tangent, rise: float) -> bool:

@@ -366,7 +366,7 @@ class Plan:
         exact, rng = simulated(self.problem, self.truth), np.random.default_rng(self.seed)
         read = []
         for e in exact.experiments:
-            n, y = len(e.slope_weights), _read(e, level, resolution, rng, self.how["sizes"])
+            n, y = len(e.slope_weights), _read(e, level, resolution, rng, sizes=self.how["sizes"])
             read.append(replace(e, measured=np.vstack([e.measured[:n], y[n:]])))
         noisy = replace(exact, experiments=tuple(read))
         known = with_start(noisy, self.truth, uncertainty(noisy, self.truth))
@@ -424,7 +424,7 @@ def planned(
         optimiser_from_name(optimiser)
     how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival,
            "sizes": _sizes(problem, true) if relative else None}  # fmt: skip
-    return Plan(problem, true, cells, seeds, seed, how)
+    return Plan(problem, true, cells, seeds, seed=seed, how=how)
 
 
 # --- one repetition ----------------------------------------------------------------------------------
@@ -461,7 +461,7 @@ def repetition(
     """
     own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
     noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
-    read = tuple(replace(e, measured=_read(e, level, resolution, noise, how["sizes"]))
+    read = tuple(replace(e, measured=_read(e, level, resolution, noise, sizes=how["sizes"]))
                  for e in twin.experiments)  # fmt: skip
     problem, true = replace(twin, experiments=read), np.array(truth)
     optimiser = optimiser_from_name(how["optimiser"])
@@ -519,10 +519,10 @@ def _cell(
     decisions = [r["fractional"] for r in good if r["fractional"] is not None]
     return Cell(
         level, resolution, len(each), dict(Counter(r["failure"] for r in each if r["failure"])),
-        sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
-        float(np.mean([r["evaluations"] for r in each])), sum(decisions) if decisions else None,
-        {u.name: _statistics(u.name, u.unit, float(true), good)
-         for u, true in zip(problem.unknowns, truth, strict=True)}, unit,
+        stopped_short=sum(r["cost_of_truth"] is not None and r["cost"] > r["cost_of_truth"] for r in good),
+        evaluations=float(np.mean([r["evaluations"] for r in each])), fractional=sum(decisions) if decisions else None,
+        unknowns={u.name: _statistics(u.name, u.unit, float(true), good)
+         for u, true in zip(problem.unknowns, truth, strict=True)}, unit=unit,
     )  # fmt: skip
 
 
@@ -539,9 +539,9 @@ def _statistics(name: str, unit: str, truth: float, good: list[dict[str, Any]]) 
     return Statistics(
         unit, truth, len(values),
         float(np.mean(values) - truth) if len(values) else None,
-        float(np.std(values, ddof=1)) if len(values) > 1 else None,
-        float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
-        len(intervals), sum(low <= truth <= high for low, high in intervals),
+        spread=float(np.std(values, ddof=1)) if len(values) > 1 else None,
+        claimed=float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
+        intervals=len(intervals), held=sum(low <= truth <= high for low, high in intervals),
     )  # fmt: skip
 
 

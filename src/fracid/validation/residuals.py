@@ -160,7 +160,7 @@ def residual_analysis(
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
     spectrum = _spectrum(e, speed, step) if even else Spectrum("")
-    whiteness = _whiteness(e, ρ, step, quantum, spectrum.swing)
+    whiteness = _whiteness(e, ρ, step, quantum, swing=spectrum.swing)
     thin = slice(None, None, whiteness.thinning)
     variance = _variance(e, fitted, speed, whiteness)
     return ResidualAnalysis(
@@ -182,7 +182,7 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
 
 def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None) -> Whiteness:
     T = correlation_time(ρ)
-    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum, swing)
+    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=swing)
     lags, Q, p = ljung_box(ρ, e.size)
     k = max(2, round(2 * T))
     thin = e[::k]
@@ -254,4 +254,4 @@ def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Leve
         text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No step of an encoder is seen."
         return Level(text, mean, rms)
     floor = step / math.sqrt(12)
-    return Level(level_sentence(mean, rms, step, unit, white), mean, rms, step, rms / step, floor)
+    return Level(level_sentence(mean, rms, step, unit, white=white), mean, rms, step, steps=rms / step, floor=floor)

@@ -442,7 +442,7 @@ def _refitted(
     orders, before = _orders(other, best.point), _orders(problem, x)
     label = f"{name} by {later:.2g} s" if later > 0 else name
     shift, stopped = {n: orders[n] - before[n] for n in orders}, result.outcome is Outcome.BUDGET_SPENT
-    return {label: Treatment(orders, best.cost, other.levels(best.point), shift, stopped)}
+    return {label: Treatment(orders, best.cost, other.levels(best.point), shift, stopped=stopped)}
 
 
 def _orders(problem: Problem, x: FloatArray) -> dict[str, float]:

@@ -164,7 +164,7 @@ def run_comparison(
     words = _command(project, out, options, executor) if command is None else command
     _begin(folder, study, words)
     watching.stage("fits")
-    with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, "fits") as kept:
+    with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, counted="fits") as kept:
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
     return FinishedComparison.written(folder, record, of_comparison(comparison), watching, {

@@ -200,7 +200,7 @@ def run(
         open_run(folder, request, inputs=inputs, resume=resume, command=words) as opened,
         drawer(jobs if figures else 1) if draws is None else nullcontext(draws) as beside,
     ):
-        draw = Drawing(project, folder, jobs, watching, beside) if figures else None
+        draw = Drawing(project, folder, jobs, watching, drawer=beside) if figures else None
         heard = watching if draw is None else _drawn_too(watching, draw)
         fit = _identified(project, opened, jobs, heard, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
                           executor=executor or "threads")  # fmt: skip
@@ -210,7 +210,7 @@ def run(
         interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
         found = FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume)
         watching.result(found)
-        finished = _with_figures(found, draw, opened, laps, start_time, watching)
+        finished = _with_figures(found, draw, opened, laps, began=start_time, observer=watching)
     watching.stage("")
     return replace(finished, seconds=laps.get("total", time.perf_counter() - start_time))
 

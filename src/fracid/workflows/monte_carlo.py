@@ -126,7 +126,7 @@ def run_noise_study(
     watching = unless_given(observer)
     with one_blas_thread():
         truth, project, x = _truth_of(source, jobs, trust, watching)
-        grid = _grid(truth.problem, levels, resolutions, relative, angles)
+        grid = _grid(truth.problem, levels, resolutions, relative, angles=angles)
         words = _command(source, out, grid, options | {"trust": trust}) if command is None else command
         folder = folder_of(out, source, "noise")
         plan = planned(
@@ -134,7 +134,7 @@ def run_noise_study(
             optimiser=optimiser or truth.optimiser, starts=project.starts,
         )  # fmt: skip
         watching.stage("repetitions")
-        with journal_of(folder, _header(plan, project), fault, watching, "repetitions", words) as kept:
+        with journal_of(folder, _header(plan, project), fault, watching, counted="repetitions", command=words) as kept:
             for finding in plan.findings:
                 watching.notice(str(finding))
             study = plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))

@@ -102,7 +102,7 @@ def run_posterior(
         options = {"method": method, "draws": draws, "executor": executor, "seed": seed, "trust": trust}
         words = command_of("posterior", run, {"out": out, **options}) if command is None else command
         study = study_of("posterior", saved.project, fit=saved.problem.named(saved.x))
-        with journal_of(folder, study, _fault, watching, "simulations", words) as kept:
+        with journal_of(folder, study, _fault, watching, counted="simulations", command=words) as kept:
             place = executor or "threads"
             drawn = posterior(saved, method=method, draws=draws, seed=seed, jobs=jobs, executor=place, **kept)
     content = io.BytesIO()

@@ -94,7 +94,7 @@ def run_profiles(
     folder = folder_of(source if out is None and source.is_dir() else out, source, "profile")
     watching = unless_given(observer)
     with one_blas_thread():
-        fitted, x = _fitted(source, seed, jobs, trust, watching)
+        fitted, x = _fitted(source, seed, jobs, trust, observer=watching)
     watching.stage("profiles")
     with writing(str(folder)):
         folder.mkdir(parents=True, exist_ok=True)

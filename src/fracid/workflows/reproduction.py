@@ -72,7 +72,7 @@ def reproduce_run(
         refuse_used(out)  # before the time is spent
     study = next((name for name in STUDIES if (run / name).exists()), None)
     if study is not None and not (run / "result.json").exists():
-        return _study_again(run, study, typed, trust, out, jobs)
+        return _study_again(run, study, typed, trust, out=out, jobs=jobs)
     rerun = reproduce(run, trust=trust, jobs=jobs, observer=unless_given(observer))
     if out is not None:
         words = command_of("reproduce", run, {"out": out})

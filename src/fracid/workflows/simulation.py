@@ -208,11 +208,11 @@ def simulate_twin(
         advice = advice.replace('method = "bdf2"', "--method bdf2")
         raise DataError(SAYS("not-reached", end=run.time[-1], run=run, advice=advice))
     recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
-    record = _record(source, twin, run, noise, counts, seed)
+    record = _record(source, twin, run, noise, counts=counts, seed=seed)
     watching.stage("figure")
-    paths = _written(recording, record, file, folder, truth)
+    paths = _written(recording, record, file, folder, truth=truth)
     watching.stage("")
-    return SimulatedRecording(twin, run, recording, record, paths)
+    return SimulatedRecording(twin, run, recording, record, files=paths)
 
 
 def _stem(source: str) -> str:

@@ -159,7 +159,7 @@ class Equations:
             name=name, rhs=Formula(program, self.module),
             states=tuple(e.name or n for n, e in there.items()),
             orders=tuple(order_of(n, e.order) for n, e in there.items()),
-            outputs={n: _output(n, e, names, units, body) for n, e in self.outputs.items()}
+            outputs={n: _output(n, e, names, units, body=body) for n, e in self.outputs.items()}
             or {n: i for i, n in enumerate(states)},
             inputs=tuple(self.inputs), parameters=parameters, zero="", source="equations",
             input_units={n: unit for n, unit in self.inputs.items() if unit},

@@ -308,7 +308,7 @@ class _Unit:
             case Function(body=(*statements, Return(value))):
                 return statements, value
         f = function_of(f)
-        scope = _Scope(self, f, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], (f,))
+        scope = _Scope(self, f, {"x", "u", "p", "t", *(("f", "out") if out else ())}, [], stack=(f,))
         arrays = View("x", 0, states), View("u", 0, inputs), View("p", 0, len(self.parameters)), *out
         scope.here = dict(zip([a.arg for a in scope.node.args.args], (_Time(), *arrays), strict=True))
         value = scope.finish(scope.node.body)
@@ -321,7 +321,7 @@ class _Unit:
         if f not in self.functions:
             taken = {g.name for g in self.functions.values() if g is not None} | {*_EVALUATED, "sign"}
             self.functions[f] = None  # while it is being read
-            scope = _Scope(self, f, set(), [], (*stack, f))
+            scope = _Scope(self, f, set(), [], stack=(*stack, f))
             names = [a.arg for a in scope.node.args.args]
             scope.names = {name: scope.fresh(name) for name in names}
             for s in scope.node.body:
@@ -544,7 +544,7 @@ class _Scope:
 
     def _put_here(self, f: Any, values: dict[str, Any]) -> Any:
         """A function that takes an array, or gives several numbers: its statements, in this place."""
-        inner = _Scope(self.unit, f, self.taken, self.statements, (*self.stack, f))
+        inner = _Scope(self.unit, f, self.taken, self.statements, stack=(*self.stack, f))
         for n, v in values.items():
             if isinstance(v, Call | Operation | Choice) or _reads_out(v):
                 inner.names[n] = self.fresh(n)

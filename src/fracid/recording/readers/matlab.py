@@ -194,7 +194,7 @@ def _matrix(reader: _Reader, depth: int) -> tuple[str, NDArray[np.generic] | Lef
     shape = tuple(int(n) for n in _whole(parts, reader, "dimensions"))
     if len(shape) < 2 or len(shape) > 32 or min(shape) < 0:
         raise _Damaged(f"a variable of dimensions {shape[:5]}")
-    return _text(parts), _value(reader, parts, kind, is_complex, shape, depth)
+    return _text(parts), _value(reader, parts, kind, is_complex, shape=shape, depth=depth)
 
 
 def _value(

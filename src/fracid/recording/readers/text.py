@@ -244,15 +244,15 @@ def _parse(lines: _Lines) -> Table:
     _refuse_comma_twice(dialect, width, header, lines.name)
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
-    values = _numbers(dialect, width, lines, first, names)
+    values = _numbers(dialect, width, lines, first, names=names)
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         values = values[:, :-1]
         names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
-    notes = [*remarks, *_doubts(dialect, width, header, names, lines)]
+    notes = [*remarks, *_doubts(dialect, width, header, names, lines=lines)]
     if dialect.decimal == ",":
         notes.insert(0, "Its numbers have decimal commas.")
     names, units = zip(*map(name_and_unit, names, units, range(len(names))), strict=True)
-    return Table(values, names, units, lines.name, tuple(header), tuple(notes))
+    return Table(values, names, units, lines.name, header=tuple(header), notes=tuple(notes))
 
 
 def _is_row(dialect: Dialect, width: int, line: str) -> bool:
@@ -363,7 +363,7 @@ def _numbers(dialect: Dialect, width: int, lines: _Lines, first: int, names: tup
     """Parse the rows from line `first` on, block by block."""
     rows = ((i, line) for i, line in lines.rows() if i >= first)
     blocks = iter(lambda: list(islice(rows, BLOCK)), [])
-    return np.concatenate([_block(dialect, width, block, names, lines.name) for block in blocks])
+    return np.concatenate([_block(dialect, width, block, names, file=lines.name) for block in blocks])
 
 
 def _block(
@@ -377,7 +377,7 @@ def _block(
             values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
             if values.shape == (len(rows), width):
                 return values
-    return np.array([_row(dialect, width, i, line, names, file) for i, line in rows])
+    return np.array([_row(dialect, width, i, line, names=names, file=file) for i, line in rows])
 
 
 def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...], file: str) -> list[float]:
