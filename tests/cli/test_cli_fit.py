@@ -53,7 +53,7 @@ def project(folder, without_rivals):
 @pytest.fixture
 def undrawn(monkeypatch, without_rivals):
     """Leave out the figures, and the models of integer order, which take longer than all the rest."""
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: None)
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
 
 
 def program(*arguments, **options):
@@ -406,7 +406,7 @@ def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_pa
         shown.append(capsys.readouterr().out)
         return ()
 
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(draw))
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(draw))
     code, *_ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
     assert code == 0
     assert f"result   {tmp_path / 'run' / 'result.json'}" in shown[0]

@@ -223,7 +223,7 @@ def folder(tmp_path_factory):
         save_recording(Recording.of(name, run.time, {"alpha": alpha}), made / f"{name}.csv")
     (made / "rig.toml").write_text(PROJECT, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:  # without figures: they are the same whatever the model
-        patch.setattr("fracid.workflows.fit.Drawing", lambda *_: None)
+        patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
         with pytest.raises(SystemExit) as stop:
             main(["fit", str(made / "rig.toml"), "--out", str(made / "run"), "--trust", "--cut", "--json"])
     assert not stop.value.code

@@ -60,6 +60,6 @@ def fit_in(folder, text, drawn=lambda fit: ()):
     with pytest.MonkeyPatch.context() as patch, no_rivals():
         patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
         patch.chdir(folder)
-        patch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(drawn))
+        patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(drawn))
         with pytest.raises(SystemExit):
             main(words)

@@ -184,7 +184,7 @@ def project(tmp_path_factory):
 
 
 def drawn_so(monkeypatch, draw):
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_: DrawnSo(draw))
+    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(draw))
 
 
 @pytest.mark.broad
