@@ -1,4 +1,4 @@
-"""What is read takes time as its length: twice the input, less than three times the time."""
+"""What is read takes time as its length: eight times the input, less than 24 times the time (64 for a square)."""
 
 import gc
 import hashlib
@@ -61,12 +61,16 @@ def least(way, n, tries=4):
     return min(times)
 
 
+def grows_by(way, *sizes, **tries):
+    """The least that the time of `way` was seen to grow by from the first of two sizes to the second."""
+    return min(least(way, sizes[1], **tries) / least(way, sizes[0], **tries) for _ in range(3))
+
+
 @pytest.mark.few(5)
 @pytest.mark.parametrize("name", WAYS)
-def test_twice_the_input_takes_less_than_three_times_the_time(name):
+def test_eight_times_the_input_takes_less_than_24_times_the_time(name):
     way, n = WAYS[name]
-    ratios = (least(way, 2 * n) / least(way, n) for _ in range(3))
-    assert any(ratio < 3.0 for ratio in ratios)
+    assert grows_by(way, n // 4, 2 * n) < 24.0
 
 
 BINARY = {
@@ -77,14 +81,13 @@ BINARY = {
 
 @pytest.mark.broad
 @pytest.mark.parametrize("kind", BINARY)
-def test_twice_the_samples_of_a_binary_recording_take_less_than_three_times_the_time(kind, tmp_path):
-    n = 40_000
-    for k in (1, 2):
+def test_eight_times_the_samples_of_a_binary_recording_take_less_than_24_times_the_time(kind, tmp_path):
+    n = 10_000
+    for k in (1, 8):
         time = 1e-3 * np.arange(k * n)
         columns = {"t": time, "alpha": 0.3 * np.cos(time) + 1e-3 * np.sin(1e5 * time**2)}
         (tmp_path / f"{k}.{kind}").write_bytes(BINARY[kind](columns))
-    way = lambda k: load_recording(tmp_path / f"{k}.{kind}")  # noqa: E731
-    assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
+    assert grows_by(lambda k: load_recording(tmp_path / f"{k}.{kind}"), 1, 8) < 24.0
 
 
 def run_of(plain, folder, *, samples=200, recordings=1):
@@ -106,23 +109,19 @@ def run_of(plain, folder, *, samples=200, recordings=1):
     return folder / "run"
 
 
-def test_the_index_of_twice_the_runs_takes_less_than_three_times_the_time(plain, tmp_path):
-    n = 15
-    for k in range(3 * n):
-        shutil.copytree(plain / "run", tmp_path / f"{1 if k < n else 2}" / f"{k}")
-    way = lambda k: write_index(tmp_path / f"{k}")  # noqa: E731
-    assert any(least(way, 2) / least(way, 1) < 3.0 for _ in range(3))
+def test_the_index_of_eight_times_the_runs_takes_less_than_24_times_the_time(plain, tmp_path):
+    n = 4
+    for k in range(9 * n):
+        shutil.copytree(plain / "run", tmp_path / f"{1 if k < n else 8}" / f"{k}")
+    assert grows_by(lambda k: write_index(tmp_path / f"{k}"), 1, 8) < 24.0
 
 
 @pytest.mark.broad
-@pytest.mark.parametrize(("of", "n"), [("samples", 20_000), ("recordings", 12)])
-def test_the_page_of_twice_the_run_takes_less_than_three_times_the_time(of, n, plain, tmp_path):
-    runs = {k: run_of(plain, tmp_path / f"{k}", **{of: k * n}) for k in (1, 2)}
-    way = lambda k: write_report(runs[k])  # noqa: E731
-    assert any(least(way, 2, tries=2) / least(way, 1, tries=2) < 3.0 for _ in range(3))
+@pytest.mark.parametrize(("of", "n"), [("samples", 5_000), ("recordings", 3)])
+def test_the_page_of_eight_times_the_run_takes_less_than_24_times_the_time(of, n, plain, tmp_path):
+    runs = {k: run_of(plain, tmp_path / f"{k}", **{of: k * n}) for k in (1, 8)}
+    assert grows_by(lambda k: write_report(runs[k]), 1, 8, tries=2) < 24.0
 
 
 def test_what_takes_the_square_is_found():
-    assert least(lambda n: np.subtract.outer(np.arange(n), np.arange(n)), 2000) > 3.0 * least(
-        lambda n: np.subtract.outer(np.arange(n), np.arange(n)), 1000
-    )
+    assert grows_by(lambda n: np.subtract.outer(np.arange(n), np.arange(n)), 500, 4000) > 24.0
