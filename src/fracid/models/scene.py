@@ -22,7 +22,7 @@ The page moves it (``scene.js``); :func:`fracid.plots.rig_drawing` and the page'
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,6 +99,13 @@ class Scene:
         with suppress(ArithmeticError, ValueError):  # a length that a constant of 0 makes infinite
             self._places(0.0, [values.get(n, 0.0) for n in self.outputs], [], parameters, out)
         return out.reshape(-1, 2, self.dimension)
+
+    def rows(self, write: Callable[[Expression], str]) -> dict[str, dict[str, Any]]:
+        """``[model.scene]``, as :func:`scene_of` reads it."""
+        texts = [write(s.value) for s in self.program.body if isinstance(s, Assign)]
+        points = [texts[k : k + self.dimension] for k in range(0, len(texts), self.dimension)]
+        return {b.name: {"shape": b.shape, "from": start, "to": end, "width": b.width}
+                for b, start, end in zip(self.bodies, points[::2], points[1::2], strict=True)}  # fmt: skip
 
     def drawn(self, values: Mapping[str, float], parameters: Sequence[float]) -> list[tuple[Body, FloatArray]]:
         """The bodies with their outlines on paper, the farthest first."""

@@ -65,7 +65,7 @@ from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
 from fracid.findings import Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
-from fracid.models.written.equations import Equation, Equations
+from fracid.models.written.equations import Equation, Equations, equations_in
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.checks import refuse_twins
@@ -173,19 +173,26 @@ _Values = Annotated[dict[str, _Value], BeforeValidator(_untied)]
 
 
 class _Equation(_Table):
-    """A state's derivative, or an output."""
+    """A state's derivative, or an output: :class:`fracid.models.written.equations.Equation`."""
 
     equals: str
     order: float | str = 1.0
     unit: str = ""
+    only: list[str] = []
+    forgets: str = ""
+    follows: str = ""
+    size: str = ""
+
+
+_Rows = Annotated[dict[str, Equation], _read_as(dict[str, str | _Equation], equations_in)]
 
 
 class _Equations(_Table):
     """A model: its own equations, or what the values of another one's parameters and orders are."""
 
-    definitions: dict[str, str] = {}
-    equations: dict[str, str | _Equation] = {}
-    outputs: dict[str, str | _Equation] = {}
+    definitions: Annotated[dict[str, Equation], _read_as(dict[str, str], equations_in)] = {}
+    equations: _Rows = {}
+    outputs: _Rows = {}
     parameters: _Values = {}
     orders: _Values = {}
 
@@ -545,17 +552,12 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
     values = {n: v.start if isinstance(v, Free) else v for n, v in roots.items()}
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, Free | _Constant)}
     constants = [Parameter(n, units.get(n, ""), v, "") for n, v in values.items() if not isinstance(v, Tied)]
-    written = Equations(_equations(spec.equations), _equations(spec.outputs), spec.inputs,
-                        _equations(spec.definitions), scene=spec.scene)  # fmt: skip
+    written = Equations(spec.equations, spec.outputs, spec.inputs, spec.definitions, scene=spec.scene)
     return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
 
 
 def _plain(values: Mapping[str, _Value]) -> dict[str, Value]:
     return {n: v.value if isinstance(v, _Constant) else v for n, v in values.items()}
-
-
-def _equations(table: Mapping[str, str | _Equation]) -> dict[str, Equation]:
-    return {n: Equation(e) if isinstance(e, str) else Equation(e.equals, e.order, e.unit) for n, e in table.items()}
 
 
 def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:

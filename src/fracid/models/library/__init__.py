@@ -40,7 +40,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.models.base import ZEROS, Model, Parameter, symbol_of
-from fracid.models.written.equations import Equation, Equations
+from fracid.models.written.equations import Equations, equations_in
 from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 from fracid.safety.door import own_text
@@ -105,8 +105,8 @@ def model_of_table(name: str, table: Mapping[str, Any], zero: str | None = None,
         raise InputError(f"zero = {zero!r} is not possible for {name}; expected {expected}.")
     zero = (zero or "hanging") if angle else ""
     written = Equations(
-        _equations(spec["equations"]), _equations(spec["outputs"]), spec["inputs"],
-        _equations(spec.get("definitions", {})), {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
+        equations_in(spec["equations"]), equations_in(spec["outputs"]), spec["inputs"],
+        equations_in(spec.get("definitions", {})), {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
         spec.get("scene", {}), module,
     )  # fmt: skip
     model = written.model(name, (Parameter.of(n, row) for n, row in spec["parameters"].items()))
@@ -129,10 +129,6 @@ def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
     texts = table_of(name)["twin"].get("inputs", {})
     trees = {n: Function(n, ("t",), (Return(formula(text, {"t": Name("t")})),)) for n, text in texts.items()}
     return {n: np.array([*map(Formula(tree).py_func, time.tolist())], np.float64) for n, tree in trees.items()}
-
-
-def _equations(table: Mapping[str, Any]) -> dict[str, Equation]:
-    return {n: Equation(e) if isinstance(e, str) else Equation(**e) for n, e in table.items()}
 
 
 MODEL = {

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models.base import Model, Parameter, symbol_of
 from fracid.models.joints import Complement
@@ -122,6 +122,11 @@ class Equations:
             "[model.equations]": self.equations, "[model.inputs]": self.inputs,
             "[model.definitions]": self.definitions, "[model.parameters]": [p.name for p in parameters],
         })  # fmt: skip
+        called = [e.name or n for n, e in self.equations.items()]
+        for n, e in self.equations.items():
+            needed = (*e.only, e.size) if e.forgets else e.only
+            refuse_unknown(f"parameter in [model.equations] {n}", [p.name for p in parameters], *needed)
+            refuse_unknown(f"state in [model.equations] {n}", called, *filter(None, (e.follows,)))
         there = self._there(on)
         off = {n for e in self.equations.values() for n in e.only} - {n for e in there.values() for n in e.only}
         numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
@@ -171,6 +176,11 @@ class Equations:
             scene=scene_of(self.scene, self.outputs or there, [p.name for p in parameters], self.numbers),
             grown=self if any(e.only for e in self.equations.values()) else None,
         )  # fmt: skip
+
+
+def equations_in(table: Mapping[str, Any]) -> dict[str, Equation]:
+    """Those of a table: each is a text, or a table of its own."""
+    return {n: Equation(e) if isinstance(e, str) else Equation(**dict(e)) for n, e in table.items()}
 
 
 def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
@@ -351,25 +361,41 @@ class _Text(Python):
         return f
 
 
-def equations_of(model: Model) -> tuple[dict[str, str], dict[str, str]]:
-    """A model's definitions, in order, and the equation of each state, by names that equations may have.
+def equations_of(model: Model) -> dict[str, dict[str, Any]]:
+    """A model as the tables of a project file, but for its constants and orders, by names that equations may have.
 
     Raises
     ------
     InputError
-        Where it has loops, or states that relax with a step of their own.
+        Where it has loops.
 
     Examples
     --------
     >>> import fracid
-    >>> definitions, equations = equations_of(fracid.rotary_pendulum())
-    >>> definitions["M12"], equations["theta"]
-    ('C3 * cosine', 'theta_rate')
+    >>> tables = equations_of(fracid.rotary_pendulum())
+    >>> tables["definitions"]["M12"], tables["equations"]["theta"]
+    ('C3 * cosine', {'equals': 'theta_rate', 'order': 'lambda'})
     """
-    program = model.program
-    if program.relaxing:
-        raise Untranslatable(SAYS("relaxes", state=program.states[program.relaxing[0]]))
-    return Flat(model).result()
+    flat, n = Flat(model), len(model.states)
+    rates, seen = flat.entries(model.program), flat.entries(model.outputs_program)
+    write = flat.writer(flat.states)
+    called = dict(zip(model.states, flat.states, strict=True))
+    orders = (str(q) if isinstance(q, Complement) else q for q in model.orders)
+    equations = {s: {"equals": write(r), "order": q} for s, r, q in zip(flat.states, rates, orders, strict=False)}
+    for (state, size), forgets in zip(model.relaxing.items(), rates[n:], strict=True):
+        equations[called[state]] |= {"forgets": write(forgets), "size": size}
+    for state, leader in model.follows.items():
+        equations[called[state]]["follows"] = called[leader]
+    units = {name: model.output_unit(name) for name in model.shown}
+    return {
+        "inputs": {name: model.input_units.get(name, "") for name in model.inputs},
+        "input_rates": dict(model.input_rates),
+        "definitions": {name: write(value) for name, value in flat.definitions.items()},
+        "equations": equations,
+        "outputs": {name: {"equals": write(value)} | ({} if units[name] == "1" else {"unit": units[name]})
+                    for name, value in zip(units, seen, strict=True)},
+        "scene": {} if model.scene is None else model.scene.rows(flat.writer(model.scene.outputs)),
+    }  # fmt: skip
 
 
 class Flat:
@@ -384,19 +410,22 @@ class Flat:
         self.taken = {*model.parameter_names, *model.inputs, *KNOWN, *CONSTANTS, *WORDS}
         self.states = tuple(self._new(n) for n in self._named())
 
-    def result(self) -> tuple[dict[str, str], dict[str, str]]:
-        """Texts of the definitions that are used, and of the equations."""
-        n = len(self.states)
-        here = self._run(self.program.body, {})
-        rates = [here[f"out {i}"] for i in range(n)]
-        while unused := {*self.definitions} - {*mentioned((*self.definitions.values(), *rates))}:
+    def entries(self, program: Program) -> list[Expression]:
+        """What a program of the model leaves in ``out``; the definitions are those that something of it reads."""
+        self.functions |= {f.name: f for f in program.functions}
+        before, here = {*self.definitions}, self._run(program.body, {})
+        out = [here[name] for name in sorted((n for n in here if n.startswith("out ")), key=lambda n: int(n[4:]))]
+        while unused := {*self.definitions} - before - {*mentioned((*self.definitions.values(), *out))}:
             self.definitions = {k: v for k, v in self.definitions.items() if k not in unused}
-        names: dict[Expression, str] = {Entry("x", Number(i)): s for i, s in enumerate(self.states)}
-        names |= {Entry("u", Number(i)): s for i, s in enumerate(self.model.inputs)}
-        names |= {Entry("p", Number(i)): s for i, s in enumerate(self.model.parameter_names)}
-        write = _Text(self.program, names).expression
-        equations = {s: write(r) for s, r in zip(self.states, rates, strict=True)}
-        return {k: write(v) for k, v in self.definitions.items()}, equations
+        return out
+
+    def writer(self, states: Iterable[str]) -> Callable[[Expression], str]:
+        """What writes an expression, with these names for the states."""
+        arrays = {"x": states, "u": self.model.inputs, "p": self.model.parameter_names}
+        names: dict[Expression, str] = {
+            Entry(array, Number(i)): n for array, own in arrays.items() for i, n in enumerate(own)
+        }
+        return _Text(self.program, names).expression
 
     def _new(self, name: str) -> str:
         plain = re.sub(r"\W+", "_", name).strip("_") or "v"
@@ -440,6 +469,8 @@ class Flat:
         """A name for it, but for what is short."""
         if isinstance(value, Number | Entry | Name):
             return value
+        if self.definitions.get(name) == value:
+            return Name(name)
         own = self._new(name)
         self.definitions[own] = value
         return Name(own)
