@@ -1,6 +1,6 @@
 """What each model of the library has: constants with symbols and units, outputs, ladder and source, from itself.
 
-They take the place of the lines ``<!-- all of NAME -->`` in models.md, each time the site is built.
+They take the place of the lines ``<!-- all of NAME -->`` in models/NAME.md, each time the site is built.
 """
 
 import re

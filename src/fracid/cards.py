@@ -8,6 +8,7 @@ which come from strangers.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -16,7 +17,7 @@ from pathlib import Path, PurePath
 from typing import Any, cast
 
 from fracid.safety.text import cut, printable
-from fracid.units import GREEK, interval_beside, shown_unit, typeset_unit, with_half_width
+from fracid.units import GREEK, shown_unit, typeset_unit, with_half_width, with_interval
 
 LINES, LENGTH = 8, 120
 """Of a card as text: so many lines at most, of so many characters."""
@@ -142,15 +143,12 @@ def rounded(value: float, half: float | None) -> str:
     """
     if not math.isfinite(value):
         return "none"
-    if half is None or not 0 < half < math.inf:
-        return _true_minus(f"{value:.4g}")
-    text = with_half_width(value, half)
-    return f"({_true_minus(text[1:])}" if text.startswith("(") else _true_minus(text)
+    return _true_minus(f"{value:.4g}" if half is None or not 0 < half < math.inf else with_half_width(value, half))
 
 
-def _true_minus(number: str) -> str:
-    """A minus before a number; the one of an exponent stays, as terminals have it."""
-    return f"−{number[1:]}" if number.startswith("-") else number
+def _true_minus(text: str) -> str:
+    """A minus before each number; the one of an exponent stays, as terminals have it."""
+    return re.sub(r"(?<!e)-", "−", text)
 
 
 def estimate_text(name: str, value: float, interval: tuple[float, float] | None, unit: str) -> str:
@@ -164,9 +162,10 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
     'offset = 5.73 °'
     """
     display_unit, factor = shown_unit(unit)
-    text = rounded(factor * value, None if interval is None else factor * (interval[1] - interval[0]) / 2)
-    if interval is not None and "…" in (beside := interval_beside(*(factor * v for v in (value, *interval)))):
-        text = f"{text.split(' ± ')[0]}, {beside}"
+    if interval is None:
+        text = rounded(factor * value, None)
+    else:
+        text = _true_minus(with_interval(*(factor * v for v in (value, *interval))))
     return f"{GREEK.get(name, name)} = {text} {typeset_unit(display_unit)}".rstrip()
 
 

@@ -164,6 +164,18 @@ def interval_beside(value: float, low: float, high: float) -> str:
     return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
 
 
+def with_interval(value: float, low: float, high: float) -> str:
+    """A value and its interval, on whichever side of it that is longer.
+
+    Examples
+    --------
+    >>> with_interval(0.00013361, 0.0001327, 0.00013452), with_interval(0.0, 0.0, 1.3e-4)
+    ('(1.3361 ± 0.0091)e-04', '0.000000, 0.000000 … 0.000130')
+    """
+    half, beside = (high - low) / 2, interval_beside(value, low, high)
+    return f"{to_second_digit(value, half)}, {beside}" if "…" in beside else with_half_width(value, half)
+
+
 def half_of(ends: Sequence[float] | None) -> float:
     """Half the width of an interval; 0 where there is none.
 
@@ -208,18 +220,15 @@ def number(value: float | None, form: str = ".4g") -> str:
 
 
 def typeset(text: str) -> str:
-    """A number as Python writes it, with a true minus and a raised exponent.
+    """Numbers as Python writes them, with a true minus and a raised exponent.
 
     Examples
     --------
-    >>> typeset("-1.2e-05")
-    '−1.2×10⁻⁵'
+    >>> typeset("-1.2e-05 … 1e+06")
+    '−1.2×10⁻⁵ … 10⁶'
     """
-    mantissa, _, exponent = text.replace("-", "−").partition("e")
-    if not exponent:
-        return mantissa
-    power = f"10{raised(int(exponent.replace('−', '-')))}"
-    return {"1": power, "−1": f"−{power}"}.get(mantissa, f"{mantissa}×{power}")
+    raise_exponent = lambda found: f"×10{raised(int(found[1]))}"  # noqa: E731
+    return re.sub(r"(?<![\d.])1×", "", re.sub(r"(?<=\d)e([-+]\d+)", raise_exponent, text)).replace("-", "−")
 
 
 def raised(exponent: int) -> str:

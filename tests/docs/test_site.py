@@ -51,13 +51,13 @@ def test_every_public_name_is_in_the_reference_once():
     assert set(shown.values()) == {1}
 
 
-def test_every_model_of_the_library_has_a_section_with_its_picture_and_all_that_it_has(part):
-    sections = re.split(r"(?m)^## ", text_of("models"))[1:]
-    assert sorted(section.splitlines()[0] for section in sections) == sorted(fracid.models.MODELS)
-    for section in sections:
-        name = section.splitlines()[0]
-        assert "![" in section
-        assert f"<!-- all of {name} -->" in section
+def test_every_model_of_the_library_has_a_page_with_its_picture_its_equations_and_all_that_it_has(part):
+    pages = {page.split("/")[1]: text_of(page) for page in PAGES if page.startswith("models/")}
+    assert sorted(pages) == sorted(fracid.models.MODELS)
+    for name, page in pages.items():
+        assert re.search(r"!\[[^]]+\]\(\.\./images/", page)
+        assert page.count("$$") >= 2
+        assert f"<!-- all of {name} -->" in page
         said = part("library").all_of(name)
         model = fracid.model(name)
         assert model.source in said

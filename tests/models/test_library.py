@@ -3,9 +3,7 @@
 import json
 import math
 import pickle
-import re
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -372,12 +370,3 @@ def test_a_problem_of_it_is_a_twin_again_with_every_order(name):
     again = fracid.Twin.of_problem(problem, problem.start, problem.experiments[0])
     assert dict(again.orders) == pytest.approx(dict(twin.orders))
     assert again.changed(orders=twin.orders).orders == twin.orders
-
-
-@pytest.mark.parametrize("name", LIBRARY)
-def test_it_has_its_part_of_the_page_with_a_picture(name):
-    docs = Path(__file__).parents[2] / "docs"
-    part = (docs / "models.md").read_text(encoding="utf-8").split(f"\n## {name}\n")[1].split("\n## ")[0]
-    picture = re.search(r"!\[[^]]+\]\((images/[^)]+)\)", part)
-    assert (docs / picture[1]).stat().st_size > 5000
-    assert part.count("$$") >= 2

@@ -13,7 +13,7 @@ from fracid.cli.app import How, assigned, command, print_table, say_next, typed,
 from fracid.cli.check import columns_from_texts, start_from_text, time_from_text
 from fracid.errors import DataError, InputError
 from fracid.tasks.display import shown
-from fracid.units import half_of, half_width, to_second_digit
+from fracid.units import half_of, interval_beside, to_second_digit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -71,13 +71,12 @@ def _show(results: FinishedRegression, out: Path | None, after: tuple[str, str],
 
 
 def _print_constants(console: Console, f: Regression) -> None:
-
     rows = []
     for name, c in f.parameters.items():
         half = half_of(c.interval95)
         value, interval = f"{c.value:.4g}", ""
-        if 0 < half < inf:
-            value, interval = to_second_digit(c.value, half), f"± {half_width(half, c.value)}"
+        if c.interval95 is not None and 0 < half < inf:
+            value, interval = to_second_digit(c.value, half), interval_beside(c.value, *c.interval95)
         bias = "" if c.bias is None else f"{c.bias:+.1g}"
         rows.append((name, value, interval, bias, c.unit, c.kind))
     print_table(console, ("", "value", "95 % interval", "bias", "unit", ""), rows, fold=())

@@ -108,8 +108,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
     ends = estimate.get("interval95")
     if ends is None or estimate.get("value") is None:
         return number(None)
-    words = interval_beside(estimate["value"], *ends).split()
-    return " ".join(word if word in "±…" else typeset(word) for word in words)
+    return typeset(interval_beside(estimate["value"], *ends))
 
 
 def said(e: Mapping[str, Any]) -> str:
@@ -130,7 +129,7 @@ def with_error(value: float | None, error: float | None) -> str:
     """
     if value is None or not error or not isfinite(error):
         return f"{number(value)} ± {number(error)}"
-    return f"{typeset(to_second_digit(value, error))} ± {typeset(to_second_digit(error, error))}"
+    return typeset(f"{to_second_digit(value, error)} {interval_beside(value, value - error, value + error)}")
 
 
 def half_width(estimate: Mapping[str, Any]) -> float | None:

@@ -16,7 +16,7 @@ import numpy as np
 from fracid._version import __version__
 from fracid.errors import DataError, InputError, unknown_name
 from fracid.findings import Words
-from fracid.models import RIGS, model_from_name, rotary_pendulum
+from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
@@ -89,9 +89,10 @@ def twin_of(
 
 
 def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[str, float]) -> Twin:
-    if source in RIGS:
-        more = RIGS[source].fitted_friction if friction else {}
-        model = rotary_pendulum(source, zero or "hanging", **more)  # type: ignore[arg-type]
+    rig = "srv02-rotpen" if source == "rotary-pendulum" else source  # the model's constants where no rig is named
+    if rig in RIGS:
+        more = RIGS[rig].fitted_friction if friction else {}
+        model = rotary_pendulum(rig, zero or "hanging", **more)  # type: ignore[arg-type]
     elif source in LIBRARY:
         if friction:
             raise InputError(f"--friction is for a rig; {source} is a model. Give its friction: --set b_angle=0.01.")
@@ -99,7 +100,7 @@ def _of_model(source: str, zero: str | None, friction: bool, release: Mapping[st
     elif ".py:" in source:
         model, release = model_from_name(source, zero=zero), {}
     else:
-        raise _no_source(source, (*RIGS, *LIBRARY))
+        raise _no_source(source, (*RIGS, *MODELS))
     return Twin.of_model(model, name=_stem(source), initial=release, step=1e-3, end=20.0)
 
 
