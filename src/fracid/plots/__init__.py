@@ -32,7 +32,7 @@ Ito's); a simulation that failed is drawn as missing and said to be, never left 
 A line of many samples is drawn through the least and the greatest of each of some thousand bins: the same
 ink, in a file of a few hundred kilobytes.  Clouds of points are rasterised.
 
-Matplotlib is imported within the functions: it takes longer than everything else of ``fracid check``.
+Matplotlib takes longer to import than everything else of ``fracid check``: this package is imported when it draws.
 No function touches pyplot, so they need no display and may run on threads.
 
 A family of figures is one file; what they share is in :mod:`fracid.plots.appearance`.

@@ -16,25 +16,22 @@ import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, extremes
+from fracid.estimation.records import RecordingFit
 from fracid.figures import STYLES, Style, style_named
+from fracid.models import Model
 from fracid.problem.costs import COSTS
 from fracid.safety.door import own_text
 from fracid.safety.text import cut
 from fracid.units import GREEK, shown_unit, typeset_unit, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.records import RecordingFit
-    from fracid.models import Model
 
 BLUE, ORANGE, VERMILLION, GREEN = "#0072B2", "#E69F00", "#D55E00", "#009E73"
 

@@ -7,8 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.errors import InputError
+from fracid.figures import Style
 from fracid.plots.appearance import (
     BLUE,
     SERIES,
@@ -26,10 +29,6 @@ from fracid.plots.appearance import (
 from fracid.units import shown_unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
     from fracid.selection.amplitude import AmplitudeTest, Drift
     from fracid.selection.comparison_records import Comparison, Score
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.figures import Style
+from fracid.models import Model
 from fracid.plots.appearance import (
     BLUE,
     MARKS,
@@ -22,12 +26,7 @@ from fracid.plots.appearance import (
 from fracid.quantiles import CHI2_95, NORMAL_95
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from fracid.estimation.cost_profile import JointProfile, Profile, Profiles
-    from fracid.figures import Style
-    from fracid.models import Model
 
 CEILING = 12.0
 """Rises above this are beyond the panel of a profile."""

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from fracid.figures import Style
 from fracid.plots.appearance import BLUE, INK, ORANGE, VERMILLION, axis_unit, finish, label, new, plain, symbol
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
-    from fracid.schemas.feedback import ControlRecord
+from fracid.schemas.feedback import ControlRecord
 
 AROUND = 3.0
 """How far the plane of the open loop reaches."""

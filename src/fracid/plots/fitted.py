@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
+from fracid.estimation.records import RecordingFit
+from fracid.figures import Style
 from fracid.plots.appearance import (
     FITTED,
     MEASURED,
@@ -28,13 +31,6 @@ from fracid.plots.appearance import (
     title,
 )
 from fracid.units import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.records import RecordingFit
-    from fracid.figures import Style
 
 SWINGS = 6
 """That a close-up shows."""

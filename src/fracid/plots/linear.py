@@ -6,16 +6,13 @@ band of the recording is shaded.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from fracid.figures import Style
 from fracid.plots.appearance import BLUE, FITTED, ORANGE, axis_unit, finish, label, new, note, plain, symbol
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
 
 FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "round"}
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
 from fracid.errors import InputError
+from fracid.figures import Style
 from fracid.plots.appearance import GREEN, INK, SERIES, SMALL, axis_unit, cost_label, finish, new, plain, symbol, title
 from fracid.units import shown_unit
+from fracid.validation.study_records import Cell, Statistics
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
     from fracid.validation.monte_carlo import NoiseStudy
-    from fracid.validation.study_records import Cell, Statistics
 
 MOST = 8
 """Unknowns that are drawn."""

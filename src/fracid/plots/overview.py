@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fracid.figures import Style
 from fracid.plots.appearance import (
     FITTED,
     GREEN,
@@ -20,14 +21,8 @@ from fracid.plots.appearance import (
     symbol,
     title,
 )
+from fracid.recording import Recording
 from fracid.recording.measures import PENDULUM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
-    from fracid.recording import Recording
 
 
 def recording_overview(recording: Recording, *, zero: str = "", style: str | Style = "screen") -> Figure:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
-from fracid.estimation.cost_plane import risen
+from fracid.estimation.cost_plane import CostPlane, risen
+from fracid.figures import Style
 from fracid.plots.appearance import (
     CLOUD,
     INK,
@@ -26,13 +29,6 @@ from fracid.plots.appearance import (
     style_of,
     symbol,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.cost_plane import CostPlane
-    from fracid.figures import Style
 
 ROOM = 0.06
 """A line that is narrower than this part of the plane has no room for its number."""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from fracid.errors import InputError
+from fracid.figures import Style
+from fracid.models import Model
 from fracid.plots.appearance import (
     BLUE,
     INK,
@@ -24,12 +27,6 @@ from fracid.plots.appearance import (
     title,
 )
 from fracid.quantiles import NORMAL_95
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
-    from fracid.models import Model
 
 MOST = 4
 """Panels of values, at most."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
+from fracid.figures import Style
 from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol, unknown_label
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from fracid.bayes.result import Posterior
-    from fracid.figures import Style
 
 MOST = 8
 """Parameters of one figure."""

@@ -11,12 +11,16 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.estimation.records import RecordingFit
+from fracid.figures import Style
 from fracid.plots.appearance import (
     BLUE,
     CLOUD,
@@ -47,13 +51,6 @@ from fracid.validation.residual_records import ResidualAnalysis, ResidualCurves
 from fracid.validation.residual_sentences import DRIFT
 from fracid.validation.residual_tests import normal_probability
 from fracid.validation.residuals import residual_analysis
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.records import RecordingFit
-    from fracid.figures import Style
 
 
 def residual_plots(

@@ -5,12 +5,15 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
+from fracid.figures import Style
+from fracid.models import Model
 from fracid.models.scene import OPEN, Scene, on_paper
 from fracid.plots.appearance import (
     BLUE,
@@ -27,13 +30,6 @@ from fracid.plots.appearance import (
     text_size,
     text_width,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
-    from fracid.models import Model
 
 WIDTH, HEIGHT = 6.0, 5.2
 """Of the figure, without what is written below [inch]."""

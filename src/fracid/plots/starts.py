@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from fracid.errors import InputError
+from fracid.estimation.starts import Start
+from fracid.figures import Style
 from fracid.plots.appearance import SERIES, cost_label, finish, label, new, plain_log
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.starts import Start
-    from fracid.figures import Style
-
 
 KINDS = ("given", "regression", "Sobol", "the simpler structure", "windows")
 """Of starts, each with a colour and a shape."""

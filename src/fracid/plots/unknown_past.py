@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from fracid.errors import InputError
+from fracid.figures import Style
 from fracid.plots.appearance import BLUE, VERMILLION, finish, label, new, symbol
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from fracid.figures import Style
     from fracid.validation.unknown_past import CutCheck
 
 

@@ -10,14 +10,13 @@ import io
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from fracid.errors import InputError, writing
 from fracid.plots.appearance import spoken, style_of
 from fracid.safety.door import write_whole
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42,
                             "text.usetex": False, "figure.autolayout": False,
