@@ -29,7 +29,9 @@ from typing import TYPE_CHECKING, Any
 from fracid.errors import InputError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Figure
+else:
+    Figure = Any  # matplotlib is slow to load: it is when something is drawn
 
 PLOTS = "fracid.plots"
 """The package of the figures.  It stands above all that it draws, and is imported when something is drawn."""

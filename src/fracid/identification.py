@@ -37,7 +37,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -73,6 +73,7 @@ from fracid.fit import PARTIAL, CostBlock, Fit, ModelBlock
 from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
+from fracid.problem.project import Project
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
@@ -101,9 +102,6 @@ from fracid.validation.discretisation import (
 )
 from fracid.validation.misfits import cost_of, misfits, missed
 from fracid.validation.unknown_past import CutCheck, cut_check, whole_records
-
-if TYPE_CHECKING:
-    from fracid.problem.project import Project
 
 SAYS = Words("identification.toml")
 

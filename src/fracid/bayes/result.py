@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +14,11 @@ from fracid.bayes.evidence import log_fit
 from fracid.bayes.laplace import WeightedDraws
 from fracid.cards import Card, CardDisplay, estimate_text, listed
 from fracid.errors import InputError, at_least
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.safety.schema import as_json
 from fracid.schemas.draws import PosteriorBlock
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SAYS = Words("bayes/result.toml")
 

@@ -46,7 +46,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -56,10 +56,12 @@ from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, at_least, brief, unknown_name
 from fracid.estimation.cost_plane import axis_about
 from fracid.estimation.covariance import METHODS
+from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
+from fracid.problem.project import Project
 from fracid.quantiles import CHI2_95, NORMAL_95
 from fracid.safety.json_files import short_text
 from fracid.safety.schema import (
@@ -81,13 +83,6 @@ from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Counter, Progress, in_threads
 from fracid.units import GREEK, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.estimation.fit_figures import FitPictures
-    from fracid.problem.project import Project
-
 
 Two = Annotated[tuple[str, ...], Pair]
 

@@ -28,22 +28,18 @@ The figures themselves are in :mod:`fracid.plots`, which stands above what is dr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from fracid.cards import tabulated
 from fracid.errors import InputError
-from fracid.estimation.records import Estimates
-from fracid.figures import Style, draw
-
-if TYPE_CHECKING:
-    import numpy as np
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from fracid.estimation.records import Estimate, RecordingFit
-    from fracid.estimation.starts import Start
-    from fracid.models import Model
-    from fracid.problem import Problem
+from fracid.estimation.records import Estimate, Estimates, RecordingFit
+from fracid.estimation.starts import Start
+from fracid.figures import Figure, Style, draw
+from fracid.models import Model
+from fracid.problem import Problem
 
 
 class FitPictures:

@@ -32,7 +32,7 @@ from fracid.errors import Failure, InputError, writing
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate
 from fracid.experiments.subject import CLAMPED, VAGUE, Subject, driven
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
 from fracid.problem.toml_text import plain_value, toml_document
 from fracid.problem.unknowns import Value as Given
@@ -43,9 +43,6 @@ from fracid.safety.door import write_text
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
 from fracid.units import GREEK
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""

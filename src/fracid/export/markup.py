@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
@@ -17,9 +18,6 @@ from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.safety.text import one_line
 from fracid.solver.schemes import OPEN, SLACK
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 
 def xml(template: str, **words: Any) -> str:
@@ -37,8 +35,6 @@ def xml(template: str, **words: Any) -> str:
     >>> print(xml("build.xml.in", model=type("Model", (), {"identifier": "rig"})).splitlines()[1])
       <BuildConfiguration modelIdentifier="rig">
     """
-    from jinja2 import Environment, StrictUndefined
-
     jinja = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, finalize=_written)
     # a comment has no two hyphens, and nothing in it is escaped
     jinja.filters |= {"one_line": one_line, "comment": lambda text: Markup(re.sub("-(?=-)", "- ", one_line(text)))}
@@ -121,8 +117,6 @@ def c_comment(text: str) -> str:
 @cache
 def _programs() -> Environment:
     """``${…}`` is a value, in C and MATLAB as it says: ``${x | c}``; lines of ``{% … %}`` choose and repeat."""
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
     jinja = Environment(variable_start_string="${", variable_end_string="}", undefined=StrictUndefined,
                         trim_blocks=True, keep_trailing_newline=True, loader=FunctionLoader(own_text))  # fmt: skip
     jinja.filters |= {"c": initialiser, "m": literal, "json": json.dumps, "comment": c_comment, "one_line": one_line,

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
@@ -27,7 +27,7 @@ from fracid.export.state_space import IntegerModel, moving, positive_sum
 from fracid.feedback.pid import pid
 from fracid.feedback.regulators import REDUCED, SLOWEST, UPRIGHT, Plant, Posture, margins, posture_of, regulator
 from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem import Experiment, Problem
@@ -48,9 +48,6 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Part, run_tasks
 from fracid.units import with_unit
 from fracid.validation.study_records import binomial95
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SAYS = Words("feedback/study.toml")
 

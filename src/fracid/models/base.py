@@ -52,25 +52,21 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import InputError, is_number, refuse_unknown, unknown_name
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.models.friction import BY_NAME, Friction
 from fracid.models.joints import Complement
+from fracid.models.scene import Scene
 from fracid.models.written.reading import read, read_outputs
 from fracid.models.written.tree import Program
 from fracid.units import GREEK
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from fracid.models.scene import Scene
 
 SAYS = Words("models/base.toml")
 

@@ -51,7 +51,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,13 +60,10 @@ from fracid.findings import Finding, Words
 from fracid.recording.backwards import counted_backwards
 from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
-from fracid.recording.measures import FAMILIAR_COUNTS, GAP, is_pendulum
+from fracid.recording.measures import FAMILIAR_COUNTS, GAP, SignalReport, is_pendulum
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import final_value, quickening, swing_count, swing_period
 from fracid.units import with_unit
-
-if TYPE_CHECKING:
-    from fracid.recording.measures import SignalReport
 
 SAYS = Words("recording/faults.toml")
 

@@ -7,23 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray, real_array, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Note, Words
 from fracid.recording.channel import UNITS
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
 from fracid.units import GREEK, with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SAYS = Words("recording/recording.toml")
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 from math import isfinite, log10
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from fracid.estimation.records import in_words
@@ -24,9 +25,6 @@ from fracid.report.sentences import (
 from fracid.safety.text import printable
 from fracid.units import in_letters, number, raised, typeset_unit
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
 
 def drawn(template: str, **what: Any) -> Markup:
     """An element ``<svg>`` by a template beside this file."""
@@ -41,8 +39,6 @@ def filled(template: str, **what: Any) -> str:
 @cache
 def _templates() -> Environment:
     """Jinja, which escapes all that is not marked."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     jinja = Environment(loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined,
                         trim_blocks=True, lstrip_blocks=True, finalize=_seen)  # fmt: skip
     words = (counted, digits, in_letters, in_words, interval, joined, letter, linked, number, said,

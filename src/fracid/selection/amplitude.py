@@ -38,7 +38,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -50,7 +50,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, from_start, refined
 from fracid.estimation.windows import piece
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
@@ -62,9 +62,6 @@ from fracid.signals.swing import envelope, swing_period
 from fracid.units import shown_unit, with_unit
 
 SAYS = Words("selection/amplitude.toml")
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PROBABILITY = 0.01
 """Orders differ where chance would make them differ so much less often than this."""

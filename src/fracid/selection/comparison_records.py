@@ -9,14 +9,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field, computed_field
 
 from fracid.cards import Card, CardDisplay, listed, tabulated
 from fracid.errors import refuse_unknown
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
 from fracid.safety.schema import (
     AS_NULL,
@@ -42,9 +42,6 @@ from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
 from fracid.signals.left_over import LeftOver
 from fracid.units import with_unit
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Missed = Annotated[
     float, BeforeValidator(partial(from_json, otherwise=-math.inf), json_schema_input_type=float | None), AS_NULL

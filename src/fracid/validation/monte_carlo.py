@@ -44,7 +44,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -54,7 +54,7 @@ from fracid.cards import CardDisplay, listed, tabulated
 from fracid.errors import Failure, InputError, at_least
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.search import search
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Finding, Note, Words, with_code
 from fracid.optimise import Evaluation, optimiser_from_name
 from fracid.problem import Experiment, Problem
@@ -80,9 +80,6 @@ from fracid.validation.study_records import (
     binomial95,
     label_of,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SAYS = Words("validation/monte_carlo.toml")
 

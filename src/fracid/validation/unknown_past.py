@@ -33,7 +33,7 @@ import math
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -44,7 +44,7 @@ from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.windows import piece
-from fracid.figures import Style, draw
+from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
@@ -55,9 +55,6 @@ from fracid.safety.schema import Number, Record, computed
 from fracid.units import GREEK, half_of
 
 SAYS = Words("validation/unknown_past.toml")
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TURNS = 0.1
 """A turning point is a peak that stands out by this part of the signal's range."""
