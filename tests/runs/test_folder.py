@@ -26,7 +26,7 @@ from fracid.runs.folder import (
     open_run,
     run_state,
 )
-from fracid.safety.door import write_text
+from fracid.safety.door import write_whole
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -80,21 +80,21 @@ def test_a_disk_that_takes_nothing_is_told(tmp_path, monkeypatch):
     def full(path, text):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fracid.runs.folder.write_text", full)
+    monkeypatch.setattr("fracid.runs.folder.write_whole", full)
     with pytest.raises(Unfinished, match=r"cannot be written: the disk is full\. Make room"):
         open_folder(tmp_path / "run")
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "result.json"
-    write_text(path, "first")
+    write_whole(path, "first")
 
     def fails(*_):
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr("os.fsync", fails)
     with pytest.raises(OSError, match="Input/output"):
-        write_text(path, "second")
+        write_whole(path, "second")
     assert path.read_text() == "first"
     assert [p.name for p in tmp_path.iterdir()] == ["result.json"]
 
@@ -102,7 +102,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 def test_others_may_read_a_file_as_far_as_the_umask_allows(tmp_path):
     before = os.umask(0o022)
     try:
-        write_text(tmp_path / "a", "λ")
+        write_whole(tmp_path / "a", "λ")
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o644

@@ -95,7 +95,7 @@ def test_what_opens_a_file_is_found_however_it_is_written(line):
 
 
 @pytest.mark.parametrize(
-    "line", ["write_text(p, t)", "re.compile('a')", "from fracid.safety.door import write_text", "import os",
+    "line", ["write_text(p, t)", "re.compile('a')", "from fracid.safety.door import write_whole", "import os",
              "json.load(file)", "copy(a)", "link = 3", "getattr(a, name)"],
 )  # fmt: skip
 def test_what_opens_none_is_left_alone(line):
@@ -172,13 +172,13 @@ def test_what_is_written_whole_replaces_a_link_and_leaves_what_it_leads_to(tmp_p
     monkeypatch.setattr("threading.get_ident", lambda: 2)
     (tmp_path / "thesis").write_text("mine")
     (tmp_path / name).symlink_to(tmp_path / "thesis")
-    door.write_text(tmp_path / "note", "new")
+    door.write_whole(tmp_path / "note", "new")
     assert ((tmp_path / "thesis").read_text(), (tmp_path / "note").read_text()) == ("mine", "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["note", "thesis"]
 
 
 def test_a_name_of_any_bytes_is_written_out_in_a_text(tmp_path):
-    door.write_text(tmp_path / "note", f"of {os.fsdecode(bytes([255]))} and λ")
+    door.write_whole(tmp_path / "note", f"of {os.fsdecode(bytes([255]))} and λ")
     assert (tmp_path / "note").read_text() == "of \\udcff and λ"
 
 

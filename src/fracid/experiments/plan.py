@@ -28,7 +28,7 @@ from pydantic import Field, PlainSerializer
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
-from fracid.errors import Failure, InputError, writing
+from fracid.errors import Failure, InputError
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate
 from fracid.experiments.subject import CLAMPED, VAGUE, Subject, driven
@@ -39,7 +39,7 @@ from fracid.problem.unknowns import Value as Given
 from fracid.quantiles import NORMAL_95
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
-from fracid.safety.door import write_text
+from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
 from fracid.units import GREEK
@@ -174,11 +174,7 @@ class Plan(CardDisplay, Record):
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}
-        with writing(f"The folder {folder}"):
-            folder.mkdir(parents=True, exist_ok=True)
-            for name, text in texts.items():
-                write_text(folder / name, text)
-        files = [folder / name for name in texts]
+        files = [*write_files(folder, texts)]
         for curve in curves:
             number = self.experiments.index(curve.candidate) + 1
             if curve.voltage is not None:

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from fracid.errors import InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
-from fracid.safety.door import write_text, write_whole
+from fracid.safety.door import write_whole
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -147,10 +147,7 @@ Written = Iterator[Path | tuple[str, str | bytes] | str]
 
 
 def _file(folder: Path, name: str, content: str | bytes) -> Path:
-    if isinstance(content, str):
-        write_text(folder / name, content)
-    else:
-        write_whole(folder / name, content)
+    write_whole(folder / name, content)
     return folder / name
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fracid.errors import InputError
-from fracid.safety.door import bytes_of, write_text
+from fracid.safety.door import bytes_of, write_whole
 
 
 class Platform(NamedTuple):
@@ -83,7 +83,7 @@ def library_of(texts: Mapping[str, str], main: str, name: str) -> bytes | str:
                 "pip install 'fracid[fmu]' brings one for every platform.")  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         for file, text in texts.items():
-            write_text(Path(folder, file), text)
+            write_whole(Path(folder, file), text)
         command += [*FLAGS, main, "-o", "library", "-lm"]
         done = subprocess.run(
             command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from fracid.errors import InputError, writing
 from fracid.plots.appearance import spoken, style_of
-from fracid.safety.door import write_whole
+from fracid.safety.door import write_files
 
 SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42,
                             "text.usetex": False, "figure.autolayout": False,
@@ -89,12 +89,8 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
                 _hold_labels(figure)
     for axes in figure.axes:
         figure.delaxes(axes)  # clear() would make each anew first, a tenth of the whole time
-    with writing(str(folder), "Give another folder."):
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        paths = tuple(Path(folder) / f"{stem}.{ending}" for ending in formats)
-        for ending, path in zip(formats, paths, strict=True):
-            write_whole(path, contents[ending])
-    return paths
+    files = {f"{stem}.{ending}": contents[ending] for ending in formats}
+    return write_files(Path(folder), files, writing(str(folder), "Give another folder."))
 
 
 def _lay_out(figure: Figure) -> None:

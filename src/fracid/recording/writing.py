@@ -11,7 +11,7 @@ import numpy as np
 
 from fracid.errors import InputError, writing
 from fracid.recording.recording import Recording
-from fracid.safety.door import write_whole
+from fracid.safety.door import write_files
 
 
 def save_recording(recording: Recording, path: str | Path, *, note: str = "") -> Path:
@@ -50,9 +50,7 @@ def save_recording(recording: Recording, path: str | Path, *, note: str = "") ->
     if path.suffix.lower() not in WRITERS:
         raise InputError(f"{path} cannot be written: its ending is {path.suffix!r}; expected {', '.join(WRITERS)}.")
     content = WRITERS[path.suffix.lower()](recording, note)
-    with writing(str(path), "Give another file."):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
+    write_files(path.parent, {path.name: content}, writing(str(path), "Give another file."))
     return path
 
 

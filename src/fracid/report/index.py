@@ -31,7 +31,7 @@ from fracid.report.sentences import in_unit, joined, letter
 from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.runs.saved import SavedRun
-from fracid.safety.door import opened, text_of, write_text
+from fracid.safety.door import opened, text_of, write_whole
 from fracid.safety.json_files import json_of
 from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
@@ -194,7 +194,7 @@ def write_index(folder: str | Path) -> Path:
     if os.path.lexists(path) and not _is_ours(path):
         raise InputError(f"{path} is not an index that fracid wrote; move it away first.")
     with writing(f"The index {path}", "Give another folder."):
-        write_text(path, _index_page(folder, runs, studies))
+        write_whole(path, _index_page(folder, runs, studies))
         for k, run in enumerate(runs):
             _link(run["page"], runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
     return path
@@ -220,7 +220,7 @@ def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any]
     nav = filled("neighbours.html.j2", index=INDEX, **around)
     linked = text[: begin + len(RUNS_BEGIN)] + nav + text[end:]
     if linked != text:
-        write_text(page, linked)
+        write_whole(page, linked)
 
 
 def _address(page: Path, folder: Path) -> str:

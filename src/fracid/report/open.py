@@ -27,7 +27,7 @@ from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import letter
 from fracid.report.study import in_script
-from fracid.safety.door import write_text
+from fracid.safety.door import write_files
 from fracid.units import shown_unit
 
 SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "scene.js", "fitting.js", "reading.js",
@@ -68,9 +68,7 @@ def write_open_page(file: str | Path | None = None, out: str | Path | None = Non
     table = None if file is None else table_for_page(read_table(file, variable), Path(file).name, variable)
     path = Path(out) if out is not None else Path("runs", "open", f"{Path(file or 'recording').stem}.html")
     text = open_page_text(table)
-    with writing(f"The page {path}", "Give another: --out FILE."):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, text)
+    write_files(path.parent, {path.name: text}, writing(f"The page {path}", "Give another: --out FILE."))
     return path
 
 

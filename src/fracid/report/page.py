@@ -40,7 +40,7 @@ from fracid.report.traces import fit_charts, recorded_charts, residual_charts, t
 from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict, where
 from fracid.report.whiskers import orders_drawn
 from fracid.runs.saved import load_run
-from fracid.safety.door import write_text
+from fracid.safety.door import write_files
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import number
 from fracid.validation.discretisation import COARSE_STEP
@@ -126,9 +126,7 @@ def write_report(
         fit = run = load_run(folder, trust=trust)
         project = run.project
     text = report_page(Material.of(folder, fit, project, plane or plane_of(fit, jobs), tested=residuals))
-    with writing(f"The report {path}", "Give another: --out FILE."):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, text)
+    write_files(path.parent, {path.name: text}, writing(f"The report {path}", "Give another: --out FILE."))
     if out is None:
         refresh_index(folder.parent)
     return path

@@ -31,7 +31,7 @@ from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
 from fracid.report.sentences import counted, in_unit, interval, letter
 from fracid.runs.saved import SavedRun
-from fracid.safety.door import bytes_of, own_text, text_of, write_text
+from fracid.safety.door import bytes_of, own_text, text_of, write_files
 from fracid.safety.json_files import plain
 from fracid.safety.schema import Block, Record, fault_of, read_as, read_if_whole
 from fracid.schemas.draws import PosteriorBlock
@@ -266,8 +266,7 @@ def write_study(folder: str | Path, file: str) -> Path:
     """
     folder = Path(folder)
     text, page = _page(folder, file, STUDIES[file], _record(folder, file)), (folder / file).with_suffix(".html")
-    with writing(f"The page {page}"):
-        write_text(page, text)
+    write_files(page.parent, {page.name: text}, writing(f"The page {page}"))
     return page
 
 

@@ -39,7 +39,7 @@ from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
-from fracid.safety.door import bytes_of, text_of, write_text
+from fracid.safety.door import bytes_of, text_of, write_files, write_whole
 from fracid.safety.schema import Record, as_json, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import FolderLock
@@ -310,8 +310,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
 
 
 def _write_state(folder: Path, state: RunState) -> None:
-    with writing(f"The folder {folder}"):
-        write_text(folder / RUN, json.dumps(as_json(RunState, state), indent=2, ensure_ascii=False) + "\n")
+    write_files(folder, {RUN: json.dumps(as_json(RunState, state), indent=2, ensure_ascii=False) + "\n"})
 
 
 def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
@@ -350,7 +349,7 @@ def _clear(folder: Path, command: Sequence[str]) -> None:
         began = datetime.now(UTC).isoformat(timespec="seconds")
         typed = {"command": list(command), "directory": str(Path.cwd()), "started": began}
         environment = as_json(EnvironmentBlock, {"versions": versions(), **machine(), "code": code(), **typed})
-        write_text(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
+        write_whole(folder / "environment.json", json.dumps(environment, indent=2) + "\n")
 
 
 def discard(folder: Path) -> None:
@@ -422,7 +421,7 @@ def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, 
         If the disk will not take them.
     """
     result = result_of(fit, project, timing)
-    with writing(f"The result in {folder}", "Allow it, then type fracid resume."):
-        write_text(folder / "result.json", json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-        write_text(folder / "project.toml", project.text)
+    text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    write_files(folder, {"result.json": text, "project.toml": project.text},
+                writing(f"The result in {folder}", "Allow it, then type fracid resume."))  # fmt: skip
     return result

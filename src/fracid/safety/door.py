@@ -8,6 +8,7 @@
 :func:`appended`     to add to its end, or to lock it: a plain file of this folder, no link that leads to another's
 :func:`nowhere`      what keeps nothing
 :func:`write_whole`  a new content, all of it or none; a link in its place is replaced and not followed
+:func:`write_files`  several, into a folder that is made if need be
 ===================  ================================================================================================
 
 No other module opens a file; ``tests/safety/test_door.py`` looks for it, and names the libraries that open theirs.
@@ -19,10 +20,13 @@ import errno
 import os
 import stat
 import threading
-from contextlib import suppress
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, suppress
 from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import TextIO
+
+from fracid.errors import writing
 
 MOST = 1 << 26
 """Bytes of a JSON file: of what fracid writes, a study of 10⁵ repetitions comes near."""
@@ -159,29 +163,42 @@ def nowhere() -> TextIO:
     return open(os.devnull, "w", encoding="utf-8")
 
 
-def write_text(path: Path, text: str) -> None:
-    r"""Write a text whole or not at all; see :func:`write_whole`.
+def write_files(
+    folder: Path, contents: Mapping[str, str | bytes], told: AbstractContextManager[None] | None = None
+) -> tuple[Path, ...]:
+    """Write texts and bytes under their names, each whole or not at all, into a folder that is made if need be.
 
-    What is no text in it, as of a file's name of any bytes, is written out: ``\udcff``.
+    Parameters
+    ----------
+    folder : Path
+    contents : mapping
+        Name → what is written.
+    told : context manager, optional
+        Says what cannot be written, the folder if left out; see :func:`fracid.errors.writing`.
 
     Raises
     ------
-    OSError
-        If it cannot be written; an earlier file of that name then stays as it was.
+    InputError
+        If the disk will not take them.
 
     Examples
     --------
     >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp())
-    >>> write_text(folder / "note.txt", "done")
-    >>> [path.name for path in folder.iterdir()]
+    >>> folder = Path(tempfile.mkdtemp()) / "run"
+    >>> [path.name for path in write_files(folder, {"note.txt": "done"})]
     ['note.txt']
     """
-    write_whole(path, text.encode(errors="backslashreplace"))
+    with told or writing(f"The folder {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            write_whole(folder / name, content)
+    return tuple(folder / name for name in contents)
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write to a neighbour first, then rename: the file is the old one or the new one, never a part.
+def write_whole(path: Path, content: str | bytes) -> None:
+    r"""Write to a neighbour first, then rename: the file is the old one or the new one, never a part.
+
+    What is no text in a text, as of a file's name of any bytes, is written out: ``\udcff``.
 
     Raises
     ------
@@ -200,7 +217,7 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         neighbour.unlink(missing_ok=True)
         with neighbour.open("xb") as file:  # new: what another put there is neither followed nor waited for
-            file.write(content)
+            file.write(content if isinstance(content, bytes) else content.encode(errors="backslashreplace"))
             file.flush()
             os.fsync(file.fileno())
         os.replace(neighbour, path)

@@ -23,7 +23,7 @@ from fracid.problem.project import Project, project_from_text
 from fracid.problem.roles import ROTARY, model_of_columns
 from fracid.recording import inspect_recording
 from fracid.regression import start_values
-from fracid.safety.door import write_text
+from fracid.safety.door import write_whole
 
 
 def write_draft(
@@ -110,7 +110,7 @@ def _written(draft: Draft, target: Path) -> Project:
     """Write it where it runs as it is; else say what stands against it, and write nothing."""
     project = project_from_text(draft.text, target)
     with writing(str(target), "Give another: --out FILE."):
-        write_text(target, draft.text)
+        write_whole(target, draft.text)
     return project
 
 

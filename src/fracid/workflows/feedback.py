@@ -18,13 +18,14 @@ from fracid.recording.readers.numpy_files import read_npz
 from fracid.report.scene import scene_moving
 from fracid.runs.folder import FIGURES
 from fracid.runs.saved import load_run
+from fracid.safety.door import write_files
 from fracid.safety.schema import fault_of
 from fracid.schemas.feedback import Trial
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
 from fracid.workflows.posterior_draws import DRAWN
-from fracid.workflows.records import command_of, write_files
+from fracid.workflows.records import command_of
 from fracid.workflows.study import Finished, folder_of, journal_of, study_of
 
 CODE = "controller.c"
@@ -101,7 +102,7 @@ def run_control(
             found = plan.run(jobs=jobs, **kept)
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
-        write_files(folder / FIGURES, moving)
+        drawn = write_files(folder / FIGURES, moving)
         finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, [("control", found.plot)],
                                            watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
-        return replace(finished, figures=(*finished.figures, *(folder / FIGURES / name for name in moving)))
+        return replace(finished, figures=(*finished.figures, *drawn))

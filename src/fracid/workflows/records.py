@@ -9,8 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import writing
-from fracid.safety.door import write_text, write_whole
 from fracid.safety.text import csv_cell
 
 
@@ -40,29 +38,6 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     writer.writeheader()
     writer.writerows({n: csv_cell(v) if isinstance(v, str) else v for n, v in row.items()} for row in rows)
     return text.getvalue()
-
-
-def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> None:
-    """Write texts and bytes under their names, each whole or not at all, into a folder that is made if need be.
-
-    Raises
-    ------
-    InputError
-        If the disk will not take them.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = Path(tempfile.mkdtemp()) / "run"
-    >>> write_files(folder, {"note.txt": "done"})
-    >>> (folder / "note.txt").read_text()
-    'done'
-    """
-    with writing(f"The folder {folder}"):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
-            write: Any = write_text if isinstance(content, str) else write_whole
-            write(folder / name, content)
 
 
 def command_of(command: str, place: Path, options: Mapping[str, object]) -> list[str]:

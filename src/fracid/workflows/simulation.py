@@ -21,13 +21,14 @@ from fracid.models.library import MODEL as LIBRARY
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import SavedRun
+from fracid.safety.door import write_files
 from fracid.safety.paths import default_folder, kind_of, refuse_mistaken
 from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
-from fracid.workflows.records import json_document, write_files
+from fracid.workflows.records import json_document
 from fracid.workflows.study import run_or_project
 
 SAYS = Words("workflows/simulation.toml")

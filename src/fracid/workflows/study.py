@@ -18,13 +18,14 @@ from fracid.problem.project import Project, load_project
 from fracid.report.index import write_study_page
 from fracid.runs.folder import JOURNAL, inputs_of, open_folder
 from fracid.runs.saved import SavedRun, load_run
+from fracid.safety.door import write_files
 from fracid.safety.paths import default_folder, refuse_mistaken
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import SILENT, Observer
 from fracid.workflows.figures import Pictures, saved
-from fracid.workflows.records import json_document, write_files
+from fracid.workflows.records import json_document
 
 
 @dataclass(frozen=True, repr=False)
