@@ -57,9 +57,7 @@ def test_every_format_is_read_again_to_the_last_digit_and_says_that_nothing_was_
 
 def test_a_full_disk_is_nobodys_mistake(capsys, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "fracid.recording.writing.write_whole", lambda *_: os.write(os.open("/dev/full", os.O_WRONLY), b"0")
-        )
+        patch.setattr("fracid.safety.door.write_whole", lambda *_: os.write(os.open("/dev/full", os.O_WRONLY), b"0"))
         code, _, err = run(capsys, "simulate", "srv02-rotpen", "--end", 1, "--to", tmp_path / "twin.csv")
     assert (code, "the disk is full. Make room" in err) == (1, True)
 

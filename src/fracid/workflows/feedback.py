@@ -102,7 +102,7 @@ def run_control(
             found = plan.run(jobs=jobs, **kept)
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
-        drawn = write_files(folder / FIGURES, moving)
+        motion = write_files(folder / FIGURES, moving)
         finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, [("control", found.plot)],
                                            watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
-        return replace(finished, figures=(*finished.figures, *drawn))
+        return replace(finished, figures=(*finished.figures, *motion))
