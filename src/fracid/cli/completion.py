@@ -18,8 +18,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from fracid.safety.door import own_text, text_of
-from fracid.safety.json_files import json_of
+from fracid.safety.door import own_text, text_if_any
+from fracid.safety.json_files import object_of
 
 TABLES = tomllib.loads(own_text("cli/tables.toml"))
 """Name → module of fracid and table in it; the help of an option writes ``{methods}`` for the keys of one."""
@@ -123,22 +123,13 @@ def from_run(*blocks: str) -> Callable[[typer.Context, str], list[str]]:
     def complete(ctx: typer.Context, incomplete: str) -> list[str]:
         # an option without its value, as it is while one completes it, leaves all other words in ctx.args
         typed = [ctx.params.get("run"), ctx.params.get("source"), *ctx.args]
-        results = (_result(Path(word)) for word in typed if word)
+        results = (object_of(text_if_any(Path(word) / "result.json")) for word in typed if word)
         result: Any = next(filter(None, results), {})
         blocks_of = ((block, result.get(block)) for block in blocks)
         names = [n for block, entry in blocks_of if isinstance(entry, dict) for n in entry if _shown(block, entry[n])]
         return [name for name in names if name.startswith(incomplete)]
 
     return complete
-
-
-def _result(run: Path) -> Any:
-    """The content of a run's result; None where there is none."""
-    try:
-        content = json_of(text_of(run / "result.json"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) else None
 
 
 def _shown(block: str, entry: Any) -> bool:

@@ -39,7 +39,7 @@ from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number
 from fracid.safety.door import appended
-from fracid.safety.json_files import REACH, json_number, json_of
+from fracid.safety.json_files import REACH, json_number, object_of
 from fracid.tasks.journal import append_whole, whole_lines
 
 GREATEST = 1e150
@@ -248,11 +248,7 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
 
 def _seconds(line: bytes) -> float:
     """Where the clock of an older log stood, by its last line."""
-    try:
-        content = json_of(line)
-    except ValueError:
-        return 0.0
-    seconds: Any = content.get("seconds") if isinstance(content, dict) else None
+    seconds: Any = (object_of(line) or {}).get("seconds")
     return float(seconds) if is_number(seconds) and abs(seconds) < REACH else 0.0
 
 

@@ -31,7 +31,7 @@ from fracid.report.sentences import in_unit, joined, letter
 from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.runs.saved import SavedRun
-from fracid.safety.door import opened, text_of, write_whole
+from fracid.safety.door import opened, text_if_any, text_of, write_whole
 from fracid.safety.json_files import json_of
 from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
@@ -208,9 +208,7 @@ def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any]
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
     if page.is_symlink():
         return
-    try:
-        text = text_of(page)
-    except (OSError, ValueError):
+    if (text := text_if_any(page)) is None:
         return
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:

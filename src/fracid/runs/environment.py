@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import platform
-from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
 from fracid._version import __version__
-from fracid.safety.door import bytes_of, text_of
+from fracid.safety.door import bytes_of, text_if_any
 
 _PACKAGES = ("numpy", "scipy", "numba")
 
@@ -55,8 +54,6 @@ def machine() -> dict[str, str]:
 @cache
 def _processor() -> str:
     """Its model, where Linux says it; else what Python knows."""
-    lines: list[str] = []
-    with suppress(OSError, ValueError):
-        lines = text_of(Path("/proc/cpuinfo")).splitlines()
+    lines = (text_if_any(Path("/proc/cpuinfo")) or "").splitlines()
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()

@@ -39,7 +39,7 @@ from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
-from fracid.safety.door import bytes_of, text_of, write_files, write_whole
+from fracid.safety.door import bytes_of, text_if_any, write_files, write_whole
 from fracid.safety.schema import Record, as_json, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import FolderLock
@@ -230,10 +230,8 @@ def moved_project(folder: Path, state: RunState) -> Path:
 
 def _has_digest(path: Path, digest: str | None) -> bool:
     """As :func:`inputs_of` has it, of the text."""
-    try:
-        return sha256(text_of(path, encoding="utf-8-sig").encode()).hexdigest() == digest
-    except (OSError, ValueError):
-        return False
+    text = text_if_any(path, encoding="utf-8-sig")
+    return text is not None and sha256(text.encode()).hexdigest() == digest
 
 
 def _same(before: RunState, now: RunState) -> bool:

@@ -36,8 +36,8 @@ from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.runs.folder import RUN, RunState
-from fracid.safety.door import text_of
-from fracid.safety.json_files import json_of
+from fracid.safety.door import text_if_any
+from fracid.safety.json_files import object_of
 from fracid.safety.paths import path_of, refuse_mistaken
 from fracid.safety.schema import UNREAD, Beside, as_json, fault_of, read_if_whole, record_of
 from fracid.safety.text import ascii_short
@@ -92,7 +92,7 @@ class SavedRun(Fit):
         return self._card_of(f"Run {self.folder.name or self.folder}, fit of {result['model']['name']}", scores)
 
     def _differences(self) -> Iterator[str]:
-        if _text(self.project.path) not in (None, self.project.text):
+        if text_if_any(self.project.path, LARGEST_FILE) not in (None, self.project.text):
             yield f"{self.project.path} has changed since the run; what counts here is the run's own copy of it."
         for name, r in self.recordings.items():
             scores = self.result["recordings"].get(name, {}).get("rmse", {})
@@ -231,11 +231,7 @@ def _strange_blocks(run: SavedRun) -> Iterator[str]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json_of(text_of(path))
-    except (OSError, ValueError):
-        content = None
-    if isinstance(content, dict):
+    if (content := object_of(text_if_any(path))) is not None:
         if fault := fault_of(content, SavedRun):
             raise InputError(f"{path} is damaged: {fault}. Write it again: fracid fit PROJECT.")
         return content | as_json(SavedRun, content)  # with what follows from the rest, whatever stood there
@@ -250,12 +246,10 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
     """The project as the run used it, its relative paths leading from where its file was, whatever it says by now."""
-    try:
-        text = text_of(folder / "project.toml", LARGEST_FILE)
-    except (OSError, ValueError):
-        raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.") from None
+    if (text := text_if_any(folder / "project.toml", LARGEST_FILE)) is None:
+        raise InputError(f"{folder} is no run folder: it has no project.toml that can be read.")
     there = [path for path in _places(folder) if path.parent.is_dir()]
-    there.sort(key=lambda path: _text(path) != text)  # the file itself first, then where it was
+    there.sort(key=lambda path: text_if_any(path, LARGEST_FILE) != text)  # the file itself first, then where it was
     reason = ""
     for path in (*there, folder / "project.toml"):
         try:
@@ -269,14 +263,6 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
             reason = reason or str(error)
     raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
                      "or fit again: fracid fit PROJECT.")  # fmt: skip
-
-
-def _text(path: Path) -> str | None:
-    """What a project file says, None without one."""
-    try:
-        return text_of(path, LARGEST_FILE)
-    except (OSError, ValueError):
-        return None
 
 
 def _places(folder: Path) -> Iterator[Path]:

@@ -3,7 +3,7 @@
 ===================  ================================================================================================
 :func:`opened`       to read: a plain file alone; a pipe, a device, a socket, which may never end, is not waited for
 :func:`bytes_of`     all of it, and no more than one of its kind has
-:func:`text_of`      the same, as text
+:func:`text_of`      the same, as text; :func:`text_if_any` where there may be none
 :func:`own_text`     a file of fracid's own, that it was installed with
 :func:`appended`     to add to its end, or to lock it: a plain file of this folder, no link that leads to another's
 :func:`nowhere`      what keeps nothing
@@ -100,6 +100,20 @@ def text_of(path: Path, most: int = MOST, encoding: str = "utf-8") -> str:
     True
     """
     return bytes_of(path, most).decode(encoding)
+
+
+def text_if_any(path: Path, most: int = MOST, encoding: str = "utf-8") -> str | None:
+    """Read a text as :func:`text_of` does; None where there is none that can be read.
+
+    Examples
+    --------
+    >>> text_if_any(Path("nowhere")) is None
+    True
+    """
+    try:
+        return text_of(path, most, encoding)
+    except (OSError, ValueError):
+        return None
 
 
 def own_text(name: str) -> str:

@@ -116,6 +116,21 @@ def json_of(text: str | bytes, **numbers: Any) -> Any:
     return value
 
 
+def object_of(text: str | bytes | None) -> dict[str, Any] | None:
+    """JSON's object, as a line of a log or a record is one; None of what is none, damaged or not there.
+
+    Examples
+    --------
+    >>> object_of('{"mu": 0.9}'), object_of('{"mu": 0.'), object_of("[1]"), object_of(None)
+    ({'mu': 0.9}, None, None, None)
+    """
+    try:
+        content = json_of(text or "")
+    except ValueError:
+        return None
+    return content if isinstance(content, dict) else None
+
+
 def _no_number(word: str) -> Any:
     raise ValueError(f"{word} is no number")
 

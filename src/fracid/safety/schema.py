@@ -53,7 +53,17 @@ from pydantic_core.core_schema import CoreSchema, ValidationInfo, any_schema, wi
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.safety.door import opened, own_text, text_of
-from fracid.safety.json_files import LONGEST, excess_of, from_json, json_number, json_of, place, short_text, shown
+from fracid.safety.json_files import (
+    LONGEST,
+    excess_of,
+    from_json,
+    json_number,
+    json_of,
+    object_of,
+    place,
+    short_text,
+    shown,
+)
 
 # --- values ------------------------------------------------------------------------------------------
 
@@ -389,11 +399,8 @@ def lines_of(path: Path, kind: type[Block | Record]) -> Iterator[Any]:
     try:
         with opened(path) as file:
             while line := file.readline(LONGEST):
-                try:
-                    content = json_of(line)
-                except ValueError:
-                    continue
-                if not fault_of(content, kind):
+                content = object_of(line)
+                if content is not None and not fault_of(content, kind):
                     yield content
     except OSError:
         return

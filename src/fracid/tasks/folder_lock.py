@@ -23,20 +23,11 @@ from typing import Any
 
 from fracid.errors import InputError, writing
 from fracid.safety.door import appended
-from fracid.safety.json_files import json_of
+from fracid.safety.json_files import object_of
 from fracid.safety.text import shortened
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
-
-
-def line_content(text: bytes) -> dict[str, Json] | None:
-    """One line; None where it is damaged."""
-    try:
-        content = json_of(text)
-    except ValueError:
-        return None
-    return content if isinstance(content, dict) else None
 
 
 # --- one process a folder ---------------------------------------------------------------------------
@@ -154,7 +145,7 @@ def _locked(path: Path) -> RawIOBase:
         file = appended(path)
     if not _lock(file):
         file.seek(0)
-        who = (line_content(file.read()) or {}) if sys.platform != "win32" else {}
+        who = (object_of(file.read()) or {}) if sys.platform != "win32" else {}
         file.close()
         since = f", since {who['since']}" if "since" in who else ""
         raise InputError(

@@ -31,8 +31,8 @@ from pathlib import Path
 
 from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
-from fracid.safety.json_files import LONGEST
-from fracid.tasks.folder_lock import FolderLock, Json, line_content
+from fracid.safety.json_files import LONGEST, object_of
+from fracid.tasks.folder_lock import FolderLock, Json
 
 FORMAT = 1
 
@@ -225,7 +225,7 @@ def _read(
     results: dict[str, Json] = {}
     damaged, end = list[int](), 0
     for number, (text, end) in enumerate(whole_lines(path), 1):  # noqa: B007  (the last one's)
-        line = line_content(text)
+        line = object_of(text)
         if number == 1:
             _check_study(path, line, json.loads(json.dumps(study)))
         elif line is None or not isinstance(line.get("key"), str) or fault(line["key"], line.get("value")):
