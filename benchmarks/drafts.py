@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 from claims import code, last, shown
 from independent_rigs import Rig, fractional, ordinary
+from library_rigs import KINDS, Recorded, recorded
 
 import fracid
 from fracid.tasks.job import Task
@@ -75,6 +76,7 @@ FAMILIES = {
     "undithered 0.9/0.95": Family(orders=(0.9, 0.95), arm=True, noise=0.1, seconds=(18.0, 18.0), release=(10.0, 45.0),
                                   rates=(250,), dry_arm=2e-3),
     "springpot": Family(rates=(50, 100)),
+    **{f"library {name}": Family(rates=(50, 100, 200)) for name in KINDS},
 }  # fmt: skip
 
 
@@ -200,21 +202,23 @@ def answer(name: str, seed: int, folder: str) -> dict[str, Any]:
     rng = np.random.default_rng([seed, *name.encode()])
     rate = family.rates[seed % len(family.rates)]
     file = Path(folder) / f"{name.replace(' ', '-').replace('/', '-')}-{seed}.csv"
-    own = name == "springpot"
-    truth = {n: float(v) for n, v in (mass(rate, rng, file) if own else pendulum(family, rate, rng, file)).items()}
+    own, library = name == "springpot", recorded_in(name, rate, rng, file)
+    made = mass(rate, rng, file) if own else library.truth if library else pendulum(family, rate, rng, file)
+    truth = {"lambda": 1.0, "mu": 1.0, "q": 1.0} | {n: float(v) for n, v in made.items()}
     out: dict[str, Any] = {"family": name, "seed": seed, "rate": rate, "truth": truth, "file": file.stem}
     try:
         if not own:
-            write_draft(file, file.with_suffix(".toml"), None)
+            write_draft(file, file.with_suffix(".toml"), None, model=library and library.model)
         project = fracid.load_project(file.with_suffix(".toml"), trust=own)
         fit = fracid.identify(project).to_json()
     except Exception as error:  # a fit that fails is counted, and the next one made
         return out | {"failed": f"{type(error).__name__}: {last(str(error))}", "seconds": time.process_time() - began}
     (recording,) = fit["recordings"].values()
-    if not own:
-        truth |= as_drafted(truth, fit["parameters"]["C4"]["value"]) | {
-            "release_time": truth["release"] - recording["from"]
-        }
+    gauge, scaled = library.gauge if library else ("C4", SCALED)
+    if gauge and not own:
+        truth |= as_drafted(truth, gauge, scaled, fit["parameters"][gauge]["value"])
+    if "release" in truth:
+        truth["release_time"] = truth["release"] - recording["from"]
     printed = {**fit["orders"], **fit["parameters"], **recording["parameters"]}
     values = {n: valued(e, truth[n]) for n, e in printed.items() if e["free"] and n in truth}
     unknown = [n for n, e in printed.items() if e["free"] and n not in truth]
@@ -226,9 +230,18 @@ SCALED = ("C1", "C3", "C4", "C6", "J_theta", "b_theta", "b_alpha", "coulomb_thet
           "drag_alpha", "torque_per_volt", "cable_stiffness")  # fmt: skip
 
 
-def as_drafted(truth: dict[str, float], C4: float) -> dict[str, float]:
+def as_drafted(truth: dict[str, float], gauge: str, scaled: Iterable[str], value: float) -> dict[str, float]:
     """The truth for the gravity of the draft."""
-    return {n: C4 / truth["C4"] * truth[n] for n in SCALED if n in truth}
+    return {n: value / truth[gauge] * truth[n] for n in scaled if n in truth}
+
+
+def recorded_in(name: str, rate: int, rng: np.random.Generator, file: Path) -> Recorded | None:
+    """A recording of a model of the library, written; None for another family."""
+    if not name.startswith("library "):
+        return None
+    made = recorded(name.removeprefix("library "), rate, rng)
+    write_csv(file, made.columns)
+    return made
 
 
 def valued(e: dict[str, Any], truth: float) -> dict[str, Any]:

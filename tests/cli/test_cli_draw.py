@@ -99,6 +99,7 @@ def test_a_new_run_takes_the_figures_of_the_old_one_away(tmp_path):
 )
 def test_a_rig_is_drawn_by_its_name_or_with_the_constants_of_a_project(capsys, request, tmp_path, what, words, written):
     source = "qube-servo2" if what == "rig" else request.getfixturevalue("made")[0] / "rig.toml"
+    capsys.readouterr()  # of the fixture
     code, _, err = run(capsys, "draw", source, *words, "--out", tmp_path)
     assert (code, err) == (0, "")
     assert {path.name for path in tmp_path.iterdir()} == written

@@ -249,7 +249,8 @@ def test_its_twin_is_what_scipy_solves_at_order_1(name):
         return values[np.searchsorted(times, t, side="right") - 1]
 
     def rhs(t, x):
-        u = [held(t, *there[n]) if n in model.input_rates else np.interp(t, *there[n]) if n in there else 0.0
+        steps = {*model.input_rates, *(n for n, between in twin.between.items() if between == "hold")}
+        u = [held(t, *there[n]) if n in steps & {*there} else np.interp(t, *there[n]) if n in there else 0.0
              for n in model.inputs]  # fmt: skip
         out = np.zeros(len(x))
         model.rhs(t, x, np.array(u), p, out)

@@ -155,7 +155,7 @@ class Experiment(CardDisplay):
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
                 raise InputError(SAYS("past-off-grid", recording=recording))
         measured, inputs = _columns(recording, model, outputs)
-        options["between"] = held_inputs(recording, model) | dict(options.get("between", {}))
+        options["between"] = held_inputs(recording.units, model) | dict(options.get("between", {}))
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         options["deviation"] = _deviation(recording, outputs)
         step = recording.step
@@ -327,9 +327,9 @@ def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collect
                               hint=hint or ' Is it another column?'))  # fmt: skip
 
 
-def held_inputs(recording: Recording, model: Model) -> dict[str, Between]:
+def held_inputs(units: Mapping[str, str], model: Model) -> dict[str, Between]:
     """The inputs of which one takes it that they keep their value between samples: voltages, which converters make."""
-    return {n: "hold" for n in model.inputs if recording.units.get(n) == "V"}
+    return {n: "hold" for n in model.inputs if units.get(n) == "V"}
 
 
 def _mask(recording: Recording, mask: Sequence[Sequence[float]]) -> Iterator[tuple[float, float]]:

@@ -251,14 +251,19 @@ class _Page:
             signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
         begins = self.table["model"].get("begins", {})
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
-        free = [n for n in rows if self.sought(n) and rows[n]["start"] != 0.0]
-        optional = [n for n in rows if self.sought(n) and rows[n]["start"] == 0.0 and not self._grows(n)]
+        sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self._grows(n))]
+        free = [n for n in sought if rows[n]["start"] != 0.0 or self._slides(n)]
+        optional = [n for n in sought if n not in free]
         return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
 
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
         row = self.table["model"]["parameters"][name]
         return not row.get("known") and not (row.get("gauge") and not self.driven) and not row.get("needs")
+
+    def _slides(self, name: str) -> bool:
+        """Whether it is a dry friction, which every rig has: too small to be seen in the equations, it ends a swing."""
+        return name in self.model.friction and self.model.friction[name].dry
 
     def _grows(self, name: str) -> bool:
         """Whether a state of its own comes with a parameter."""
@@ -281,6 +286,8 @@ class _Page:
     def range(self, p: Parameter, start: float) -> tuple[float, float, float]:
         """Start and bounds: a factor about what is positive; friction from 0 on; else to both sides."""
         reach = self.first.reach.get(p.name, 0.0)
+        if self._slides(p.name):
+            start = max(start, self.model.friction[p.name].begins * reach)
         wide = max(SPAN * abs(start), reach if start == 0.0 else 0.0)
         off = p.value == 0.0 or p.name in self.model.friction
         lower = (0.0 if off else start / SPAN) if p.lower >= 0.0 else -wide

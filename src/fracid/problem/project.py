@@ -673,7 +673,7 @@ def _load(
         folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
         variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
-    held = {n for n, between in (held_inputs(recording, model) | channels.between).items() if between == "hold"}
+    held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
     constants = {n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()}
     units = {n: unit for n, (_, unit) in channels.constants.items()}

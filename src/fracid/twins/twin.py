@@ -41,6 +41,7 @@ from fracid.findings import Words
 from fracid.models import Model, model
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
+from fracid.problem.experiment import held_inputs
 from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
 from fracid.solver.inputs import Between, Driven, between_samples
@@ -111,7 +112,7 @@ class Twin(CardDisplay):
 
     @classmethod
     def of_model(cls, model: Model, *, name: str = "", **fields: Any) -> Twin:
-        """Take a model with its own values; orders left out are 1.
+        """Take a model with its own values; orders left out are 1, and voltages keep their value between samples.
 
         Parameters
         ----------
@@ -134,7 +135,8 @@ class Twin(CardDisplay):
         (['theta', 'alpha'], 301, 1.0)
         """
         orders = dict.fromkeys(model.order_names, 1.0) | dict(fields.pop("orders", {}))
-        return cls(name or model.name, model, orders, **{"parameters": {}, **fields})
+        held = held_inputs({n: model.input_unit(n) for n in model.inputs}, model)
+        return cls(name or model.name, model, orders, **{"parameters": {}, "between": held, **fields})
 
     @classmethod
     def of_library(cls, name: str, zero: str | None = None) -> Twin:
