@@ -18,11 +18,14 @@ from __future__ import annotations
 
 import difflib
 import errno
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from numbers import Integral, Real
+from typing import TypeVar
+
+Entry = TypeVar("Entry")
 
 LARGEST = 1e100
 """No quantity and no instrument has more, in whatever unit; squares of more have no number."""
@@ -138,6 +141,18 @@ def refuse_unknown(what: str, names: Collection[str], *given: object) -> None:
     for name in given:
         if name not in names:
             raise unknown_name(what, name, names)
+
+
+def entry_of(what: str, entries: Mapping[str, Entry], name: str) -> Entry:
+    """What has a name among the known ones; an InputError names those that there are.
+
+    Examples
+    --------
+    >>> entry_of("rig", {"qube-servo2": 1, "srv02-rotpen": 2}, "srv02-rotpen")
+    2
+    """
+    refuse_unknown(what, entries, name)
+    return entries[name]
 
 
 def brief(value: object) -> str:

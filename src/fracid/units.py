@@ -231,6 +231,17 @@ def typeset(text: str) -> str:
     return re.sub(r"(?<![\d.])1×", "", re.sub(r"(?<=\d)e([-+]\d+)", raise_exponent, text)).replace("-", "−")
 
 
+def signed(value: float) -> str:
+    """With its sign, a true minus, to two digits; an exponent keeps the hyphen that it is read back with.
+
+    Examples
+    --------
+    >>> signed(-0.0123), signed(0.5)
+    ('−0.012', '+0.5')
+    """
+    return ("−" if value < 0 else "+") + f"{abs(value):.2g}"
+
+
 def raised(exponent: int) -> str:
     """An exponent in small figures.
 

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure
 from fracid.estimation.bounded import lowest
 from fracid.estimation.tangent import AtPoint, Tangent
 from fracid.optimise import Evaluation
@@ -34,9 +33,8 @@ class Linearised(AtPoint):
     """A point near a tangent, and what the runs on the way there add to its derivatives."""
 
     near: Tangent
-    evaluation: Evaluation
-    errors: list[FloatArray]
-    """Of each recording, shape (n_samples, n_outputs)."""
+    tangent: Tangent
+    """The point with the derivatives of the tangent near it."""
     axes: tuple[FloatArray, ...]
     """Orthonormal: those of the tangent's columns, shape (n_rows, n_unknowns), and of each run, shape (n_rows,)."""
     J: FloatArray
@@ -45,9 +43,9 @@ class Linearised(AtPoint):
     """Shape (n_axes,)."""
 
     @property
-    def tangent(self) -> Tangent:
-        """The point with the derivatives of the tangent near it."""
-        return replace(self.near, evaluation=self.evaluation, errors=self.errors)
+    def evaluation(self) -> Evaluation:  # type: ignore[override]
+        """The point, its cost and its rows."""
+        return self.tangent.evaluation
 
     def step(self, held: Sequence[int] = (), moved: FloatArray | float = 0.0) -> FloatArray:
         """To the least of the parabola within the bounds, with what is `held` moved so far, shape (n_unknowns,)."""
@@ -64,17 +62,14 @@ class Linearised(AtPoint):
 
     def at(self, x: FloatArray) -> Linearised | None:
         """Another point, with derivatives that agree with the way there; None where its run fails."""
-        problem = self.near.problem
-        x = np.clip(x, problem.space.lower, problem.space.upper)
-        errors = problem.errors(x)
-        if isinstance(errors, Failure):
+        if (there := self.near.there(x)) is None:
             return None
-        F, axis = _coordinates(self.axes, self.near.pulls(errors, x))
-        J, before, delta = np.vstack([self.J, np.zeros(len(x))]), np.append(self.F, 0.0), x - self.x
+        F, axis = _coordinates(self.axes, self.near.pulls(there.errors, there.x))
+        J, before, delta = np.vstack([self.J, np.zeros(len(x))]), np.append(self.F, 0.0), there.x - self.x
         if np.any(delta):
             scaled = self.near.norms * delta
             J = J + np.outer(F - before - J @ delta, self.near.norms * scaled / float(scaled @ scaled))
-        return Linearised(self.near, problem.criterion(x, errors), errors, (*self.axes, axis), J=J, F=F)
+        return Linearised(self.near, there, (*self.axes, axis), J=J, F=F)
 
     def taught(self, by: Linearised) -> Linearised:
         """The same point with the derivatives of another one, that was found from it."""
@@ -86,7 +81,7 @@ def linearised(near: Tangent) -> Linearised:
     rows = near.rows
     Q, R = np.linalg.qr(rows[:, :-1])
     F, axis = _coordinates((Q,), rows[:, -1])
-    return Linearised(near, near.evaluation, near.errors, (Q, axis), J=np.vstack([R, np.zeros(R.shape[1])]), F=F)
+    return Linearised(near, near, (Q, axis), J=np.vstack([R, np.zeros(R.shape[1])]), F=F)
 
 
 def _coordinates(axes: tuple[FloatArray, ...], F: FloatArray) -> tuple[FloatArray, FloatArray]:

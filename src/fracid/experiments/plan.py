@@ -36,7 +36,7 @@ from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
 from fracid.problem.toml_text import plain_value, toml_document
 from fracid.problem.unknowns import Value as Given
-from fracid.quantiles import NORMAL_95
+from fracid.quantiles import NORMAL_95, normal_interval
 from fracid.recording import Recording
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
@@ -71,10 +71,7 @@ class Value(Record):
     @computed
     def interval95(self) -> tuple[float, float] | None:
         """To be expected after the plan."""
-        if self.standard_error is None:
-            return None
-        half = NORMAL_95 * self.standard_error
-        return self.value - half, self.value + half
+        return normal_interval(self.value, self.standard_error)
 
 
 if TYPE_CHECKING:

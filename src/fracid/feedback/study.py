@@ -21,7 +21,7 @@ from scipy.optimize import differential_evolution, minimize
 
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
-from fracid.errors import Failure, InputError, refuse_unknown
+from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.covariance import uncertainty
 from fracid.export.state_space import IntegerModel, moving, positive_sum
 from fracid.feedback.pid import pid
@@ -388,8 +388,7 @@ def planned(
     fit: Fit, *, draws: int, points: FloatArray | None, seed: int, jobs: int, kind: str = "lqr", **loop: Any
 ) -> Plan:
     """What is to be tried; refuses what cannot be controlled."""
-    refuse_unknown("kind of controller", KINDS, kind)
-    designs, begins = KINDS[kind]
+    designs, begins = entry_of("kind of controller", KINDS, kind)
     closed, unseen = conditions_of(fit.problem, fit.x, begins=begins, **loop), np.empty((0, 0))
     if points is None:
         points, unseen = draws_of(fit.problem, fit.x, draws, seed, jobs=jobs)

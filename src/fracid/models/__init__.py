@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import InputError, refuse_unknown
+from fracid.errors import InputError, entry_of
 from fracid.models.base import Model as Model
 from fracid.models.base import Parameter as Parameter
 from fracid.models.pendulum import mass_matrix as mass_matrix
@@ -66,8 +66,7 @@ def model(name: str, **parameters: Any) -> Model:
     >>> cart.inputs, tuple(cart.outputs), cart.parameter("M").value
     (('force',), ('position', 'angle'), 0.5)
     """
-    refuse_unknown('model (a user\'s own is written "my_rig.py:model")', MODELS, name)
-    return MODELS[name](**parameters)
+    return entry_of('model (a user\'s own is written "my_rig.py:model")', MODELS, name)(**parameters)
 
 
 def model_from_name(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import pkgutil
 from importlib import import_module
 
-from fracid.errors import refuse_unknown
+from fracid.errors import entry_of
 from fracid.optimise.base import Ask as Ask
 from fracid.optimise.base import Entry as Entry
 from fracid.optimise.base import Evaluation as Evaluation
@@ -55,5 +55,4 @@ def optimiser_from_name(name: str) -> Entry:
     >>> optimiser_from_name("genetic").evaluations
     520
     """
-    refuse_unknown("optimiser", OPTIMISERS, name)
-    return OPTIMISERS[name]
+    return entry_of("optimiser", OPTIMISERS, name)

@@ -16,7 +16,7 @@ from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
-from fracid.quantiles import NORMAL_95
+from fracid.quantiles import normal_interval
 from fracid.recording import Recording
 from fracid.regression.credibility import belief
 from fracid.regression.estimators import (
@@ -95,9 +95,7 @@ class Constant(Record):
     @computed
     def interval95(self) -> tuple[float, float] | None:
         """About the value, without its bias; None where it was not found."""
-        if self.standard_error is None:
-            return None
-        return self.value - NORMAL_95 * self.standard_error, self.value + NORMAL_95 * self.standard_error
+        return normal_interval(self.value, self.standard_error)
 
 
 class SearchedOrder(Block):

@@ -7,7 +7,7 @@ import sys
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from fracid.errors import InputError, refuse_unknown
+from fracid.errors import InputError, entry_of
 from fracid.estimation.likelihood_record import Likelihood
 from fracid.regression.linear import RegressionResult
 from fracid.runs.saved import SavedRun
@@ -52,8 +52,7 @@ def json_schema(file: str = "result.json") -> str:
     >>> json.loads(json_schema())["title"]
     'result.json of fracid'
     """
-    refuse_unknown("file", FILES, file)
-    schema = described(FILES[file]).json_schema(schema_generator=WithoutTitles)
+    schema = described(entry_of("file", FILES, file)).json_schema(schema_generator=WithoutTitles)
     head = {"$schema": WithoutTitles.schema_dialect, "title": f"{file} of fracid"}
     return json.dumps(schema | head, indent=2, ensure_ascii=False) + "\n"
 

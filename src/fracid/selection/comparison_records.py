@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, computed_field
 
 from fracid.cards import Card, CardDisplay, listed, tabulated
-from fracid.errors import refuse_unknown
+from fracid.errors import entry_of
 from fracid.figures import Figure, Style, draw
 from fracid.safety.json_files import from_json, json_number, short_text
 from fracid.safety.schema import (
@@ -167,9 +167,7 @@ class Comparison(CardDisplay, Record):
 
     def __getitem__(self, name: str) -> Row:
         """The row of that structure; an InputError names those that there are."""
-        rows = {row.name: row for row in self.rows}
-        refuse_unknown("structure", rows, name)
-        return rows[name]
+        return entry_of("structure", {row.name: row for row in self.rows}, name)
 
     @computed
     def held_out(self) -> tuple[str, ...]:
@@ -248,9 +246,7 @@ def _row_text(row: Row, units: Mapping[str, str]) -> str:
 
 def best_of(rows: Sequence[Row]) -> Row:
     """The best of rows of one kind."""
-    if rows[0].held_out:
-        return min(rows, key=lambda row: (row.error, row.bic))
-    return min(rows, key=lambda row: row.bic)
+    return min(rows, key=lambda row: (row.error if row.held_out else 0.0, row.bic))
 
 
 def held_out_errors(row: Row, units: Mapping[str, str]) -> str:

@@ -46,6 +46,7 @@ from fracid.optimise import Evaluation, Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.selection.integer_rival import FEW, WORTH, FiniteMemory, Rival, gain_over
 from fracid.selection.residual_noise import leftovers
+from fracid.signals.coloured import directions
 
 MOST = FEW + 1
 """Relaxations that an order must not be beaten by."""
@@ -186,9 +187,7 @@ def _parameters(problem: Problem, x: FloatArray, scales: set[str], jobs: int) ->
     if isinstance(J, Failure):
         return own + len(columns)
     rows = np.concatenate([np.nan_to_num(j.reshape(-1, len(columns))) for j in J])
-    norms = np.linalg.norm(rows, axis=0)
-    singular = np.linalg.svd(rows[:, norms > 0] / norms[norms > 0], compute_uv=False)
-    return own + int(np.sum(singular > SAME_DIRECTION * np.max(singular, initial=0.0)))
+    return own + len(directions(rows, SAME_DIRECTION).T)
 
 
 # --- the model ------------------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from fracid.problem import Free, Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_rival import Rival, freed_friction, gain_over, integer_values, moving, springpots
 from fracid.selection.residual_noise import leftovers
+from fracid.signals.coloured import directions
 
 SAYS = Words("selection/fractional_element.toml")
 
@@ -104,9 +105,7 @@ def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]
     e = joined(errors)
     rows = np.concatenate([j.reshape(-1, len(x)) for j in J])[np.isfinite(e)]
     e, scored = e[np.isfinite(e)], np.isfinite(e)
-    norms = np.linalg.norm(rows, axis=0)
-    Q, singular, _ = np.linalg.svd(rows[:, norms > 0] / norms[norms > 0], full_matrices=False)
-    Q = Q[:, singular > SAME_DIRECTION * np.max(singular, initial=0.0)]
+    Q = directions(rows, SAME_DIRECTION)
     for name in _names(problem):
         for order in ORDERS:
             s = _effect(problem, x, name, order, e=e, scored=scored)

@@ -53,7 +53,7 @@ from itertools import islice
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError, refuse_unknown
+from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.climbing import embedded
 from fracid.findings import Words
 from fracid.models.friction import BY_NAME, LOAD, RUNGS
@@ -151,9 +151,7 @@ class Ladder:
 
     def __getitem__(self, name: str) -> Structure:
         """The structure of that name; an InputError names those that there are."""
-        structures = {s.name: s for s in self.structures}
-        refuse_unknown("structure", structures, name)
-        return structures[name]
+        return entry_of("structure", {s.name: s for s in self.structures}, name)
 
     @property
     def frictions(self) -> tuple[str, ...]:

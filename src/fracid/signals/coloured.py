@@ -86,7 +86,7 @@ def is_coloured_noise(e: FloatArray, motion: FloatArray, unknowns: Callable[[], 
     nothing = np.zeros(n)  # where no signal moves, and nothing is unknown
     columns, own = np.column_stack([nothing, *_regressors(motion)]), np.column_stack([nothing, unknowns()[:n]])
     filtered, theirs = whitened(columns, whitening), whitened(own, whitening)
-    Q = _directions(theirs)
+    Q = directions(theirs)
     ε = ε - Q @ (Q.T @ ε)
     most = SPIKE * np.median(np.abs(ε)) / MEDIAN
     ε, filtered = np.clip(ε, -most, most), filtered - Q @ (Q.T @ filtered)
@@ -142,15 +142,15 @@ def _regressors(motion: FloatArray) -> Iterator[FloatArray]:
             yield solve_banded((1, 0), [np.ones(n), np.full(n, 1 / τ - 1.0)], y / τ)
 
 
-def _directions(columns: FloatArray) -> FloatArray:
-    """An orthonormal basis of what columns span."""
+def directions(columns: FloatArray, same: float = SAME_DIRECTION) -> FloatArray:
+    """An orthonormal basis of what columns span, without what is the `same` up to that part."""
     Q, singular, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
-    return np.asarray(Q[:, singular > SAME_DIRECTION * np.max(singular, initial=0.0)])
+    return np.asarray(Q[:, singular > same * np.max(singular, initial=0.0)])
 
 
 def _unrelated(y: FloatArray, columns: FloatArray, spent: int) -> bool:
     """Whether columns explain no more of y than chance does; some of its freedom may be spent."""
-    y, Q = y - np.mean(y), _directions(columns - np.mean(columns, axis=0))
+    y, Q = y - np.mean(y), directions(columns - np.mean(columns, axis=0))
     k, free = Q.shape[1], len(y) - Q.shape[1] - 1 - spent
     if k == 0 or free < 1:
         return True

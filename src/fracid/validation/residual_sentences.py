@@ -10,7 +10,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Words
 from fracid.signals.left_over import NEXT_TO_WHITE
-from fracid.units import with_unit
+from fracid.units import signed, with_unit
 from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
 
 SAYS = Words("validation/residual_sentences.toml")
@@ -69,7 +69,7 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
     if p >= SIGNIFICANT:
         return SAYS("white", n=n, p=_p(p))
     if n / T >= NEXT_TO_WHITE * n:
-        return SAYS("next-to-white", lag_one=_signed(lag_one), n=n, p=_p(p), count=n / T)
+        return SAYS("next-to-white", lag_one=signed(lag_one), n=n, p=_p(p), count=n / T)
     return SAYS("autocorrelated", time=_seconds(seconds), n=n, p=_p(p), count=n / T, cause=cause)
 
 
@@ -178,10 +178,6 @@ def _times(factor: float) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.01 else "less than 1 %"
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.2g}".replace("-", "−")
 
 
 def _seconds(t: float) -> str:

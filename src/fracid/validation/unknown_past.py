@@ -52,7 +52,7 @@ from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import Number, Record, computed
-from fracid.units import GREEK, half_of
+from fracid.units import GREEK, half_of, signed
 
 SAYS = Words("validation/unknown_past.toml")
 
@@ -134,7 +134,7 @@ class CutCheck(CardDisplay, Record):
         if not self.rivals:
             return "Nothing else that is taken for the motion before the start fits as well."
         most = {n: self._farthest(n)[1].shift[n] for n in self.as_fitted.orders}
-        shifts = ", ".join(f"{GREEK.get(n, n)} by {_signed(shift)}" for n, shift in most.items())
+        shifts = ", ".join(f"{GREEK.get(n, n)} by {signed(shift)}" for n, shift in most.items())
         return f"No order moves by more than its interval, wherever the record is cut; at most they move: {shifts}."
 
     def _ratio(self, t: Treatment) -> float:
@@ -156,7 +156,7 @@ class CutCheck(CardDisplay, Record):
             return ""
         cause = "where the record is cut" if treatment.startswith("cut") else "what is taken for the motion before it"
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
-        return SAYS("moves", order=GREEK.get(name, name), by=_signed(by), cause=cause, fitted=fitted,
+        return SAYS("moves", order=GREEK.get(name, name), by=signed(by), cause=cause, fitted=fitted,
                     there=far.orders[name], way=f"{treatment}{stopped}", times=abs(by) / half, half=half, low=low,
                     high=high)  # fmt: skip
 
@@ -444,11 +444,6 @@ def _refitted(
 
 def _orders(problem: Problem, x: FloatArray) -> dict[str, float]:
     return {n: float(x[i]) for n, i in problem.free_orders.items()}
-
-
-def _signed(shift: float) -> str:
-    """With its sign, a true minus; an exponent keeps the hyphen that it is read back with."""
-    return ("−" if shift < 0 else "+") + f"{abs(shift):.2g}"
 
 
 def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fracid._version import __version__
-from fracid.errors import DataError, InputError, unknown_name
+from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
@@ -120,9 +120,7 @@ def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
     problem, known = found.problem, found.values if isinstance(found, SavedRun) else {}
     project, x = (found.project, found.x) if isinstance(found, SavedRun) else (found, problem.start)
     there = {e.name: e for e in (*problem.experiments, *project.validation)}
-    if recording is not None and recording not in there:
-        raise unknown_name(f"recording of {path}", recording, tuple(there))
-    experiment = there[recording or next(iter(there))]
+    experiment = entry_of(f"recording of {path}", there, next(iter(there)) if recording is None else recording)
     if experiment in project.validation:
         problem = problem.with_shared(x, (experiment,))
     return Twin.of_problem(problem, np.array([known.get(u.name, u.range.start) for u in problem.unknowns]), experiment)
