@@ -7,7 +7,7 @@ means that the step is too coarse (steep dry friction).
 
 Where the step is the fit's to choose, :func:`finer_step` halves it, and refines the minimum there, until no parameter
 shifts by more than a fifth of its half-width, which costs a 95 % interval less than one of its hundredths: as long as
-each half step makes what the check complains of smaller, and no further than :data:`FINEST` steps a sample.
+one of two half steps makes what the check complains of smaller, and no further than :data:`FINEST` steps a sample.
 """
 
 from __future__ import annotations
@@ -192,14 +192,22 @@ def _substeps(problem: Problem) -> int:
 def finer_step(
     problem: Problem, x: FloatArray, check: Discretisation, jobs: int, near: Tangent | None = None
 ) -> Refined | None:
-    """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps."""
+    """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps.
+
+    What steep friction does is uneven: one half step may not help, and the next one does.
+    """
     best, found = None, Refined(problem, problem.evaluate(x), Failure(FailureReason.NO_FIT, ""), check, near=near)
+    held, idle = check, False
     while found.check.warning or found.check.largest > QUIET:
         finer = halved(found, jobs)
-        if finer is None or not _helps(problem.method, found.check, finer.check):
+        helps = finer is not None and _helps(problem.method, held, finer.check)
+        if finer is None or (idle and not helps):
             break
-        sentence = SAYS("halved", finer=finer, problem=problem, complaint=_complaint(problem, check))
-        best = found = replace(finer, check=replace(finer.check, refinement=sentence))
+        found, idle = finer, not helps
+        if helps:
+            sentence = SAYS("halved", finer=finer, problem=problem, complaint=_complaint(problem, check))
+            best = found = replace(finer, check=replace(finer.check, refinement=sentence))
+            held = best.check
     return best
 
 
