@@ -37,8 +37,9 @@ LONG_DOCTESTS = (
     "linear.linear_response", "alternatives.orders_alone", "alternatives.with_states", "c.c_model", "Twin.of_library",
     "inference.posterior", "long_records.coarse_problem", "long_records.thinned", "feedback.study.control",
     "finite_memory.finite_memories", "long_records.to_compare", "outputs.output_along", "block_bootstrap.bootstrap",
+    "workflows.fit.run", "long_records.as_fitted", "fractional_element.fractional_element",
 )  # fmt: skip
-"""Those above 0.4 s, which cannot be marked where they stand: broad too."""
+"""Those above 0.3 s, which cannot be marked where they stand: broad too."""
 BUDGET = 5.0
 """What a test of `make test` may take [s of processor time]: who takes more is listed."""
 BEGAN = pytest.StashKey[float]()

@@ -63,6 +63,7 @@ def test_without_friction_energy_stays(rigs, geared):
     assert np.ptp(energy) < 1e-8 * 0.19
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["none", "lugre", "elastic", "alpha-lowpass", "fading"])
 def test_runge_kutta_agrees_with_dop853(rigs, name):
     twin, holding, slip = rigs.drawn_twin(name, rigs.KINDS[name].severities[-1], 1), np.zeros(2), np.zeros(2)
@@ -194,6 +195,7 @@ def test_every_kind_makes_a_recording_that_its_kind_shapes(rigs, tmp_path):
     assert [names for names in plain.values() if len(names) > 1] == []
 
 
+@pytest.mark.broad
 def test_coupled_joints_that_stick_are_the_limit_of_ever_steeper_smooth_friction(rigs):
     stuck = rigs.Rig(friction=rigs.SET_VALUED, coulomb_theta=0.05, coulomb_alpha=0.02)
     x = rigs.ordinary(stuck, released(rigs, 1.3), step=1e-4, end=3.0, kept=100)

@@ -30,6 +30,7 @@ def test_a_good_recording_gets_a_table_a_sketch_and_a_verdict(capsys, swing):
     assert any(0x2800 < ord(c) < 0x2900 for c in out)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("columns", "command"),
     [((), "--column alpha=0,unit=rad"), (("--column", "alpha=0,unit=deg"), "--column alpha=0,unit=rad")],

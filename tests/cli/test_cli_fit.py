@@ -15,7 +15,7 @@ import pytest
 from fracid.cli import fit as cli_fit
 from fracid.estimation import horizons
 from fracid.tasks.progress import Observer
-from program import DrawnSo, run
+from program import leave_figures_out, run
 from twins import write_release
 
 FAST = "[model.orders]\nlambda = 0.9\n"
@@ -53,7 +53,7 @@ def project(folder, without_rivals):
 @pytest.fixture
 def undrawn(monkeypatch, without_rivals):
     """Leave out the figures, and the models of integer order, which take longer than all the rest."""
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+    leave_figures_out(monkeypatch)
 
 
 def program(*arguments, **options):
@@ -338,7 +338,7 @@ def test_a_folder_with_foreign_files_is_refused(capsys, folder, tmp_path):
     assert "holds files that are not a run's; give an empty or a new folder: --out DIR" in err
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -386,6 +386,7 @@ def test_an_interrupted_search_ends_with_1_and_keeps_its_best(capsys, project, t
     assert (tmp_path / "figures" / "figure2-release-20.png").exists()
 
 
+@pytest.mark.few(1)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("where", ["fracid.workflows.fit.load_project", "fracid.identification.search"])
 def test_ctrl_c_before_the_search_leaves_no_folder_and_says_so(capsys, project, tmp_path, monkeypatch, where):
@@ -406,7 +407,7 @@ def test_the_result_is_told_before_the_figures_are_drawn(capsys, project, tmp_pa
         shown.append(capsys.readouterr().out)
         return ()
 
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(draw))
+    leave_figures_out(monkeypatch, draw)
     code, *_ = run(capsys, "fit", project(FAST + RECORDING + FIT), "--out", tmp_path / "run")
     assert code == 0
     assert f"result   {tmp_path / 'run' / 'result.json'}" in shown[0]

@@ -79,7 +79,7 @@ def test_the_names_of_a_run_are_completed_from_its_result(capsys, monkeypatch, t
     assert completed(capsys, monkeypatch, "fracid profile . --parameter ").split() == []
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("table", completion.TABLES)
 def test_names_are_completed_without_the_solver(table):
     code = (
@@ -145,7 +145,7 @@ def test_the_help_of_every_command_has_an_example_that_is_of_it(capsys, command)
     assert f"fracid {command}" in out.split("Example", 1)[1]
 
 
-@pytest.mark.few(18)
+@pytest.mark.few(9)
 @pytest.mark.parametrize("width", [80, 100])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_example_ends_where_it_says_so_and_can_be_pasted(capsys, monkeypatch, command, width):
@@ -223,7 +223,7 @@ def swing(tmp_path_factory):
     return file
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_the_help_is_coloured_on_a_terminal_alone_never_with_no_color_and_never_wider(capsys, monkeypatch, command):
     words = [w for w in (command, "--help") if w]

@@ -132,7 +132,7 @@ def test_a_recording_needs_its_columns_and_one_known_constant(capsys, folder):
     assert note.endswith("type --known C4=VALUE.")
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("estimator", ["tls", "huber", "tukey", "ols"])
 def test_the_estimator_is_the_one_asked_for(capsys, folder, estimator):
     found = record(capsys, folder / "rig.toml", *GIVEN, "--estimator", estimator)
@@ -219,6 +219,7 @@ def test_help_names_the_estimators(capsys):
 # --- what it refuses -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("options", "words"), [
     (["--known", "C4"], "--known 'C4' is not possible; expected NAME=VALUE: --known C4=0.1944"),
     (["--known", "C44=1"], "unknown constant 'C44'"),

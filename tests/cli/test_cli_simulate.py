@@ -207,7 +207,7 @@ def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp
 # --- what it refuses ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -20,6 +20,7 @@ def relative(problem):
     return np.array([errors[name] / problem.parameter_starts[name] for name in ALL])
 
 
+@pytest.mark.broad
 def test_a_free_response_tells_no_constant_and_a_known_torque_tells_all():
     free = problem_of(experiment(60, 3.0), free=ALL)
     driven = problem_of(experiment(60, 3.0), experiment(0, 3.0, SCRIPT["pulse"](3.0)), free=ALL)
@@ -32,6 +33,7 @@ def test_the_orders_are_told_all_the_same():
     assert max(errors["lambda"], errors["mu"]) < 1e-3
 
 
+@pytest.mark.broad
 def test_the_pendulum_alone_tells_less_of_everything():
     both = experiment(60, 3.0)
     alone = replace(both, measured=both.measured[:, 1:])
@@ -40,6 +42,7 @@ def test_the_pendulum_alone_tells_less_of_everything():
     assert less["lambda"] > 5 * more["lambda"]
 
 
+@pytest.mark.broad
 def test_twice_the_record_halves_the_variance():
     once = least_errors(problem_of(experiment(60, 3.0)))
     twice = least_errors(problem_of(experiment(60, 3.0), replace(experiment(60, 3.0), name="again")))

@@ -28,6 +28,7 @@ from fracid.runs.folder import LATER
 from fracid.runs.json_schemas import json_schema
 from fracid.solver.inputs import BETWEEN
 from fracid.solver.methods import METHODS
+from program import leave_figures_out
 
 DOCS = Path(__file__).parents[2] / "docs"
 PROJECT_FILE = (DOCS / "project-file.md").read_text(encoding="utf-8")
@@ -223,7 +224,7 @@ def folder(tmp_path_factory):
         save_recording(Recording.of(name, run.time, {"alpha": alpha}), made / f"{name}.csv")
     (made / "rig.toml").write_text(PROJECT, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:  # without figures: they are the same whatever the model
-        patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+        leave_figures_out(patch)
         with pytest.raises(SystemExit) as stop:
             main(["fit", str(made / "rig.toml"), "--out", str(made / "run"), "--trust", "--cut", "--json"])
     assert not stop.value.code

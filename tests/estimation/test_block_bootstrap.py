@@ -71,7 +71,7 @@ def test_blocks_keep_the_correlation_that_single_samples_lose():
 # --- the draws ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("cost", "rho"), [("rmse", 0.0), ("rmse", 0.9), ("huber", 0.0), ("itae", 0.0)])
 def test_one_step_draws_scatter_as_the_sandwich_says(cost, rho):
     p, x = fitted(swing(rho=rho), cost_function=COSTS[cost])

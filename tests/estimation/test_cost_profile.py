@@ -70,7 +70,7 @@ def line(model=LINE, value=None, rho=0.0, seed=1, sd=0.1, n=401, free=None, cost
 # --- where the cost is a parabola --------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "ise", "itse", "huber"])
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_the_profile_of_a_linear_problem_is_the_sandwichs_parabola(cost, rho):
@@ -131,7 +131,7 @@ def test_the_truth_is_in_32_of_36_intervals(rho):
     assert inside >= 32
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "huber", "iae", "itae"])
 def test_a_pendulums_profile_agrees_with_the_sandwich_under_every_cost(cost):
     # the threshold of |e| rests on a density at 0, a profile on all of its rise: they agree to some 10 %
@@ -182,6 +182,7 @@ def test_a_ratio_alone_leaves_each_of_its_parts_flat():
     assert profile(one_known, parameters=["C4"], points=6).profiles["C4"].verdict == "two-sided"
 
 
+@pytest.mark.broad
 def test_the_order_of_a_clamped_arm_is_flat():
     clamped = fracid.rotary_pendulum("stepper-freeswing")
     found = profile(pendulum(clamped), points=6).profiles
@@ -246,6 +247,7 @@ def test_jobs_do_not_change_a_bit():
     assert one == three
 
 
+@pytest.mark.broad
 def test_more_points_are_more_and_agree():
     p = line()
     few, many = (profile(p, parameters=["a"], points=n).profiles["a"] for n in (6, 24))

@@ -329,7 +329,7 @@ def means(n, rho, seeds=2000):
     return np.array(found).T
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize(("n", "rho"), [(80, 0.5), (200, 0.8), (400, 0.9)])
 def test_a_mean_of_few_samples_lies_in_its_widened_interval_and_not_in_the_plain_one(n, rho):
     mean, error, wider = means(n, rho)

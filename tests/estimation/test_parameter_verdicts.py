@@ -39,6 +39,7 @@ def test_the_plane_has_the_cost_at_each_of_its_points_and_the_centre_is_one_of_t
     assert (plane.first[0], plane.first[-1]) == (pytest.approx(0.75), pytest.approx(1.05))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("centre", [(0.5, 1.2), (1.2, 0.5), (1.19, 0.51)])
 def test_the_plane_stays_within_the_bounds_and_grows_steadily(centre):
     plane = cost_plane(problem(), np.array(centre), points=9)
@@ -140,6 +141,7 @@ def test_constants_that_work_through_their_product_are_named_as_a_product():
     assert found["gain"].sentence == "only in a ratio: with rate: only gain·rate is identifiable; fix one of them"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("profiled", [False, True])
 def test_the_order_of_a_clamped_arm_cannot_be_known_and_the_reason_is_that_it_stands_still(profiled):
     p = twin(fracid.rotary_pendulum("stepper-freeswing"), orders=ORDERS)
@@ -225,6 +227,7 @@ def test_what_a_motion_does_not_excite_in_a_joint_is_said(case):
         assert found[name].kind == ("identifiable" if sentence == "identifiable" else "practically not")
 
 
+@pytest.mark.broad
 def test_a_presliding_joint_of_ones_own_needs_to_say_nothing_of_itself():
     def rhs(t, x, u, p, out):
         friction = presliding(x, out, 2, x[1], p[0], 0.0, 1.0, p[1])
@@ -285,6 +288,7 @@ def test_without_intervals_nothing_is_said_but_why():
     assert {v.sentence for v in found.values()} == {"unknown: a run fails"}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("widest", [0.01, 1.0, 100.0])
 def test_what_is_known_lies_at_no_bound_however_wide_its_range(widest):
     p = twin(RIG.with_parameters(coulomb_theta=1e-4), parameters={"coulomb_theta": Free(1e-4, 0.0, widest)})

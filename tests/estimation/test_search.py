@@ -310,6 +310,7 @@ def test_no_start_at_all_is_told():
         waterfall([])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "options"),
     [("differential-evolution", {"generations": 2}), ("cma", {"generations": 2}), ("nelder-mead", {"budget": 12})],

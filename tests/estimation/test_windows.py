@@ -76,6 +76,7 @@ def test_a_rod_that_stands_is_predicted_for_a_time_and_one_that_hangs_to_the_end
     assert chosen_window(stand) == PARTS * found.window
 
 
+@pytest.mark.broad
 def test_jitter_of_an_angle_hardly_makes_windows_shorter():
     """A quick angle beside a wide one is no pace at which the wide one starts."""
     t, noise = np.arange(0, 20, STEP), np.random.default_rng(5).standard_normal(2000)

@@ -113,6 +113,7 @@ def test_a_clamped_arm_shows_no_lambda():
 # --- what is chosen ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("criterion", ["D", "A", "Ds"])
 def test_exchange_finds_the_best_of_all_sets(plan, criterion):
     subject = plan.subject

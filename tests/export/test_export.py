@@ -185,7 +185,7 @@ STEPPED_TOGETHER = "pi3, driven"  # five steps at once, whose inputs a controlle
 IN_C = [n for n in VARIANTS if "past" not in n and n != STEPPED_TOGETHER]
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @compiler
 @pytest.mark.parametrize("name", IN_C)
 def test_the_c_function_steps_as_fracid_does(tmp_path, name):
@@ -196,6 +196,7 @@ def test_the_c_function_steps_as_fracid_does(tmp_path, name):
     np.testing.assert_allclose(found, ours.states, atol=1e-9)
 
 
+@pytest.mark.few(1)
 @compiler
 @pytest.mark.parametrize("name", ["a motor as it is", "LuGre, fractional orders", "LuGre, gl", "elastic arm"])
 def test_in_single_precision_the_c_function_is_off_by_little(tmp_path, name):

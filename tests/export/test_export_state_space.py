@@ -40,7 +40,7 @@ CASES = {
 # --- operators -------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("band", [(0.3, 3000.0), (6.0, 600.0), (0.01, 1e5)])
 @pytest.mark.parametrize("order", [0.1, 0.5, 0.86, 0.95, 0.999, 1.05, 1.5, 1.9])
 def test_an_operator_is_right_where_the_data_can_tell(order, band):
@@ -52,6 +52,7 @@ def test_an_operator_is_right_where_the_data_can_tell(order, band):
     assert operator.poles[0] == 0
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", [0.1, 0.5, 0.95, 1.05, 1.6])
 def test_an_operator_is_passive_at_every_frequency_not_in_the_band_alone(order):
     operator, omega = positive_sum(order, (6.0, 600.0)), np.geomspace(1e-6, 1e9, 500)
@@ -92,7 +93,7 @@ def test_the_integer_order_model_swings_as_the_fractional_one(name):
         assert error < 1e-2 * np.ptp(exact[:, problem.model.outputs[output]])
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("posture", ["hanging", "upright"])
 @pytest.mark.parametrize("name", CASES)
 def test_a_linear_model_has_the_fractional_models_response_and_poles(name, posture):
@@ -296,6 +297,7 @@ def test_the_figure_draws_both_models_of_every_output(posture):
         assert np.abs(np.asarray(fractional) - integer).max() < 0.02 * np.ptp(fractional) + 0.2
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("order", [1.0005, 1.02, 1.5])
 def test_an_order_above_1_is_1_over_s_and_a_sum_of_lags(order):
     operator = positive_sum(order, (0.3, 3000.0))

@@ -202,8 +202,9 @@ def test_a_parameter_cannot_be_changed_once_the_run_has_begun(tmp_path):
 def test_the_archive_is_the_same_to_the_byte_and_its_description_has_units_and_intervals(tmp_path):
     problem = problem_of("capacitor")
     found = replace(of(problem), estimates={"R": Estimate(0.05, "Ohm", True, interval95=(0.04, 0.06))})
-    assert fmu(found) == fmu(found)
-    (tmp_path / "model.fmu").write_bytes(fmu(found)[0])
+    made = fmu(found)
+    assert made == fmu(found)
+    (tmp_path / "model.fmu").write_bytes(made[0])
     described = {v.name: v for v in fmpy.read_model_description(str(tmp_path / "model.fmu")).modelVariables}
     assert (described["R"].unit, described["R"].start) == ("Ohm", "0.05")
     assert described["R"].description == "resistance in series, 95 % interval [0.04, 0.06]"

@@ -46,6 +46,7 @@ def off(model):
     return max(float(error.split()[1]) / float(size.split(")")[0]) for error, size in pairs)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(("name", "zero"), POSTURES)
 def test_mujoco_moves_a_rig_as_fracid_does(name, zero):
     assert off(found(name, zero)) < 1e-4
@@ -81,6 +82,7 @@ def test_constants_that_no_bodies_have_are_refused():
         simulators.rig_of(found("rotary-pendulum", C6=5e-3), "MuJoCo")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", RIGS)
 def test_every_constant_is_carried_over_or_said_with_a_code(name):
     model = found(name)

@@ -267,6 +267,7 @@ def test_a_gain_that_the_recordings_cannot_tell_is_refused():
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 @pytest.mark.parametrize(
     ("which", "right", "wrong"),

@@ -7,6 +7,7 @@ import pytest
 
 from fracid import identification
 from fracid.cli.app import main
+from fracid.workflows.drawer import drawer
 
 RELEASE = """
 [model.orders]
@@ -53,6 +54,13 @@ class DrawnSo:
         return self.draw(fit)
 
 
+def leave_figures_out(patch, draw=None):
+    """Fits give themselves to ``draw`` instead, if at all; and start no process, which would import matplotlib."""
+    patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(draw) if draw else None)
+    for module in ("cli.fit", "workflows.fit"):
+        patch.setattr(f"fracid.{module}.drawer", lambda jobs: drawer(1))
+
+
 def fit_in(folder, text, drawn=lambda fit: ()):
     """Write a project into a folder and fit it there, as a person would; what draws its figures gets the fit."""
     (folder / "rig.toml").write_text(text, encoding="utf-8")
@@ -60,6 +68,6 @@ def fit_in(folder, text, drawn=lambda fit: ()):
     with pytest.MonkeyPatch.context() as patch, no_rivals():
         patch.setattr(sys, "argv", ["fracid", *words])  # for environment.json
         patch.chdir(folder)
-        patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(drawn))
+        leave_figures_out(patch, drawn)
         with pytest.raises(SystemExit):
             main(words)

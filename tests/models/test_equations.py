@@ -157,6 +157,7 @@ WRITABLE = {"two bodies, springpot": fracid.rotary_pendulum(play_theta=0.01, spr
             "slow branches": fracid.model("capacitor", C_1=3.0, C_2=1.0), **own_models()}  # fmt: skip
 
 
+@pytest.mark.few(11)
 @pytest.mark.parametrize("name", WRITABLE)
 def test_a_model_written_out_as_equations_and_read_again_is_the_same(name, tmp_path):
     model, rng = WRITABLE[name], np.random.default_rng(2)

@@ -142,6 +142,7 @@ def test_a_state_forgets_with_the_slope_of_its_own_equation(name):
         assert rates(x)[n + i] == pytest.approx(rates(x - step / 2)[i] - rates(x + step / 2)[i], rel=1e-9)
 
 
+@pytest.mark.broad
 def test_a_joint_with_a_stiff_spring_moves_as_one_that_is_rigid():
     model = fracid.model("joint", mass=0.5, b_angle=0.01, load_angle=0.1, gravity=0.0)
     stiff = model.with_parameters(elastic_angle=1e4, elastic_damping_angle=0.02)

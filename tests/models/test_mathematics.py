@@ -47,7 +47,7 @@ def by_the_lines(model, lines, x, u, p, out):
             yield eval(python.expression(line.left), at), right
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", [*RIGS, *own_models()])
 def test_what_is_printed_is_what_is_solved(name):
     model, rng = (RIGS | own_models())[name], np.random.default_rng(4)

@@ -63,6 +63,7 @@ def model_constants(constants):
 # --- the equations ---------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("zero", ZEROS)
 def test_the_right_hand_side_equals_lagranges_equations_of_two_rigid_bodies(zero):
     rng = np.random.default_rng(1)
@@ -145,6 +146,7 @@ def test_the_mass_matrix_of_a_physical_rig_is_positive_definite(mass, com, arm, 
     assert np.linalg.eigvalsh(M).min() > 0.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("zero", ZEROS)
 def test_energy_is_conserved_without_friction(zero):
     tilt = {"tilt_x": 0.03, "tilt_y": -0.05, "arm_moment": 0.04}
@@ -236,6 +238,7 @@ def linear_response(A, order, t, x0):
         return np.array([float(value) for value in total])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("t", "theta", "alpha"), [(0.25, -6.29774, -5.31332), (0.5, -2.99532, 1.69933), (2.0, -2.73794, -0.07197)]
 )

@@ -139,6 +139,7 @@ def test_the_seed_decides_and_numpys_global_state_is_untouched(name):
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
 
 
+@pytest.mark.few(3)
 @every
 def test_it_never_leaves_the_bounds(name):
     for evaluate in (bowl, two_wells, squares(lambda x: x - np.array([0.2, 1.5]))):

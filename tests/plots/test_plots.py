@@ -138,6 +138,7 @@ def test_a_simulation_that_ends_early_says_how_much_is_missing():
     assert np.isfinite(data(figure.axes[0], "fitted").get_ydata()).sum() == 200
 
 
+@pytest.mark.broad
 def test_a_simulation_that_runs_away_leaves_the_measurement_visible():
     recording = twin()
     away = {n: y + 1e-3 * np.exp(recording.time - 3) for n, y in recording.fitted.items()}
@@ -318,7 +319,7 @@ def test_diverging_runs_are_hatched_and_named():
     assert "diverges" not in words(plane_of(LAMBDA, MU, VALLEY))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("cost", "said"),
     [

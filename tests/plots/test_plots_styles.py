@@ -307,7 +307,7 @@ def test_drawing_in_a_style_leaves_no_settings_behind():
 # --- zeros and units ---------------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_axis_of_the_pendulums_angle_says_where_it_is_zero(name):
     for axes in drawn(name).axes:
@@ -317,7 +317,7 @@ def test_every_axis_of_the_pendulums_angle_says_where_it_is_zero(name):
                 assert any(word in label for word in ("hanging", "upright", "as recorded")), label
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", [n for n in FIGURES if n != "rig_drawing"])
 def test_every_axis_has_its_unit(name):
     axes = drawn(name).axes

@@ -65,7 +65,7 @@ def test_the_unit_is_told_by_the_encoders_step_or_by_the_size(factor, step, expe
     assert columns(alpha=counted(factor * SWING, step))["alpha"] == {"column": "alpha"} | expected
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("factor", "step"), [(1.0, 1e-6), (180 / np.pi, 360 / 4096), (4096 / (2 * np.pi), 1.0)])
 @pytest.mark.parametrize("options", [None, {"alpha": {"column": "alpha"}, "theta": {"column": "theta"}}])
 def test_check_and_init_agree_on_units(tmp_path, factor, step, options):
@@ -124,7 +124,7 @@ def test_the_inertia_of_a_pendulum_on_a_still_arm_begins_at_its_period(tmp_path)
     assert problem.start[problem.names.index("C1")] == pytest.approx(C4 / 6.73**2, rel=0.05)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("rest", "zero"), [(0.0, None), (np.pi, 3.141592654), (-2 * np.pi, -6.283185307), (1.0, "rest")]
 )
@@ -266,7 +266,7 @@ def test_a_simulation_that_begins_at_rest_begins_with_its_first_sample(tmp_path)
     assert begins(tmp_path, decay(0.0)).startswith("# from = 1.0")
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("clock", "first", "last"),
     {
@@ -289,7 +289,7 @@ def test_what_a_clock_or_a_logger_spoils_is_left_out_of_the_window(tmp_path, clo
     assert window.report.findings == ()
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "alpha",
     {
@@ -351,6 +351,7 @@ def test_a_header_with_the_sampling_rate_is_the_clock_of_a_single_column(tmp_pat
     assert draft.columns["alpha"]["unit"] == "deg"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("delta", [0.0, 0.05])
 def test_presliding_is_proposed_where_small_swings_are_quicker(tmp_path, delta):
     rig = fracid.rotary_pendulum("stepper-freeswing", b_alpha=1e-5, coulomb_alpha=1e-4, presliding_alpha=delta)

@@ -106,6 +106,7 @@ def test_an_accelerometer_on_a_pendulum_has_a_distance_from_its_axis(tmp_path, s
         project_of(tmp_path, swing, "accelerometer", "angle_acceleration", ", radius = -1.0")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("sensor", "signal", "free"),
     [
@@ -123,7 +124,7 @@ def test_a_draft_knows_a_sensor_by_its_unit(tmp_path, swing, sensor, signal, fre
     assert {"angle(0) [" + sensor + "]", "rate(0) [" + sensor + "]"} <= {*problem.names}
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("header", "outputs", "free"),
     [

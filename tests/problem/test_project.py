@@ -402,6 +402,7 @@ def test_no_value_of_any_kind_gives_a_foreign_error(project):
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("srv02-*.toml"))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
 def test_the_examples_lack_nothing_but_their_recordings(path, tmp_path):
     """Each says what can be: with recordings of the columns that it names it is a problem with unknowns."""

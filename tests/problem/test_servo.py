@@ -106,6 +106,7 @@ def test_logs_with_other_gains_and_masses_have_them_with_their_recording(tmp_pat
     assert problem.parameters["length"] == 0.1
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("beside", [{"kp": None}, {"motor": "another"}, {"kp": "high"}, {"kp": -3}])
 def test_a_gain_that_a_log_does_not_say_is_free(tmp_path, beside):
     problem = drafted(
@@ -131,6 +132,7 @@ def test_several_recordings_of_a_rotary_pendulum_are_no_draft(tmp_path):
         drafted(tmp_path, tmp_path / "swing.npz", tmp_path / "swing.npz")
 
 
+@pytest.mark.broad
 def test_a_design_says_which_mass_to_hang_on_next(tmp_path):
     free = {n: Free(v, v / 10, 10 * v) for n, v in TRUE.items()}
     problem = Problem(fracid.model("joint"), (moved(1.0, 1),), {"mu": 1.0}, FIXED | free, initial_state="held",

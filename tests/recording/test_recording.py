@@ -502,7 +502,7 @@ PLACES = {
 }
 
 
-@pytest.mark.few(7)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("what", LONG)
 def test_a_cell_of_300_000_characters_costs_no_more_than_to_read_it(what, place, tmp_path):
@@ -632,7 +632,7 @@ def test_signals_of_another_length_than_time_are_refused():
 # --------------------------------------------------------------------------- what is measured
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("counts", [1024, 4000, 4096, 20000])
 @pytest.mark.parametrize("digits", [None, 5])
 def test_the_encoder_is_recognised_even_through_a_rounding_logger(counts, digits):

@@ -89,6 +89,7 @@ def test_what_the_model_does_satisfies_both_equations(zero, q, time_scale):
         assert np.abs(W @ beta).max() < 2e-4 * np.abs(W * beta).max()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ORDERS)
 def test_without_noise_all_constants_come_out(name):
     found = regress(release(90, name), RIG, orders=orders(name), known=C4)
@@ -96,7 +97,7 @@ def test_without_noise_all_constants_come_out(name):
     assert np.abs(errors(found, ("C6", "b_theta", "coulomb_theta", "b_alpha"))).max() < 0.05
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("estimator", ["ols", "huber", "tukey", "tls", "iv"])
 def test_a_free_response_gives_ratios_all_constants_scale_with_the_known_one(estimator):
     swing = release(60, seed=1)
@@ -123,7 +124,7 @@ def test_a_recorded_torque_needs_no_known_constant():
 # --- noise in the columns -------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("degrees", "name"), [(30, "integer"), (30, "near"), (60, "integer"), (60, "near"),
                                                (60, "paper"), (90, "near"), (90, "paper")])  # fmt: skip
 @pytest.mark.parametrize("seed", [1, 2])
@@ -140,6 +141,7 @@ def test_releases_from_30_to_90_degrees_give_the_inertias_within_7_percent(degre
             assert abs(c.value - TRUE[n]) < 4 * np.hypot(c.standard_error, c.bias) + 0.025 * TRUE[n]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("estimator", ["ols", "huber"])
 @pytest.mark.parametrize("degrees", [10, 30])
 def test_least_squares_shrinks_the_inertias_of_a_small_release_and_says_by_how_much(estimator, degrees):
@@ -153,6 +155,7 @@ def test_least_squares_shrinks_the_inertias_of_a_small_release_and_says_by_how_m
         assert c.bias / TRUE[n] < 0.4 * wrong
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("estimator", ["iv", "tls"])
 def test_instruments_and_total_least_squares_do_not_shrink_them(estimator):
     swing = release(30, "near", 2)
@@ -169,6 +172,7 @@ def test_ten_degrees_do_not_show_C6_and_the_verdict_says_so():
     assert "not excited" in str(found)
 
 
+@pytest.mark.broad
 def test_two_releases_tell_more_than_one():
     swings = [release(30, "near", seed) for seed in (1, 2)]
     one, both = (regress(s, RIG, orders=orders("near"), known=C4) for s in (swings[0], swings))
@@ -176,6 +180,7 @@ def test_two_releases_tell_more_than_one():
     assert np.abs(errors(both)).max() < 0.04
 
 
+@pytest.mark.broad
 def test_robust_estimators_outvote_a_push_that_nobody_recorded():
     rig = RIG.with_parameters(torque_per_volt=1.0)
     t = np.arange(0, 6.0002, 2e-4)
@@ -237,6 +242,7 @@ def test_a_small_release_does_not_show_the_orders_and_no_constant_is_called_iden
     assert not any(c.identified for c in found.parameters.values())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("noise", [0.0, 3e-3])
 def test_the_swing_is_found_in_noise_and_so_is_that_it_starts_at_rest(noise):
     states = exact(10, "integer", 6.0).copy()
@@ -261,6 +267,7 @@ def test_where_no_response_is_like_the_measured_one_no_constant_is_called_identi
 # --- what cannot be told apart --------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_one_frequency_shows_inertia_and_cable_only_together():
     rig = fracid.rotary_pendulum("cazzolato-prime", actuation="torque", cable_stiffness=0.5, b_theta=0.2)
     w = 2 * np.pi * 0.9

@@ -72,6 +72,7 @@ def test_equations_that_do_not_fit_identify_nothing():
     assert any("The speed's equation fits by 32 % only" in w for w in found.warnings)
 
 
+@pytest.mark.broad
 def test_a_free_response_determines_only_ratios():
     problem = problem_of("pendulum", ("gravity", "J", "b_angle"), {"mu": 1.0}, {"angle": 1.0})
     with pytest.raises(InputError, match=r"only ratios of gravity, J, b_angle\. Fix one of them"):

@@ -632,7 +632,7 @@ ELEMENTS = {
 }
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("elements", ELEMENTS)

@@ -18,7 +18,7 @@ from fracid.errors import InputError, Unfinished
 from fracid.runs.folder import EVALUATIONS, JOURNAL, MEMO, RUN, Run, run_state
 from fracid.tasks.simulation_cache import Memo
 from memos import Counting
-from program import no_rivals
+from program import leave_figures_out, no_rivals
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -73,7 +73,7 @@ def project(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch):
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+    leave_figures_out(monkeypatch)
 
 
 @pytest.fixture(autouse=True)
@@ -113,7 +113,7 @@ def whole(project, tmp_path_factory):
         kept.update({name: (run.folder / name).read_bytes() for name in (MEMO, EVALUATIONS)})
         finish(run)
 
-    patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+    leave_figures_out(patch)
     patch.setattr("fracid.tasks.simulation_cache._stamp", lambda: b"the same program")
     patch.setattr("fracid.runs.folder.Run.finish", copy)
     with no_rivals():
@@ -200,7 +200,7 @@ def test_a_fit_killed_in_the_middle_of_a_record_ends_the_same(project, whole, tm
         started.append(subprocess.Popen([sys.executable, "-c", DRIVER, *map(str, words)]))
     assert [process.wait() for process in started] == [-signal.SIGKILL] * 2
     monkeypatch.undo()
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+    leave_figures_out(monkeypatch)
     for folder in folders:
         fitted(project, folder, resume=True)
         assert result(folder) == whole[0]

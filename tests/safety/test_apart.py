@@ -50,7 +50,7 @@ def test_the_answer_is_what_is_returned_and_nothing_that_is_printed(tmp_path):
     assert answer_apart("test_apart:whole", tmp_path / "log", "a", "b c") == b"3 a b c"
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("deed", "told"),
     [

@@ -32,7 +32,7 @@ def holds(told, says):
     return True
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.usefixtures("heeding_modes")
 @pytest.mark.parametrize("row", RECORDINGS, ids=names(RECORDINGS))
 def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
@@ -50,7 +50,7 @@ def test_a_bad_recording_is_told_and_never_a_traceback(row, tmp_path, capsys):
     assert str(told.value).isprintable()
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("row", PROJECTS, ids=names(PROJECTS))
 def test_a_bad_project_is_told_and_never_a_traceback(row, tmp_path, capsys):
     (tmp_path / "swing.csv").write_bytes(text()())

@@ -15,7 +15,7 @@ from fracid.errors import DataError, InputError
 from fuzz_inputs import PACKAGED, READERS, input_of
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("reader", READERS)
 def test_an_input_is_found_again_by_its_number(reader):
     inputs = [input_of(reader, number) for number in range(200)]
@@ -23,7 +23,7 @@ def test_an_input_is_found_again_by_its_number(reader):
     assert len({raw for _, raw in inputs}) > 150
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("reader", sorted(set(READERS) - set(PACKAGED)))
 def test_some_inputs_are_taken_and_most_are_refused_in_a_line(reader, tmp_path):
     outcomes = [fuzz.judge(reader, tmp_path, number) for number in range(20 if reader == "search" else 60)]
@@ -32,7 +32,7 @@ def test_some_inputs_are_taken_and_most_are_refused_in_a_line(reader, tmp_path):
     assert outcomes.count("InputError") + outcomes.count("DataError") > len(outcomes) / 6
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("reader", PACKAGED)
 def test_what_a_package_reads_is_taken_or_refused_in_a_line_or_stopped(reader):
     ended, failures = fuzz.fuzz_reader(reader, range(36), 300)  # a few dozen; tests/safety/fuzz.py has thousands

@@ -13,7 +13,7 @@ from fracid.errors import InputError, Unfinished
 from fracid.recording import Recording, load_recording
 from fracid.runs.folder import run_state
 from fracid.tasks.local import deaf_to_ctrl_c
-from program import DrawnSo, run
+from program import leave_figures_out, run
 from twins import write_release
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -184,7 +184,7 @@ def project(tmp_path_factory):
 
 
 def drawn_so(monkeypatch, draw):
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: DrawnSo(draw))
+    leave_figures_out(monkeypatch, draw)
 
 
 @pytest.mark.broad

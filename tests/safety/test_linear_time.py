@@ -66,7 +66,7 @@ def grows_by(way, *sizes, **tries):
     return min(least(way, sizes[1], **tries) / least(way, sizes[0], **tries) for _ in range(3))
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", WAYS)
 def test_eight_times_the_input_takes_less_than_24_times_the_time(name):
     way, n = WAYS[name]
@@ -123,5 +123,6 @@ def test_the_page_of_eight_times_the_run_takes_less_than_24_times_the_time(of, n
     assert grows_by(lambda k: write_report(runs[k]), 1, 8, tries=2) < 24.0
 
 
+@pytest.mark.broad
 def test_what_takes_the_square_is_found():
     assert grows_by(lambda n: np.subtract.outer(np.arange(n), np.arange(n)), 500, 4000) > 24.0

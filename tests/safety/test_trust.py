@@ -19,7 +19,7 @@ from fracid.cli import main
 from fracid.safety.user_code import run_file
 from fracid.selection.comparison import _Given
 from fracid.workflows.resumption import safe_words
-from program import run
+from program import leave_figures_out, run
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
 
@@ -80,7 +80,7 @@ def fitted(tmp_path_factory):
     folder = strangers(tmp_path_factory.mktemp("fitted"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+        leave_figures_out(patch)
         words = ["fit", "rig.toml", "--out", "run", "--trust"]
         patch.setattr(sys, "argv", ["fracid", *words])
         with pytest.raises(SystemExit) as stop:
@@ -218,7 +218,7 @@ def unfinished(fitted, tmp_path, monkeypatch):
 
 @pytest.mark.broad
 def test_a_run_is_gone_on_with_only_if_its_code_is_trusted_again(capsys, unfinished, monkeypatch):
-    monkeypatch.setattr("fracid.workflows.fit.Drawing", lambda *_, **__: None)
+    leave_figures_out(monkeypatch)
     assert refused(capsys, "resume", "run").endswith("Type: fracid resume run --trust")
     code, _, _ = run(capsys, "resume", "run", "--trust")
     assert (code, Path("run/result.json").exists()) == (0, True)

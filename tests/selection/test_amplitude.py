@@ -52,7 +52,7 @@ def test_dry_friction_takes_as_much_from_the_order_as_its_energy_says(dry):
     assert 1 - np.array(drift.values) == pytest.approx(4 * dry / (np.pi**2 * STIFFNESS * A), rel=0.06)
 
 
-@pytest.mark.few(1)
+@pytest.mark.broad
 @pytest.mark.parametrize("drag", [3e-6, 1e-5])
 def test_drag_takes_as_much_from_the_order_as_its_energy_says(drag):
     problem = model(swing(drag=drag, noise=1e-4, end=20.0))

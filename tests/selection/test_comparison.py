@@ -127,6 +127,7 @@ def test_a_range_that_excludes_no_friction_is_widened_to_hold_it():
     assert ranges["mu"].upper == 1.0
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["gl", "gl-paper", "pi2", "pi3"])
 def test_every_structure_is_solved_by_one_method_of_second_order_or_better(method):
     found = ladder(problem(swing(), method=method))
@@ -144,6 +145,7 @@ def test_orders_are_1_or_as_the_problem_frees_them_and_the_paper_has_viscous_fri
     assert name_of(*PAPER) in [s.name for s in found.structures]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("orders", "free"),
     [

@@ -19,6 +19,7 @@ def noise(seed, ρ):
     return lfilter([1.0], [1.0, -ρ], np.random.default_rng(seed).standard_normal(1500))[500:]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ρ", [0.3, 0.8, 0.95])
 def test_noise_of_a_filter_is_noise_in_nearly_all_draws(ρ):
     assert sum(asked(noise(seed, ρ)) for seed in range(40)) >= 36

@@ -44,6 +44,7 @@ SPOILT = {
 }
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("spoil", SPOILT.values(), ids=SPOILT)
 @pytest.mark.parametrize("decay", [0.0, 0.1, 0.3])
 def test_the_period_is_that_of_the_swing(spoil, decay):
@@ -145,6 +146,7 @@ def _released(degrees, rate, held):
     return step * np.arange(len(alpha)), alpha
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("rate", [50, 250, 1000])
 @pytest.mark.parametrize(("degrees", "noise"), [(10, 0.1), (30, 0.8), (75, 0.8), (75, 2.0), (120, 2.0)])
 def test_a_release_is_found_in_noise(degrees, noise, rate):

@@ -54,7 +54,7 @@ def test_the_derivatives_of_a_relaxation_are_those_of_the_mittag_leffler_functio
         assert found.initial[n, 0, 0] == pytest.approx(y, abs=2e-5)  # the equation is linear
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("method", "recursion"), [("gl", gl), ("pi2-implicit", pi2)])
 @pytest.mark.parametrize("orders", [(0.95, 0.95), (0.8, 1.1), (1.0, 1.0)])
 def test_the_derivatives_of_a_pendulum_are_those_of_its_recursion_by_complex_step(method, recursion, orders):

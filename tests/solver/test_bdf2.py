@@ -37,6 +37,7 @@ def exact_weights(q, steps):
         return [float(scale * mpmath.fdot(near[: k + 1], far[k::-1])) for k in range(steps + 1)]
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("q", ORDERS)
 def test_weights_are_those_of_an_independent_60_digit_computation(q):
     w, start = bdf_weights(q, 150)

@@ -292,6 +292,7 @@ def driven_by_slow(t, x, u, p, out):
 SHARES, TIMES, HELD = (0.5, 0.4, 0.3), (2.0, 0.05), (0.2, -0.1)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("shares", [SHARES, (0.5, -0.4, 0.3), (0.0, 1.0, 0.0)])
 @pytest.mark.parametrize("held", [HELD, (0.0, 0.0)])
 def test_a_finite_memory_is_that_of_a_state_for_each_relaxation_where_the_input_jumps_too(shares, held):

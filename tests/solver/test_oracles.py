@@ -95,7 +95,7 @@ def _pendulum(t, x, u, p, out):
     out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1]
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("method", RECURSIONS)
 @pytest.mark.parametrize("k", range(6), ids=["order 1", "order 2", "stiffness", "damping", "angle", "rate"])
 def test_a_complex_step_is_the_limit_of_differences_of_the_recursion(method, k):

@@ -147,7 +147,7 @@ def test_there_are_no_more_states_than_composition_needs(orders, form, states):
 # --- known solutions -------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", MULTI_TERM, **by_name)
 def test_pi2_converges_to_the_known_solution_in_all_derivatives(problem, form):
@@ -165,7 +165,7 @@ def test_the_star_is_of_second_order_where_the_highest_derivative_is_smooth(prob
     assert fine < coarse / 2**1.75 or fine < 1e-10
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("method", ["gl", "gl-sequential"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("problem", [p for p in MULTI_TERM if "100" not in p.name and p is not T18], **by_name)
@@ -193,6 +193,7 @@ def test_a_linear_system_is_the_matrix_mittag_leffler_function(problem):
         np.testing.assert_allclose(run.states[round(4 * t / problem.step)], x, atol=5e-6)
 
 
+@pytest.mark.broad
 def test_t6_and_t14_converge_as_they_should():
     ratios = [known_error(T6, T6.step / k) for k in (2, 4)]
     assert np.log2(ratios[0] / ratios[1]) == pytest.approx(2.0, abs=0.05)
@@ -200,7 +201,7 @@ def test_t6_and_t14_converge_as_they_should():
     assert np.log2(far[0] / far[1]) / 3 > 1.1
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("problem", STIFF, **by_name)
 def test_pi2_solves_stiff_problems_at_steps_far_above_their_time_constants(problem):
     coarse, fine = (known_error(problem, problem.step / k) for k in (2, 4))
@@ -211,7 +212,7 @@ def test_pi2_solves_stiff_problems_at_steps_far_above_their_time_constants(probl
 # --- equivalences ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     "problem", [p for p in MULTI_TERM if p.name.startswith(("plate", "order", "free B"))], **by_name

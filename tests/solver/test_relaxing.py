@@ -29,6 +29,7 @@ def run(step, a=3.0, end=3.0, **options):
     return solve_fde(bristle, 1.0, [0.5], step=step, end=end, parameters=[a], relaxing=(0,), **options).states[:, 0]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("a", [0.0, 1.0, 10.0])
 def test_a_relaxing_state_converges_by_second_order(a):
     exact = solve_ivp(lambda t, z: np.cos(t) - a * (1 + np.sin(t) ** 2) * z, (0, 3), [0.5], rtol=1e-12, atol=1e-13)
@@ -61,7 +62,7 @@ def test_it_moves_from_the_first_step_on_where_the_first_steps_are_solved_togeth
     np.testing.assert_allclose(x[:, 1], np.arange(101) * 0.01, atol=1e-12)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "pi3"])
 @pytest.mark.parametrize(("s", "sigma1"), [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)], ids=["Dahl", "Stribeck", "LuGre"])
 def test_presliding_friction_agrees_with_an_implicit_integrator_of_scipys(method, s, sigma1):

@@ -39,6 +39,7 @@ def test_a_model_that_is_loaded_twice_is_compiled_once(tmp_path):
     assert compile_rhs(first.rhs) is compile_rhs(second.rhs)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "other",
     [

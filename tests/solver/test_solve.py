@@ -52,7 +52,7 @@ def relaxation(q):
 # --- accuracy --------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("method", OF_F)
 @pytest.mark.parametrize("problem", PROBLEMS, **by_name)
 def test_pi2_reaches_the_known_solution(problem, method):
@@ -60,7 +60,7 @@ def test_pi2_reaches_the_known_solution(problem, method):
     assert np.all(errors(problem, problem.step / 8, method=method) < constant * 1e-5 * max(1.0, scale(problem)))
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("method", SECOND_ORDER)
 @pytest.mark.parametrize(
     ("problem", "plain"),
@@ -108,6 +108,7 @@ def test_pi3_at_order_one_is_the_rule_of_adams_and_moulton_of_order_four():
     assert np.log2(coarse / fine) == pytest.approx(4, abs=0.2)
 
 
+@pytest.mark.few(16)
 @pytest.mark.parametrize("method", ["gl", "gl-sequential"])
 @pytest.mark.parametrize("problem", PROBLEMS, **by_name)
 def test_grunwald_letnikov_schemes_converge_at_order_one(problem, method):
@@ -139,6 +140,7 @@ def _oscillator(t, x, u, p, out):
     out[1] = -p[0] * np.sin(x[0]) - p[1] * x[1]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("method", "tolerance"), [("pi2", 1e-5), ("pi3", 1e-9), ("gl", 5e-2), ("gl-sequential", 5e-3)])
 def test_order_one_is_the_ordinary_differential_equation(method, tolerance):
     out = np.empty(2)
@@ -165,6 +167,7 @@ def test_explicit_gl_feeds_energy_into_an_undamped_pendulum_and_the_sequential_s
 # --- memory ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(24)
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize("problem", [T1, t2(0.25), t2(1.5), t4((1.5, 1.2)), T8, T19, T33, M2], **by_name)
 def test_compressed_memory_gives_the_trajectory_of_full_memory(problem, method):
@@ -173,7 +176,7 @@ def test_compressed_memory_gives_the_trajectory_of_full_memory(problem, method):
     np.testing.assert_allclose(kept, whole, atol=2e-9 * np.abs(whole).max())
 
 
-@pytest.mark.few(16)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize("order", [0.001, 0.3, 0.99, 0.999, 1.0, 1.001, 1.5, 1.999])
 def test_compressed_equals_full_for_every_order(method, order):
@@ -220,6 +223,7 @@ def history_by_hand(kernel, v, n):
     return kernel.at(lags) @ v[n - lags] + start * v[0]
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("memory", ["full", "short(1)", "short(3)", "short(8)", "short(9)", "short(25)"])
 @pytest.mark.parametrize("order", [0.6, 1.0, 1.4])
 def test_the_integral_is_the_sum_that_the_memory_defines(memory, order):
@@ -294,6 +298,7 @@ def _divides_by_zero(t, x, u, p, out):
     out[1] = 0.0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("method", SCHEMES)
 def test_a_diverging_run_ends_with_its_finite_part_and_a_reason(method):
     trajectory = solve_fde(_explodes, 0.9, [2.0], step=1e-3, end=5.0, method=method, limit=1e6)
@@ -446,6 +451,7 @@ def _raises(t, x, u, p, out):
     out[0] = -x[0]
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize(
     ("rhs", "message"),
@@ -478,6 +484,7 @@ def _stiff(t, x, u, p, out):
     out[0] = -p[0] * (x[0] - 1 - t * t) + 2 / p[1] * t ** (2 - p[2])
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
 @pytest.mark.parametrize("order", [0.3, 0.6, 0.9, 1.0])
 def test_the_implicit_method_solves_stiff_systems_at_any_step(order, stiffness):

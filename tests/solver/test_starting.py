@@ -25,7 +25,7 @@ def error_by_definition(q, sigma, n):
         return float(exact - mpmath.fsum(b(n - k) * mpmath.mpf(k) ** sigma for k in range(1, n + 1)))
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("q", [0.05, 0.3, 0.8623, 0.99, 1.0, 1.01, 1.5, 1.95])
 @pytest.mark.parametrize("sigma", [0.05, 0.3, 0.5, 0.8623, 0.97])
 def test_the_errors_of_powers_are_those_of_the_definition(q, sigma):
@@ -102,6 +102,7 @@ def test_a_system_begins_with_the_sums_of_its_orders_and_the_power_of_time(order
     np.testing.assert_allclose(exponents(tuple(orders), tuple(powers)), want, atol=1e-12)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("q", [0.1, 0.2, 0.4, 0.6, 0.8, 0.95])
 def test_the_corrected_relaxation_is_far_better_at_every_time(q):
     def decay(t, x, u, p, out):

@@ -67,7 +67,7 @@ def test_bdf2_ends_where_radau_does(problem):
     assert run.states[-1] == pytest.approx(want, rel=error, abs=1e-9)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", [0.9, 1.1])
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_at_other_orders_two_schemes_meet_or_one_says_that_it_does_not_settle(problem, order):

@@ -167,6 +167,7 @@ def test_the_limit_holds_for_a_system_of_mixed_orders(rate):
     assert run(swing, (1.0, 1.2), [1.0, 0.0], [9.0, rate], method="bdf2").fault is None
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("method", ["gl", "gl-sequential"])
 @pytest.mark.parametrize("q", [0.001, 0.01, 0.05, 0.09, 0.15])
 @pytest.mark.parametrize("size", [0.5, 0.9, 0.97])

@@ -240,7 +240,7 @@ PROJECT_FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.few(6)
+@pytest.mark.few(3)
 @pytest.mark.parametrize("fault", PROJECT_FAULTS)
 def test_a_fault_of_the_project_is_said_before_the_search(fault):
     code, number, made = PROJECT_FAULTS[fault]
@@ -359,6 +359,7 @@ def minimum(p):
     return x, uncertainty(p, x)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("memory", "moved"), [(compressed(1e-2), "lambda mu"), (compressed(1e-3), "lambda mu"),
                                                (short(20), "mu")], ids=lambda v: getattr(v, "name", ""))  # fmt: skip
 def test_a_memory_that_is_too_loose_is_said_with_how_far_it_moves_the_orders(memory, moved):
@@ -373,6 +374,7 @@ def test_a_memory_that_is_too_loose_is_said_with_how_far_it_moves_the_orders(mem
         assert f.number * half == pytest.approx(abs(x[i] - best[i]), rel=0.4)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("memory", [compressed(1e-10), compressed(1e-6), full()])
 def test_a_memory_that_is_tight_enough_is_not_blamed(memory):
     good = problem(GOOD, memory=memory, parameters={}, **HELD)

@@ -136,6 +136,7 @@ def test_processes_and_threads_find_the_same_to_the_bit():
     assert processes.to_json() == threads.to_json()
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("cost", COSTS)
 @pytest.mark.parametrize("memory", [compressed(), compressed(1e-8, lags=16), short(300), full()], ids=lambda m: m.name)
 def test_a_problem_travels_with_every_cost_and_memory(cost, memory):
@@ -292,6 +293,7 @@ def test_a_cost_without_intervals_still_tells_bias_and_spread():
     assert (mu.claimed, mu.intervals) == (None, 0)
 
 
+@pytest.mark.broad
 def test_json_and_table_hold_every_cell_and_unknown():
     found = study(levels=[0.0, NOISE], resolutions=[0.0, COUNT], seeds=2)
     content = json.loads(json.dumps(found.to_json(), allow_nan=False))
