@@ -30,7 +30,7 @@ $(READY): $(RUNNING)
 demo: $(RUNNING)
 	$(BIN)/fracid demo --out runs/demo
 
-# Two and a half minutes on two cores, once the loops are compiled: of every package, and of every table of variants.
+# Two minutes on two cores, once the loops are compiled: of every package, and of every table of variants.
 test: $(READY)
 	$(BIN)/pytest -n 2 --dist worksteal
 

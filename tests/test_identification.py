@@ -322,7 +322,7 @@ def test_ctrl_c_keeps_the_best_so_far(optimiser):
     json.dumps(fit.to_json(), allow_nan=False)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("stage", ["uncertainty", "_validate", "discretisation_check", "refined"])
 def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     def interrupted(*args, **options):

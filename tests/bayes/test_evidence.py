@@ -9,6 +9,7 @@ from scipy.stats import multivariate_t
 from fracid.bayes.evidence import log_box_integral
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("count", "degrees"), [(5, 3.0), (12, 1.2), (12, 1e4)])
 def test_the_part_of_a_correlated_students_t_within_bounds_is_that_of_scipy(count, degrees):
     rng, none = np.random.default_rng(0), np.zeros(count)

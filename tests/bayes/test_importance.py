@@ -113,6 +113,7 @@ def test_the_density_of_a_proposal_is_one_in_all():
     assert np.trapezoid(np.trapezoid(density, x), x) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("density", "shape"), [
     (Banana(), GaussianApproximation(np.ones(4), 0.02 * np.eye(4))),
     (TwoPeaks(1.5), GaussianApproximation(np.full(3, 1.5), np.eye(3))),  # 5 standard deviations apart

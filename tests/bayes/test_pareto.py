@@ -20,6 +20,7 @@ def test_khat_is_that_of_arviz(scale, khat):
     assert smoothed(log_ratios(scale))[1] == pytest.approx(khat, abs=1e-9)  # arviz_stats 0.8.0, array_stats.psislw
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scale", [0.3, 0.9])
 def test_smoothed_weights_are_those_of_arviz(scale):
     stats = pytest.importorskip("arviz_stats.base").array_stats

@@ -56,6 +56,7 @@ def swing():
     return Problem(RIG, (e,), free, {"b_alpha": Free(2e-4, 0.0, 1e-2)}, initial_state="held")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cost", ["rmse", "ise", "huber"])
 def test_next_to_the_minimum_the_curvature_is_the_sandwichs(swing, cost):
     problem = replace(swing, cost_function=COSTS[cost])

@@ -170,6 +170,7 @@ UNITS = [{"a": "rad"}, {"f": "N"}, {"s": "m", "alpha": "rad"}, {"alpha": "rad", 
          {"f": "N", "v": "V", "r": "1"}, {"w": "rad/s", "a": "rad"}]  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("units", UNITS, ids=lambda units: ", ".join(units.values()))
 def test_table_terminal_card_figure_and_json_take_outputs_of_any_units(units):
     found = compared(units)

@@ -89,6 +89,7 @@ def test_the_project_file_of_an_example_says_what_its_python_says(folder, name):
     assert written.cost(written.start) == said.cost(said.start)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", OWN)
 def test_code_of_an_examples_own_is_not_run_unasked(folder, name):
     example = module_of(folder / f"{name}.py")

@@ -64,6 +64,7 @@ def test_an_error_is_written_with_two_digits():
     assert [digits(v) for v in (451.0, 10.4, 2.04, 0.204, 0.00768)] == ["451", "10", "2.0", "0.20", "0.0077"]
 
 
+@pytest.mark.broad
 @pytest.mark.filterwarnings("ignore::fracid.solver.solve.PaperSchemeWarning")
 def test_the_pictures_of_the_theory_show_what_it_says():
     pictures = runpy.run_path(str(Path(SCRIPT["__file__"]).with_name("theory_pictures.py")))

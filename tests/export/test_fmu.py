@@ -184,16 +184,23 @@ def test_between_its_own_steps_it_is_read_from_the_line_between_them_and_longer_
     agree(coarse, ours[::5])
 
 
-def test_a_run_that_fails_is_told_through_the_logger(tmp_path):
+@pytest.fixture(scope="module")
+def oscillator(tmp_path_factory):
+    """One, and the archive of it."""
     problem = problem_of("oscillator")
-    unit = Unit(archive(tmp_path, problem), tmp_path / "unit", k3=-1e12, **{"state.displacement": 1.0})
+    return problem, archive(tmp_path_factory.mktemp("oscillator"), problem)
+
+
+def test_a_run_that_fails_is_told_through_the_logger(tmp_path, oscillator):
+    problem, path = oscillator
+    unit = Unit(path, tmp_path / "unit", k3=-1e12, **{"state.displacement": 1.0})
     with pytest.raises(fmpy.fmi1.FMICallException):
         unit.along(problem, ["displacement"])
 
 
-def test_a_parameter_cannot_be_changed_once_the_run_has_begun(tmp_path):
-    problem = problem_of("oscillator")
-    unit = Unit(archive(tmp_path, problem), tmp_path / "unit")
+def test_a_parameter_cannot_be_changed_once_the_run_has_begun(tmp_path, oscillator):
+    problem, path = oscillator
+    unit = Unit(path, tmp_path / "unit")
     unit.along(problem, ["displacement"], [0])
     with pytest.raises(fmpy.fmi1.FMICallException):
         unit.set({"k": 3.0})

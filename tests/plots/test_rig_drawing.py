@@ -160,7 +160,7 @@ def test_the_rig_is_seen_from_above_and_not_mirrored():
     assert z[1] > 0
 
 
-@pytest.mark.few(8)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", [*MODELS, *(n for n in MODEL if fracid.model(n).scene is not None)])
 def test_each_arrow_leads_from_where_the_output_is_zero_to_where_it_is_positive(name):
     model = model_of(name) if name in MODELS else fracid.model(name)

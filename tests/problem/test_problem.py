@@ -763,6 +763,7 @@ def _tank(t, x, u, p, out):
     out[0] = (2e5 - x[0]) / p[0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("units", [{"pressure": "Pa"}, {}], ids=["Pa", "no unit said"])
 def test_a_pressure_has_not_run_away_and_is_searched_for_in_its_own_size(units):
     constant = fracid.Parameter("tau", "s", 2.0, "time constant", 0.1)

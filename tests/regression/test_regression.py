@@ -64,6 +64,7 @@ def repeated(angle, order):
     return rate, from_rest(rate, order, 4e-4)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 @pytest.mark.parametrize("q", [(1.0, 1.0), (0.9, 0.95), (1.1, 0.8)], ids=str)
 @pytest.mark.parametrize("time_scale", [1.0, 0.14])

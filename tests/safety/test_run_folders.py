@@ -168,6 +168,7 @@ def test_a_finished_run_that_lost_a_file_is_not_said_to_have_it(capsys, sent, sp
         assert "cannot be read" in err or "no run.json" in err
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("option", "value"), [("seed", "1"), ("starts", 1.5), ("project", None), ("cut", "no"), ("executor", 3)]
 )

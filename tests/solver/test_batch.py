@@ -14,6 +14,7 @@ def decay(t, x, u, p, out):
     out[0] = -p[0] * x[0]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("jobs", [1, 2, 5, None])
 def test_a_batch_is_its_runs_one_by_one(jobs):
     runs = [{"orders": q, "parameters": [k]} for q in (0.4, 0.9, 1.0, 1.3) for k in (0.5, 2.0)]

@@ -72,7 +72,7 @@ def test_the_error_of_a_power_is_expanded_as_it_is_summed(q, sigma):
         assert error == pytest.approx(exact - rule, abs=1e-13 * exact + 1e-13)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("q", [0.3, 0.5, 0.8, 0.95, 1.0, 1.05, 1.3, 1.5, 1.8, 1.95])
 def test_it_converges_at_order_two_to_the_mittag_leffler_function_at_every_time(q):
     off = []

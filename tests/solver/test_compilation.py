@@ -59,7 +59,7 @@ def flipped(place):
     return flip
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "broken",
     [lambda c: b"", lambda c: b"garbage" * 99, lambda c: c[:31], lambda c: c[:40], lambda c: c[:-1], lambda c: c + b"x",
@@ -131,6 +131,7 @@ def test_what_is_whole_but_cannot_be_used_is_compiled_anew(module, monkeypatch):
         assert compiled(module.double) == (42.0, False)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["sources", "numba", "llvmlite"])
 def test_other_sources_and_other_versions_compile_anew(module, monkeypatch, name):
     compiled(module.double)

@@ -79,6 +79,7 @@ def test_weights_of_the_start_are_within_the_tolerance_too(order):
     np.testing.assert_allclose(start, [exact_start(order, int(k) + 9) for k in later], rtol=1e-10)
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("order", [q for q in ORDERS if q != 1.0])
 def test_the_tolerance_holds_to_ten_million_steps(family, order):
@@ -252,7 +253,7 @@ def test_a_wrong_memory_is_told(make, message):
         make()
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_third_order_weights_follow_from_the_trapezoidal_ones_within_the_tolerance(order):
     lags = lags_up_to(MANY)

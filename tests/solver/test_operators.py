@@ -273,6 +273,7 @@ def test_gl_agrees_with_rl_to_first_order(order):
     assert difference(2000) < 0.02
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("order", [-1.5, -0.3, 0.25, 0.5, 0.9146, 1.3, 1.75])
 def test_the_sine_has_its_known_derivatives(order):
     t = np.linspace(0, 10, 4001)
@@ -479,7 +480,7 @@ def test_mittag_leffler_is_the_functions_it_generalises():
     np.testing.assert_allclose(mittag_leffler(0.5, x), erfcx, rtol=1e-11)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("order", [0.3, 0.7, 0.9146, 1.0, 1.3, 1.9, 2.0, 2.5, 3.0, 4.0])
 @pytest.mark.parametrize("beta", [1.0, 0.5, 1.8, 3.0])
 def test_mittag_leffler_is_its_power_series(order, beta):

@@ -235,6 +235,7 @@ def test_the_integral_is_the_sum_that_the_memory_defines(memory, order):
     np.testing.assert_allclose(x[1:], by_hand, rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize("memory", ["full", "compressed"])
 def test_a_run_is_the_beginning_of_any_longer_run(method, memory):
@@ -252,6 +253,7 @@ def _driven(t, x, u, p, out):
     out[0] = u[0] - x[0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("method", "tolerance"), [("pi2", 1e-6), ("gl", 5e-3), ("gl-sequential", 5e-3)])
 def test_a_sampled_input_acts_as_the_same_function_of_time_does(method, tolerance):
     def itself(t, x, u, p, out):

@@ -35,7 +35,7 @@ def test_the_errors_of_powers_are_those_of_the_definition(q, sigma):
     np.testing.assert_allclose(found, want, rtol=2e-7, atol=1e-13)
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("q", [0.05, 0.3, 0.8623, 0.99, 1.0, 1.3, 1.9])
 @pytest.mark.parametrize("sigma", [0.1, 0.5, 0.8623, 1.5, 1.8])
 def test_the_errors_of_powers_are_those_of_the_sum_for_the_third_order_too(q, sigma):

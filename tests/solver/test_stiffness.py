@@ -37,6 +37,7 @@ def run(rhs, orders=1.0, initial=(1.0,), parameters=(1.0,), step=1e-2, end=10.0,
     return fracid.solve_fde(rhs, orders, initial, parameters=parameters, step=step, end=end, **options)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("method", ["gl", "gl-sequential", "pi3"])
 @pytest.mark.parametrize("q", [0.7, 1.0])
 def test_an_explicit_scheme_that_cannot_follow_says_its_stiffness(method, q):

@@ -148,6 +148,7 @@ def test_correlations_add_up_as_those_of_an_ar1_process_do():
 # --- spectrum --------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize(("multiple", "harmonic", "words"), [
     (1, 1, "the swing's own frequency: the simulated swing is too large, too small or out of phase"),
     (1.04, 1, "Free Coulomb friction, drag"),
@@ -297,6 +298,7 @@ SPEED = np.tile(np.repeat([0.0, 0.5, 1.0], TURNS), 14)[:N]
 FAR = np.abs(RAMP - 0.5) / 0.5
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(("scale", "fitted", "which", "ratio", "words"), [
     (1 + 4 * RAMP, TRIANGLES, 0, 4.333 / 1.667, "in the last third of the record as in the first"),
     (1 + 4 * RAMP, TRIANGLES, 0, 4.333 / 1.667, "the swing's phase or damping runs off"),

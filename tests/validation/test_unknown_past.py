@@ -95,7 +95,7 @@ def test_integer_orders_have_no_memory_so_the_past_changes_nothing():
 # --- which treatments -------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("initial_state", "past", "earlier", "names"), [
     ("estimate", False, False, {"cut later"}),
     ("estimate", False, True, {"cut later", "with the past", "from the plateau"}),
