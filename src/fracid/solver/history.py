@@ -103,7 +103,7 @@ _vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.in
 KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
 
 
-@when_called(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS))
+@when_called(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS), allocates=False)
 def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
     """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
 

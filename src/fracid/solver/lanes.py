@@ -40,7 +40,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 from fracid.arrays import FloatArray
 from fracid.solver import schemes
-from fracid.solver.compilation import call_at, kept, when_called
+from fracid.solver.compilation import LOOP, call_at, kept, when_called
 from fracid.solver.history import (
     BLOCK,
     Kernels,
@@ -443,9 +443,6 @@ def _store(row, x, out):
     return row + 1
 
 
-newton = schemes._newton
-
-
 @bare
 def _rare(needed, joins, measured, rhs, t, x, u, p, f, history, newest, W, state, trial, x0, relaxing, start, h):
     """Newton's method in the lanes that need it, one by one; nothing is joined."""
@@ -461,7 +458,7 @@ def _rare(needed, joins, measured, rhs, t, x, u, p, f, history, newest, W, state
         for r in range(len(start)):
             for c in range(3):
                 W.start[r, c] = _lane(start[r, c], k)
-        W.state[k] = newton(
+        W.state[k] = schemes._newton(
             rhs[1], t, x_k, u, W.p[k], f_k, history_k, newest_k, W.matrices[k], W.state[k], trial_k, relaxing, W.start,
             h,
         )  # fmt: skip
@@ -524,7 +521,7 @@ def for_lanes(function: Any) -> Any:
         return None
     teach_helpers(function)
     try:
-        return kept(RHS_OF_LANES, error_model="numpy", nogil=True, _nrt=False, no_cpython_wrapper=True)(function)
+        return kept(RHS_OF_LANES, no_cpython_wrapper=True, **LOOP)(function)
     except NumbaError:
         return None
 

@@ -28,7 +28,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, brief
 from fracid.findings import Words
 from fracid.models import joints
-from fracid.solver.compilation import RHS_SIGNATURE, kept
+from fracid.solver.compilation import LOOP, RHS_SIGNATURE, kept
 from fracid.solver.same_function import once_for_equals
 
 SAYS = Words("solver/right_hand_side.toml")
@@ -78,7 +78,7 @@ def _compiled(function: Any) -> Any:
     teach_helpers(function)
     if (function.__module__ or "").startswith("fracid."):  # what exec made may have none
         # ours allocate nothing, and counting who has x and out doubles their time; a test asks for their indices
-        return kept(RHS_SIGNATURE, error_model="numpy", nogil=True, _nrt=False)(function)
+        return kept(RHS_SIGNATURE, **LOOP)(function)
     options = {"error_model": "numpy", "nogil": True, "boundscheck": _largest_indices(function) is None}
     try:
         return _reading(function, options)
