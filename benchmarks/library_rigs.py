@@ -6,7 +6,7 @@ polygon.  All constants are drawn: a factor of 1.6 about those of the library ei
 
 >>> rig = recorded("oscillator", rate=50, rng=np.random.default_rng(1))
 >>> sorted(rig.truth)[:3], list(rig.columns)
-(['b_displacement', 'coulomb_displacement', 'k'], ['time', 'force', 'displacement'])
+(['b_displacement', 'coulomb_displacement', 'k'], ['time', 'force', 'displacement [m]'])
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def pendulum(rate: int, rng: np.random.Generator) -> Recorded:
     f = lambda x, _: (x[1], (-G * math.sin(x[0]) - b * x[1] - dry * math.tanh(x[1] / slip)) / J)  # noqa: E731
     x = solved(f, [math.radians(rng.uniform(15, 90)), 0.0], np.zeros(t.size), 1 / rate)
     angle = x[:, 0] + math.radians(0.05) * rng.standard_normal(t.size)
-    return Recorded("pendulum", p, {"time": t, "angle": angle}, ("gravity", ("J", "b_angle", "coulomb_angle")))
+    return Recorded("pendulum", p, {"time": t, "angle [rad]": angle}, ("gravity", ("J", "b_angle", "coulomb_angle")))
 
 
 def cart_pole(rate: int, rng: np.random.Generator) -> Recorded:
@@ -110,7 +110,12 @@ def cart_pole(rate: int, rng: np.random.Generator) -> Recorded:
         return x[1], (J * along - ml * c * torque) / det, x[3], (M * torque - ml * c * along) / det
 
     x = solved(f, [0.0, 0.0, 0.0, 0.0], force, 1 / rate)
-    columns = {"time": t, "force": force, "position": noisy(rng, x[:, 0], 0.002), "angle": noisy(rng, x[:, 2], 0.003)}
+    columns = {
+        "time": t,
+        "force": force,
+        "position [m]": noisy(rng, x[:, 0], 0.002),
+        "angle [rad]": noisy(rng, x[:, 2], 0.003),
+    }
     return Recorded("cart-pole", p, columns)
 
 
@@ -122,7 +127,7 @@ def joint(rate: int, rng: np.random.Generator) -> Recorded:
     torque = 0.25 * driven(rng, t, 0.2, 4.0)
     f = lambda x, u: (x[1], (u - G * math.sin(x[0]) - b * x[1] - dry * math.tanh(x[1] / 0.02)) / J)  # noqa: E731
     x = solved(f, [0.0, 0.0], torque, 1 / rate)
-    return Recorded("joint", p, {"time": t, "torque": torque, "angle": noisy(rng, x[:, 0], 0.002)})
+    return Recorded("joint", p, {"time": t, "torque": torque, "angle [rad]": noisy(rng, x[:, 0], 0.002)})
 
 
 def two_mass(rate: int, rng: np.random.Generator) -> Recorded:
@@ -138,7 +143,7 @@ def two_mass(rate: int, rng: np.random.Generator) -> Recorded:
 
     x = solved(f, [0.0] * 4, torque, 1 / rate)
     noise = math.radians(0.05) * rng.standard_normal((2, t.size))
-    columns = {"time": t, "torque": torque, "motor": x[:, 0] + noise[0], "load": x[:, 2] + noise[1]}
+    columns = {"time": t, "torque": torque, "motor [rad]": x[:, 0] + noise[0], "load [rad]": x[:, 2] + noise[1]}
     return Recorded("two-mass", p | {"coulomb_load": 0.0}, columns)
 
 
@@ -150,7 +155,7 @@ def oscillator(rate: int, rng: np.random.Generator) -> Recorded:
     force = 3.0 * driven(rng, t, 0.3, 3.0)
     f = lambda x, u: (x[1], (u - b * x[1] - dry * math.tanh(x[1] / 0.01) - k * x[0] - k3 * x[0] ** 3) / m)  # noqa: E731
     x = solved(f, [0.0, 0.0], force, 1 / rate)
-    return Recorded("oscillator", p, {"time": t, "force": force, "displacement": noisy(rng, x[:, 0], 0.003)})
+    return Recorded("oscillator", p, {"time": t, "force": force, "displacement [m]": noisy(rng, x[:, 0], 0.003)})
 
 
 def tanks(_rate: int, rng: np.random.Generator) -> Recorded:
