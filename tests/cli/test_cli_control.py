@@ -36,6 +36,7 @@ def test_the_terminal_shows_designs_share_and_margins_with_their_bands(capsys, f
 
 @pytest.mark.broad
 def test_the_record_keeps_its_schema_and_the_same_command_simulates_nothing(capsys, folder):
+    run(capsys, "control", folder, *HOW)
     code, out, err = run(capsys, "control", folder, *HOW, "--json")
     assert code == 0
     record = json.loads((folder / "control" / "control.json").read_text(encoding="utf-8"))

@@ -28,7 +28,7 @@ The figures themselves are in :mod:`fracid.plots`, which stands above what is dr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,9 @@ from fracid.estimation.records import Estimate, Estimates, RecordingFit
 from fracid.estimation.starts import Start
 from fracid.figures import Figure, Style, draw
 from fracid.models import Model
-from fracid.problem import Problem
+
+if TYPE_CHECKING:  # the process that draws needs no solver
+    from fracid.problem import Problem
 
 
 class FitPictures:
