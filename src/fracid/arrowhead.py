@@ -130,7 +130,7 @@ class Arrowhead:
             R[k, :p_k, :p_k], R[k, :p_k, p:] = T[:p_k, :p_k], T[:p_k, p_k:]
             left.append(T[p_k:, p_k:])
         rest = triangle([np.concatenate([np.zeros((1, s + 1)), *left])])
-        return cls(blocks, R[..., :p], R[..., p : p + s], R[..., -1], rest)
+        return cls(blocks, R[..., :p], R[..., p : p + s], R[..., -1], rest=rest)
 
     @cached_property
     def gradient(self) -> FloatArray:

@@ -105,13 +105,15 @@ class StateObserver:
         doubt = np.zeros(len(C))
         for i in range(states):
             block = slice(F.begin[i], F.begin[i + 1])
-            weights.py_func(F.orders[i], F.rates, block.stop - block.start, c, dc, block.start)
+            weights.py_func(F.orders[i], F.rates, block.stop - block.start, c, dc=dc, first=block.start)
             C[i, block] = c[block]
             if F.of[i] >= 0:
                 C[i, modes + F.of[i]] = dc[block] @ F.xi[block]
                 sides = np.zeros((3, len(c)))
                 for side, far in zip(sides, (FAR, -FAR), strict=False):
-                    weights.py_func(F.orders[i] + far, F.rates, block.stop - block.start, side, sides[2], block.start)
+                    weights.py_func(
+                        F.orders[i] + far, F.rates, block.stop - block.start, side, dc=sides[2], first=block.start
+                    )
                 doubt[i] = bent.py_func(F, i, c, dc, *sides[:2])[1]
         return np.asarray(C @ F.P @ C.T + np.diag(doubt))
 
@@ -159,8 +161,8 @@ class StateObserver:
         names = (*self.model.states, *self.slow)
         return Track(
             time, dict(zip(names, out[:, : states + k].T, strict=True)),
-            dict(zip(names, out[:, states + k : width].T, strict=True)), out[:, width:-3], out[:, -3], out[:, -1],
-            float(np.sum(out[:, -3] + out[:, -2])),
+            dict(zip(names, out[:, states + k : width].T, strict=True)), out[:, width:-3], nis=out[:, -3],
+            count=out[:, -1], minus_log_likelihood=float(np.sum(out[:, -3] + out[:, -2])),
         )  # fmt: skip
 
 
@@ -316,10 +318,11 @@ class _Made:
         of = [list(self.slow).index(n) if n in self.slow and n in model.order_names else -1 for n in names]
         drives = drive**2 * self._sizes() ** 2
         first = Filter(
-            z, a, b, begin, np.array([lowest, SPACING, float(count)]), orders, p, slow, np.array(of), drives, xi, P,
-            np.zeros(max(1, len(model.inputs))), np.array([h]),
+            z, a, b, begin, rates=np.array([lowest, SPACING, float(count)]), orders=orders, p=p, slow=slow,
+            of=np.array(of), drive=drives, xi=xi, P=P, u=np.zeros(max(1, len(model.inputs))), h=np.array([h]),
         )  # fmt: skip
-        return StateObserver(model, self.sensors, self.noise, tuple(self.slow), first, problem.substeps, _held(problem))
+        return StateObserver(model, self.sensors, self.noise, tuple(self.slow), start=first, substeps=problem.substeps,
+                             held=_held(problem))  # fmt: skip
 
     def _sizes(self) -> FloatArray:
         """How large f is along the recording, of the states that forces act on; of those whose rate is a state 0."""

@@ -227,10 +227,12 @@ def identify(
                 work, at, checked = _lengthened(work, result.best.point, problem, fixed_step, jobs=jobs)
                 result, attempts = refined(work, at, watch), ()
                 checked = checked.on_all_samples(work, checked.cost, result.best.cost)
-        asked = _Asked(problem, window, entry, seed, starts, alternatives or {}, fixed_step, tuple(seen), validation,
-                       whole if cut else None, jobs, watching)  # fmt: skip
+        asked = _Asked(problem, window, entry, seed, starts=starts, alternatives=alternatives or {},
+                       fixed_step=fixed_step, seen=tuple(seen), validation=validation, whole=whole if cut else None,
+                       jobs=jobs, observer=watching)  # fmt: skip
         allowed = max(TIMES * watch.work, LEAST)
-        found = _Findings(asked, work, result.best, result.outcome, attempts, allowed, checked, seen=[*seen])
+        found = _Findings(asked, work, result.best, result.outcome, starts=attempts, allowed=allowed, check=checked,
+                          seen=[*seen])  # fmt: skip
         if not result.interrupted:
             found.examine(begin)
         found.problem.last_derivatives.clear()  # some hundred megabytes
@@ -768,8 +770,9 @@ def _estimate(u: Unknown, x: FloatArray, i: int, precision: Uncertainty | Failur
     se, own = float(precision.standard_error[i]), bool(precision.at_bound[i])
     nearer = min(u.range.lower, u.range.upper, key=lambda end: abs(end - value)) if own else None
     interval, white = (precision.interval(x, i, method) for method in ("sandwich", "white"))
-    return Estimate(value, u.unit, True, se if np.isfinite(se) else None, interval, own, nearer, verdict.kind,
-                    verdict.reason, white, precision.method(i))  # fmt: skip
+    return Estimate(value, u.unit, free=True, standard_error=se if np.isfinite(se) else None, interval95=interval,
+                    at_bound=own, bound=nearer, identifiable=verdict.kind, reason=verdict.reason, white95=white,
+                    interval_method=precision.method(i))  # fmt: skip
 
 
 UNTOLD = ("identifiable", "forgotten", "unknown")

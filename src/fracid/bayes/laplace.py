@@ -216,8 +216,8 @@ class _Round:
         total = float(logsumexp(weights))
         log_weights = weights - total
         error = math.sqrt(max(float(np.sum(np.exp(2 * log_weights))) - 1 / self.drawn, 0.0))
-        return WeightedDraws(self.points[some], log_weights, total - math.log(self.drawn), error, simulations, khat,
-                             len(ratios))  # fmt: skip
+        return WeightedDraws(self.points[some], log_weights, total - math.log(self.drawn), error,
+                             simulations=simulations, khat=khat, draws=len(ratios))  # fmt: skip
 
 
 def simulated(likelihood: Likelihood, points: FloatArray, name: str, size: int, execution: Execution) -> FloatArray:

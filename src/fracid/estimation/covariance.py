@@ -279,8 +279,9 @@ def _spread_out(
     limits[seen], rises[free] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None]), rise
     confounded = tuple(tuple(problem.names[i] for i in np.flatnonzero(row)) for row in null_space)
     samples = sum(e.samples for e in problem.experiments)
-    return Uncertainty(error, touching, confounded, white, covariance, null_space,
-                       samples, wider, limits, rises, np.zeros(n), np.zeros(n, dtype=bool))  # fmt: skip
+    return Uncertainty(error, touching, confounded, white, covariance=covariance, unseen=null_space, samples=samples,
+                       widening=wider, ends=limits, rise=rises, start=np.zeros(n),
+                       walked=np.zeros(n, dtype=bool))  # fmt: skip
 
 
 def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:

@@ -162,7 +162,8 @@ class _Way(Path):
         """What has become of it."""
         first, joined = np.inf if self.on_first is None else self.on_first, self.joined.name if self.joined else None
         begun, end = problem.named(self.begun), problem.named(self.at)
-        return Start(self.name, begun, first, end, self.cost, self.ended, joined, self.evaluations)
+        return Start(self.name, begun, first, end, cost=self.cost, ended=self.ended, joined=joined,
+                     evaluations=self.evaluations)  # fmt: skip
 
 
 def grown_horizon(

@@ -271,8 +271,9 @@ def fit_of(
     }  # fmt: skip
     return RecordingFit(
         name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),
-        dict(zip(problem.outputs, fitted.T, strict=True)), cost, initial, parameters, e.sha256, e.units,
-        model.zero, model.pendulum, e.scored, dict(deviations), e.times is not None, windows,
+        fitted=dict(zip(problem.outputs, fitted.T, strict=True)), cost=cost, initial=initial, parameters=parameters,
+        sha256=e.sha256, units=e.units, zero=model.zero, pendulum=model.pendulum, scored=e.scored,
+        deviations=dict(deviations), uneven=e.times is not None, windows=windows,
     )  # fmt: skip
 
 

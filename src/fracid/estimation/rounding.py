@@ -117,7 +117,8 @@ def edges(
             if found is None or found.noise >= DITHERED:
                 continue
             score = w[:, o, None] * j[:, o]
-            table, known = _table(y - error - y[0], score, found.step, found.noise, psi)  # from a line of the encoder
+            from_a_line = y - error - y[0]
+            table, known = _table(from_a_line, score, found.step, found.noise, psi=psi)
             tables[o, found.step] = tables.get((o, found.step), 0.0) + table
             if found.times <= EXPLAINED:
                 alone[-1][o] = 1.0

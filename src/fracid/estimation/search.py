@@ -147,9 +147,10 @@ def _climbing(
         return replace(result, outcome=Outcome.INTERRUPTED, evaluations=result.evaluations + watch.count - before), made
     begun = problem.named(problem.start)
     starts = [
-        Start(origin, begun, np.inf, problem.named(r.best.point), r.best.cost, r.outcome.value, None, r.evaluations)
+        Start(origin, begun, np.inf, problem.named(r.best.point), cost=r.best.cost, ended=r.outcome.value, joined=None,
+              evaluations=r.evaluations)
         for origin, r in ends
-    ]
+    ]  # fmt: skip
     lowest = min((result, *(end for _, end in ends)), key=lambda r: r.best.cost)
     return replace(lowest, evaluations=result.evaluations + watch.count - before), (*made, *starts)
 

@@ -201,7 +201,9 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     orders = problem.orders.values()
     remembers = any(not isinstance(v, float | int) or v != round(v) for v in orders)
     most = max(1, MOST // len(problem.experiments))
-    windows = (w for e in problem.experiments for w in _one_after_the_other(e, seconds, most, parts, remembers))
+    windows = (
+        w for e in problem.experiments for w in _one_after_the_other(e, seconds, most, parts, remembers=remembers)
+    )
     return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
 
 

@@ -243,8 +243,8 @@ def _of_motion(subject: Subject, durations: Sequence[Candidate]) -> list[Informa
     shared = np.stack([columns.get(n, np.zeros(outputs.shape)) for n in subject.names], axis=-1)
     noise = [subject.noise_of(n) for n in problem.outputs]
     return [
-        of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise, problem.weights,
-                   subject.excess) if possible else Note(BEYOND, "limits")
+        of_samples(outputs[: c.samples], shared[: c.samples], J[0][: c.samples][..., own], noise,
+                   weights=problem.weights, excess=subject.excess) if possible else Note(BEYOND, "limits")
         for c, possible in zip(durations, within, strict=True)
     ]  # fmt: skip
 

@@ -281,13 +281,16 @@ def subject_of_problem(
     for e, error, j in zip(problem.experiments, J.errors, J.parts, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
         fitted = e.measured - error
-        recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], problem.weights, excess)
+        recorded += of_samples(
+            fitted, j[..., shared], j[..., own], [*noise.values()], weights=problem.weights, excess=excess
+        )
     intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
                  if (interval := precision.interval(x, k)) is not None}  # fmt: skip
     start = {n: v for n, v in values.items() if n in problem.per_recording or n in problem.names}
     return Subject(
-        _starting_at(problem, start, held), noise, excess, problem.experiments[0].step / problem.substeps, recorded,
-        intervals, name or problem.model.name, table or {}, space, jobs,
+        _starting_at(problem, start, held), noise, excess, problem.experiments[0].step / problem.substeps,
+        recorded=recorded, intervals=intervals, name=name or problem.model.name, table=table or {}, space=space,
+        jobs=jobs,
     )  # fmt: skip
 
 
@@ -334,8 +337,8 @@ def subject_of_model(
     count, finest = len(problem.names), FINE if model.angles else math.inf
     nothing = Information(np.zeros((count, count)), np.zeros((count, count)))
     return Subject(
-        problem, dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, nothing, {}, model.name,
-        {}, space,
+        problem, dict.fromkeys(outputs, Noise(noise, step)), np.ones(count), finest, recorded=nothing, intervals={},
+        name=model.name, table={}, space=space,
     )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ class Identified:
     @classmethod
     def of_run(cls, run: SavedRun, steps: int | None = None) -> Identified:
         """As a fit left it."""
-        return cls(printable(run.folder.name), run.problem, run.x, {**run.parameters, **run.orders}, steps)
+        return cls(printable(run.folder.name), run.problem, run.x, {**run.parameters, **run.orders}, steps=steps)
 
     @cached_property
     def case(self) -> Case:

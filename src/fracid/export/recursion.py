@@ -76,7 +76,7 @@ class Case:
         history, inputs = simulator.history(x, e), simulator.inputs(x, e).mean
         past = values.initial[None] if history is None else np.vstack([history, values.initial])
         step, steps = e.step / problem.substeps, simulator.steps(e)
-        return cls(e.name, past, inputs, values.parameters, step, steps, values.release)
+        return cls(e.name, past, inputs, values.parameters, step=step, steps=steps, start=values.release)
 
 
 @dataclass(frozen=True)
@@ -202,9 +202,9 @@ class Recursion:
         family = METHODS[problem.method].family
         kernels = _of_same_lags([memory.kernel(family, q, longest) for q in distinct])
         return cls(
-            problem.model, problem.method, orders, time_scale(problem.model, parameters), memory.name,
-            longest, tuple(distinct.index(q) for q in orders.tolist()), tuple(kernels),
-            _start(family, orders, distinct, longest),
+            problem.model, problem.method, orders, time_scale(problem.model, parameters), memory=memory.name,
+            steps=longest, row=tuple(distinct.index(q) for q in orders.tolist()), kernels=tuple(kernels),
+            start=_start(family, orders, distinct, longest),
         )  # fmt: skip
 
 

@@ -186,11 +186,12 @@ class ClosedLoop:
         noise = np.random.default_rng(seed).standard_normal((samples + 1, len(c.outputs)))
         loop = Loop(
             law_of(controller, c), rows, reference, np.array([c.quanta[n] for n in c.outputs]),
-            noise * [c.noise[n] for n in c.outputs], self.channel, c.steps, round(self.delay(x) / h),
-            np.full(samples * c.steps + 1, c.at_rest), np.zeros((2, len(controller.A))), np.zeros((4, len(rows))),
-            u.copy(),
+            noise=noise * [c.noise[n] for n in c.outputs], channel=self.channel, per=c.steps,
+            delay=round(self.delay(x) / h), applied=np.full(samples * c.steps + 1, c.at_rest),
+            state=np.zeros((2, len(controller.A))), seen=np.zeros((4, len(rows))), inputs=u.copy(),
         )  # fmt: skip
-        equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale(model, p), model.relaxing_states)
+        equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale=time_scale(model, p),
+                            relaxing=model.relaxing_states)  # fmt: skip
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
                         options=Options("pi2", compressed(), limit=LIMIT, bounds=bounds),
                         loop=lambda rhs, run, out: step_closed(rhs, run, loop, out))  # fmt: skip
@@ -212,8 +213,9 @@ class ClosedLoop:
         gain, phase, distance = margins(self.plant(x), controller)
         return as_json(Trial, Trial(
             ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
-            float(np.sqrt(np.mean(y[:, i] ** 2))), float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
-            float(np.mean((u <= c.least) | (u >= c.most))), json_number(gain), phase, distance, up,
+            float(np.sqrt(np.mean(y[:, i] ** 2))), effort=float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
+            limited=float(np.mean((u <= c.least) | (u >= c.most))), gain_margin=json_number(gain), phase_margin=phase,
+            distance=distance, up=up,
         ))  # fmt: skip
 
 
@@ -262,14 +264,15 @@ def conditions_of(
     if not 0 < period < math.inf:
         raise InputError(f"rate = {rate!r}: expected a number of samples a second above 0.")
     conditions = Conditions(
-        there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name,
-        model.input_units.get(name, "1"), float(there.inputs[model.inputs.index(name)]), -most, most,
-        delay_of(problem, x, name) if delay is None else delay, period,
-        max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs,
-        {n: float(there.states[model.output_states[n]]) for n in outputs}, units,
-        {n: resolution(v) or 0.0 for n, v in y.items()},
-        {n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, away,
-        {n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds, dict(at),
+        there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name, model.input_units.get(name, "1"),
+        at_rest=float(there.inputs[model.inputs.index(name)]), least=-most, most=most,
+        delay=delay_of(problem, x, name) if delay is None else delay, period=period,
+        steps=max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs=outputs,
+        reference={n: float(there.states[model.output_states[n]]) for n in outputs}, units=units,
+        quanta={n: resolution(v) or 0.0 for n, v in y.items()},
+        noise={n: noise_floor(e.measured[:, problem.outputs.index(n)]) or 0.0 for n in outputs}, off=away,
+        within={n: v if math.isfinite(v) else None for n, v in (far | dict(within)).items()}, seconds=seconds,
+        at=dict(at),
     )  # fmt: skip
     return ClosedLoop(problem, x, conditions)
 
@@ -426,9 +429,10 @@ class Plan:
         near = [(t.holds, t.until, -t.up, t.distance) for t in judged]  # to falling, and then to instability
         worst = near.index(min(near))
         return Control(
-            self.loop.problem.model.name, c, _design(self.loop, chosen, judged), tried, judged,
-            self.loop.problem.named(self.points[worst]), worst, self.seed,
-            binomial95(sum(t.holds for t in judged), len(judged)), (*self._notes(trials, chosen),), self.loop,
+            self.loop.problem.model.name, c, _design(self.loop, chosen, judged), tried, trials=judged,
+            worst=self.loop.problem.named(self.points[worst]), worst_draw=worst, seed=self.seed,
+            share95=binomial95(sum(t.holds for t in judged), len(judged)), notes=(*self._notes(trials, chosen),),
+            loop=self.loop,
         )  # fmt: skip
 
     def _tried(self, designs: list[Controller], draws: range, part: Part, how: Mapping[str, Any]) -> list[list[Trial]]:

@@ -57,11 +57,13 @@ def law_of(controller: Controller, c: Conditions) -> Law:
     """A controller as the numbers that are compiled."""
     s = controller.swing or ONLY_HOLDS
     place, arm = (c.outputs.index(n) if n else 0 for n in (s.output, s.arm or s.output))
-    pump = Pump(place, arm, 2 * math.pi * bool(s.output), s.omega, s.pump, s.energy, s.sharp, s.lift[0], s.lift[1],
-                s.stiffness, s.damping, s.grows, s.catch, s.reach, s.release, s.keep, controller.period)  # fmt: skip
+    pump = Pump(place, arm, 2 * math.pi * bool(s.output), s.omega, most=s.pump, energy=s.energy, sharp=s.sharp,
+                lift=s.lift[0], lift_cosine=s.lift[1], stiffness=s.stiffness, damping=s.damping, grows=s.grows,
+                catch=s.catch, reach=s.reach, release=s.release, keep=s.keep, period=controller.period)  # fmt: skip
     A, B, C, D, E = (np.array(getattr(controller, name), dtype=np.float64) for name in "ABCDE")
     begins = np.array(s.begins) if s.begins else np.zeros((len(A), 2 * len(c.outputs)))
-    return Law(A, B, C, D, E, np.array([c.at_rest, c.least, c.most]), pump, np.array(s.needs), begins)
+    return Law(A, B, C, D, E=E, drive=np.array([c.at_rest, c.least, c.most]), pump=pump, needs=np.array(s.needs),
+               begins=begins)  # fmt: skip
 
 
 def swings(up: LinearModel, model: Model, parameters: FloatArray, c: Conditions) -> list[Swing]:

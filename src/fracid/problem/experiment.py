@@ -164,8 +164,8 @@ class Experiment(CardDisplay):
             step, inputs = _on_the_grid(recording, model, options["times"], inputs)
         inputs = _with_rates(recording, model, step, inputs, options=options)
         return cls(
-            recording.name, step, measured, inputs, float(recording.time[0]), recording.sha256,
-            initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
+            recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
+            initial=initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
 
     @cached_property

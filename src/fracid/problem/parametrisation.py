@@ -104,7 +104,8 @@ class Parametrisation:
     def unknowns(self) -> tuple[Unknown, ...]:
         """The entries of x, in order."""
         units = {p.name: p.unit for p in self.model.parameters}
-        shared = [Unknown(n, "", "order", n, None, v) for n, v in self.orders.items() if isinstance(v, Free)]
+        free = {n: v for n, v in self.orders.items() if isinstance(v, Free)}
+        shared = [Unknown(n, "", "order", n, experiment=None, range=v) for n, v in free.items()]
         own = []
         for name, value in self.parameters.items():
             if isinstance(value, Free) and name not in self.per_recording:
@@ -118,7 +119,8 @@ class Parametrisation:
             begun.add(of)
             own += self._initial_unknowns(e)
             if isinstance(e.release_time, Free):
-                own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", e.name, e.release_time))
+                own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", experiment=e.name,
+                                   range=e.release_time))  # fmt: skip
         return (*shared, *own)
 
     @cached_property
@@ -313,7 +315,8 @@ class Parametrisation:
         for i, (around, unit) in sorted(ranges.items(), key=lambda item: item[0]):
             state = self.model.states[i]
             part = state in self.model.relaxing and state not in own
-            unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, e.name, around, part))
+            unknowns.append(Unknown(f"{state}(0) [{e.name}]", unit, "initial", state, experiment=e.name, range=around,
+                                    complete=part))  # fmt: skip
         return unknowns
 
     @cached_property

@@ -490,8 +490,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     if len(alternatives) < len(content.alternative):
         raise InputError("two alternatives have the same name; give each its own.")
     return Project(
-        path, text, problem, validation, recordings, fit.optimiser, fit.starts, fit.seed, preset, tuple(notes),
-        alternatives, fit.substeps is not None or METHODS[problem.method].raw, own_code,
+        path, text, problem, validation, recordings=recordings, optimiser=fit.optimiser, starts=fit.starts,
+        seed=fit.seed, preset=preset, notes=tuple(notes), alternatives=alternatives,
+        fixed_step=fit.substeps is not None or METHODS[problem.method].raw, own_code=own_code,
     )  # fmt: skip
 
 

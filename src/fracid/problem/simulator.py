@@ -163,8 +163,8 @@ class Simulator:
             n = min(i for m in model.memories for i in m.held)
             orders, initial = orders[:n], initial[:n]
         equation = Equation(
-            compile_rhs(model.rhs), orders, u.before, parameters, time_scale(model, parameters), model.relaxing_states,
-            u.jumps, fading,
+            compile_rhs(model.rhs), orders, u.before, parameters, time_scale=time_scale(model, parameters),
+            relaxing=model.relaxing_states, after=u.jumps, fading=fading,
         )  # fmt: skip
         return equation, InitialCondition(initial, time=release, history=history)
 

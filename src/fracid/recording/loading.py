@@ -168,9 +168,9 @@ def inspect_recording(
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
         made = Recording(
-            name or path.stem, path, digest, read_only(clock), {n: read_only(x) for n, x in values.items()}, units,
-            replace(report, findings=(*source.findings, *dead, *report.findings)),
-            frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
+            name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
+            units=units, report=replace(report, findings=(*source.findings, *dead, *report.findings)),
+            held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
         )  # fmt: skip
         return made.between_edges()
 

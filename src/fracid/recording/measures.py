@@ -153,7 +153,8 @@ def measure_signal(
     signal = signal if sound is None else sound
     x = signal[np.isfinite(signal)]
     if x.size < 2:
-        return SignalReport(name, unit, math.nan, math.nan, missing, None, None, math.nan, math.nan, False, None)
+        return SignalReport(name, unit, math.nan, math.nan, missing=missing, resolution=None, counts_per_turn=None,
+                            noise=math.nan, rest=math.nan, at_rest=False, rest_offset=None)  # fmt: skip
     q = encoder_lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(

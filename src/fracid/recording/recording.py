@@ -316,8 +316,8 @@ class Recording(CardDisplay):
         digest = hashlib.sha256(b"".join(map(np.ndarray.tobytes, (time, *arrays.values())))).hexdigest()
         report = measure(time, arrays, signal_units)
         return cls(
-            name, Path(), digest, read_only(time), {n: read_only(x) for n, x in arrays.items()}, signal_units, report,
-            assumed=frozenset(arrays.keys() - units.keys()),
+            name, Path(), digest, read_only(time), signals={n: read_only(x) for n, x in arrays.items()},
+            units=signal_units, report=report, assumed=frozenset(arrays.keys() - units.keys()),
         )  # fmt: skip
 
 

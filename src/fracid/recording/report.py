@@ -264,7 +264,8 @@ def measure(
     measured = tuple(measure_signal(n, units[n], time, x, sound=sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
     findings += tuple(_short(time, _swinging(sound, units), release, measured))
-    return Report(clock, measured, release, reason, reading, resampled, findings, uneven)
+    return Report(clock, measured, release, reason, reading=reading, resampled=resampled, findings=findings,
+                  uneven=uneven)  # fmt: skip
 
 
 def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:

@@ -179,10 +179,11 @@ def regress_equations(problem: Problem) -> Regression:
     if not any(np.max(np.abs(W[:, -1])) > 1e-9 * size for W, size in zip(system.W, scales, strict=True)):
         raise InputError(SAYS("no-known-constant", names=", ".join(unknown)))
     gauge = Gauge(tuple(range(len(unknown))), np.eye(len(unknown) + 1)[-1])
-    v, weights = solve("huber", system, gauge, scales, instruments=None)
-    bias = v - solve("huber", again, gauge, longer_scales, instruments=None)[0]
+    v, weights = solve("huber", system, gauge, scales)
+    bias = v - solve("huber", again, gauge, longer_scales)[0]
     covariance = sandwich(system, gauge, scales, None, v=v, weights=weights, lags=max(map(len, system.W)) // BLOCKS)
-    constants = constants_of({n: model.parameter(n).unit for n in unknown}, gauge, v, bias, covariance, {})
+    units = {n: model.parameter(n).unit for n in unknown}
+    constants = constants_of(units, gauge, v, bias, covariance=covariance, dependent={})
     errors = np.hypot(np.sqrt(np.diag(covariance)), bias).tolist()
     wider = {n: replace(c, standard_error=e) for (n, c), e in zip(constants.items(), errors, strict=True)}
     one = "it" if len(held) == 1 else "them"

@@ -98,7 +98,7 @@ def _tukey(z: FloatArray) -> FloatArray:
 
 
 def solve(
-    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None
+    estimator: str, system: System, gauge: Gauge, scales: FloatArray, instruments: Blocks | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Free constants and the robust weights of the rows."""
     whole = stack(system.W, scales) @ gauge.B

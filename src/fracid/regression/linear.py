@@ -358,7 +358,7 @@ def _at(
     # What is left in the rows is all taken for noise, so that the bias is rather over- than understated.
     data = Data.of(data.rows, math.sqrt(min(max(ratio, 1.0), LOUDEST)))
     system = data.system(orders)
-    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales, None)[0]), system.scales(data.own))
+    scales = system.scales(gauge.beta(solve("tls", system, gauge, scales)[0]), system.scales(data.own))
     instruments = None
     if estimator == "iv":
         instruments, scales = instruments_of(data, system, gauge, scales, orders=orders)
@@ -377,7 +377,8 @@ def _at(
     noise = {n: max(float(r.swing.noise[i]) for r in data.rows) for i, n in enumerate(("theta", "alpha"))}
     amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
     units = {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
-    constants = constants_of({n: units[n] for n in data.names}, gauge, v, bias, covariance, dependent)
+    own = {n: units[n] for n in data.names}
+    constants = constants_of(own, gauge, v, bias, covariance=covariance, dependent=dependent)
     return estimated(
         system, gauge, scales, v, weights=weights, parameters=constants,
         combinations=_combinations(data.names, dependent, gauge.beta(v)), estimator=estimator, noise_ratio=ratio,

@@ -192,7 +192,8 @@ def swing_of(recording: Recording, model: Model) -> Swing:
         raise InputError(f"{name}: alpha stands still, so nothing can be found; expected a swing.")
     steps = {s.name: s.resolution or 0.0 for s in recording.report.signals}
     noise = [noise_level(x, steps.get(n, 0.0)) for n, x in zip(("theta", "alpha"), angles[start:].T, strict=True)]
-    return Swing(name, recording.step, angles, start, drive, np.array(noise), float(np.ptp(angles[:, 0])) > 0.0)
+    return Swing(name, recording.step, angles, start, drive=drive, noise=np.array(noise),
+                 arm=float(np.ptp(angles[:, 0])) > 0.0)  # fmt: skip
 
 
 # --- rows: filtered, decimated, borders and standstill left out ---------------------------------------

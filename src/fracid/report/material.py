@@ -63,7 +63,7 @@ class Material:
         except OSError:
             raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
         solved = replace(project, problem=replace(project.problem, substeps=fit.problem.substeps))
-        return cls(folder, result, solved, fit, plane, tested)
+        return cls(folder, result, solved, fit, plane=plane, tested=tested)
 
     @property
     def notes(self) -> tuple[str, ...]:

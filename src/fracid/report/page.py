@@ -182,8 +182,8 @@ def _cost_surface(material: Material) -> Surface | None:
     height, scale, least = risen(fine.cost)
     best, ends, integers = ([orders[n].get(key) for n in plane.names] for key in ("value", "interval95", "integer"))
     names = [f"order {letter(n)}" for n in plane.names]
-    return Surface(names, fine.first, fine.second, height, scale, best, ends, integers, tried,
-                   plane.names, least)  # fmt: skip
+    return Surface(names, fine.first, fine.second, height, scale=scale, best=best, intervals=ends, integers=integers,
+                   tried=tried, keys=plane.names, least=least)  # fmt: skip
 
 
 # --- charts ----------------------------------------------------------------------------------------

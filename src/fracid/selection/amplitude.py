@@ -370,7 +370,8 @@ def _window(
         n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
     }
     whole = span == (0, len(e.measured))
-    return Window(e.name, float(times[0]), float(times[1]), whole, sizes, orders, standard_errors, units)
+    return Window(e.name, float(times[0]), float(times[1]), whole, amplitude=sizes, orders=orders,
+                  standard_errors=standard_errors, units=units)  # fmt: skip
 
 
 def _told_by(piece: Problem, order: str) -> list[str]:
@@ -402,8 +403,9 @@ def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
         np.array([getattr(w, name)[order] for w in informative]) for name in ("amplitude", "orders", "standard_errors")
     )
     probability, explained, change = trend(A, q, s)
-    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), tuple(s.tolist()), probability, explained, change,
-                 informative[0].units.get(order, "rad"))  # fmt: skip
+    return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), standard_errors=tuple(s.tolist()),
+                 probability=probability, explained=explained, change=change,
+                 unit=informative[0].units.get(order, "rad"))  # fmt: skip
 
 
 def trend(A: FloatArray, q: FloatArray, s: FloatArray) -> tuple[float, float, float]:

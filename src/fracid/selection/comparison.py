@@ -197,8 +197,9 @@ def compare(
         rows, without = study.with_odds(rows, samples)
         notes += without
     units = {n: unit for e in base.experiments for n, unit in e.units.items()}
-    comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, samples, leave_one_out,
-                            base.cost_function.name, seed, starts, units=units)  # fmt: skip
+    comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, effective_samples=samples,
+                            leave_one_out=leave_one_out, cost_name=base.cost_function.name, seed=seed, starts=starts,
+                            units=units)  # fmt: skip
     if amplitude:
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
@@ -365,13 +366,12 @@ def _fit_structure(
     at = {n: float(v) for n, v in (problem.order_starts | values).items()}
     roots = {n: problem.ties.get(n, n) for n in problem.orders}
     row = Row(
-        structure.friction, structure.fractional, structure.name, structure.name == name_of(*PAPER), best.cost,
-        len(values), math.inf,
-        {n: OrderOfRow(at[q], intervals.get(q), beyond.get(q, 0.0)) for n, q in roots.items()}, values, at_bound,
-        in_sample={n: _score(problem, *found) for n, found in followed.items()},
+        structure.friction, structure.fractional, structure.name, structure.name == name_of(*PAPER), cost=best.cost,
+        parameters=len(values), bic=math.inf,
+        orders={n: OrderOfRow(at[q], intervals.get(q), beyond.get(q, 0.0)) for n, q in roots.items()}, values=values,
+        at_bound=at_bound, in_sample={n: _score(problem, *found) for n, found in followed.items()},
         held_out={name: _score(*prediction) for name, prediction in predicted.items()},
-        outcome=str(errors) if isinstance(errors, Failure) else outcome,
-        left_over=leftovers(problem, best.point),
+        outcome=str(errors) if isinstance(errors, Failure) else outcome, left_over=leftovers(problem, best.point),
     )  # fmt: skip
     return as_json(FittedBlock, {
         "row": row,
@@ -479,7 +479,8 @@ def _score(problem: Problem, e: Experiment, simulated: FloatArray | Failure) -> 
     measured = dict(zip(problem.outputs, e.measured.T, strict=True))
     error = np.where(np.isnan(simulated), 0.0, e.measured - simulated)
     fitted = dict(zip(problem.outputs, (e.measured - error).T, strict=True))
-    fit = RecordingFit(e.name, "", e.time, measured, fitted, 0.0, {}, {}, units=e.units, scored=e.scored)
+    fit = RecordingFit(e.name, "", e.time, measured, fitted=fitted, cost=0.0, initial={}, parameters={}, units=e.units,
+                       scored=e.scored)  # fmt: skip
     itae = {n: COSTS["itae"].value(e.time, error[:, [o]], e.scored) for o, n in enumerate(problem.outputs)}
     return Score(fit.rmse, fit.fit_percent, itae)
 

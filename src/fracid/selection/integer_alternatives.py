@@ -277,8 +277,9 @@ def integer_alternatives(
     warning = warning_of(here, best.cost, trial.gain) if as_well else ""
     orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
     return Alternative(
-        here.structure, orders, here.evaluation.cost, here.parameters, trial.gain, samples, warning, tuple(trials),
-        here.nested_in(problem), here.settles, memories, watch.spent,
+        here.structure, orders, here.evaluation.cost, here.parameters, gain=trial.gain, effective_samples=samples,
+        warning=warning, trials=tuple(trials), values=here.nested_in(problem), settles=here.settles, memories=memories,
+        cut=watch.spent,
     )  # fmt: skip
 
 
@@ -337,7 +338,8 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
             end = uninterrupted(refined(problem, end.point, watch, **FINE)).best
     if end.residuals is None:
         return None
-    return Rival(problem, end, here.integers, here.off, (*here.own, *element.names), (*here.elements, element.name))
+    return Rival(problem, end, here.integers, here.off, own=(*here.own, *element.names),
+                 elements=(*here.elements, element.name))  # fmt: skip
 
 
 def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -> Evaluation | None:

@@ -153,7 +153,8 @@ def opened_bounds(problem: Problem, cost: float, wider: Problem, end: Evaluation
         for upper, old, new in ((True, was.upper, now.upper), (False, was.lower, now.lower)):
             other = furthest.get((u.target, upper))
             if (x > old if upper else x < old) and (other is None or (x > other.value) == upper):
-                furthest[u.target, upper] = OpenedBound(u.target, u.unit, upper, old, new, x, cost, end.cost)
+                furthest[u.target, upper] = OpenedBound(u.target, u.unit, upper, old, bound=new, value=x, cost=cost,
+                                                        lowered=end.cost)  # fmt: skip
     return tuple(furthest.values())
 
 

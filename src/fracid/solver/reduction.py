@@ -310,7 +310,7 @@ def _system(rhs: RightHandSide, drivers: dict[float, float], initial: ArrayLike,
         if node.is_integer():
             start[i, 0] = y0[int(node)]
             start[i, 1] = y0[int(node) + 1] if orders[i] > 1 else 0.0
-    return System(rhs, orders, start, parameters, MappingProxyType({node: i for i, node in enumerate(drivers)}))
+    return System(rhs, orders, start, parameters, column=MappingProxyType({node: i for i, node in enumerate(drivers)}))
 
 
 # --- right-hand sides --------------------------------------------------------------------------------------

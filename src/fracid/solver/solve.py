@@ -187,7 +187,8 @@ def solve_fde(
     probe(rhs, x0, u[0], p, relaxing=bool(relaxing))
     if METHODS[method].raw and np.any(x0 != 0):
         warn_caller(SAYS("raw-sums", options=options), PaperSchemeWarning)
-    equation = Equation(compile_rhs(rhs), q, u, p, time_scale(model, p) if model else 1.0, relaxing, after)
+    equation = Equation(compile_rhs(rhs), q, u, p, time_scale=time_scale(model, p) if model else 1.0, relaxing=relaxing,
+                        after=after)  # fmt: skip
     run = integrate(equation, InitialCondition(x0, slope, start, past), h, steps, options=options)
     run = replace(run, fault=fault_of(run, equation.rhs, step_gain(h, q, equation.time_scale), u, parameters=p))
     if run.completed and grows_by_itself(run):
@@ -355,7 +356,8 @@ def _together(
         orders = np.stack([e.orders for e in equations[few]], axis=-1).ravel()
         own = {lanes.COUNT * i + lane: k for lane, e in enumerate(equations[few]) for i, k in _own(e, step).items()}
         kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own=own)
-        runs = [_run(e, i, step, steps, options, kernels) for e, i in zip(equations[few], initials[few], strict=True)]
+        runs = [_run(e, i, step, steps, options=options, kernels=kernels)
+                for e, i in zip(equations[few], initials[few], strict=True)]  # fmt: skip
         found = lanes.run_together((address_of(of_lanes), address_of(one.rhs)), runs)
         if found is None:
             return None
@@ -400,8 +402,8 @@ def _trajectory(
     """What a loop has stored, from the start on."""
     time = initial.time + np.arange(len(states), dtype=np.float64) * (step * options.every)
     return Trajectory(
-        time, states, list(Outcome)[how], step,
-        options.method, options.memory.name, equation.orders, initial.time - step * (len(initial.known) - 1),
+        time, states, list(Outcome)[how], step, method=options.method, memory=options.memory.name,
+        orders=equation.orders, origin=initial.time - step * (len(initial.known) - 1),
     )  # fmt: skip
 
 

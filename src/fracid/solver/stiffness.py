@@ -228,8 +228,8 @@ def _parts(scaled: FloatArray, orders: FloatArray, steps: int) -> float:
 def _unstable(scaled: FloatArray, orders: FloatArray, steps: int) -> bool:
     """Tell whether ``pi2`` has more growing modes than the equations D^q δ = Jδ, `scaled` being gJ."""
     rate = min(GROWTH / max(1, steps), 0.5)
-    of_equation = _growing(lambda s, q: s**-q, math.inf, rate / 2, scaled, orders)
-    return _growing(_of_scheme, math.pi, rate, scaled, orders) > of_equation
+    of_equation = _growing(lambda s, q: s**-q, math.inf, rate / 2, scaled, orders=orders)
+    return _growing(_of_scheme, math.pi, rate, scaled, orders=orders) > of_equation
 
 
 def _growing(
@@ -302,11 +302,11 @@ def fault_of(
     last = len(run.time) - 1
     if not run.completed:
         last = max(1, _growing_from(run) - 1) if last > 1 else 0  # the second may be on its way out
-    linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters) for k in range(LOOKED_AT)]
+    linear = [_at(run, last * k // (LOOKED_AT - 1), rhs, inputs, parameters=parameters) for k in range(LOOKED_AT)]
     if run.completed and max(_bound(gain[:, None] * J) for J in linear) < 2 * math.pi / STEPS_A_PERIOD:
         return None
     length, method = round((end - run.origin) / run.step), METHODS[run.method]
-    beyond = too_long(run.method, run.orders, linear, gain, length if run.completed else max(100, length))
+    beyond = too_long(run.method, run.orders, linear, gain, steps=length if run.completed else max(100, length))
     if beyond is not None:
         return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
@@ -355,7 +355,7 @@ def _growing_from(run: Trajectory) -> int:
 def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, parameters: FloatArray) -> FloatArray:
     row = round((run.time[k] - run.origin) / run.step)
     u = inputs[min(row, len(inputs) - 1)]
-    return linearised(rhs, float(run.time[k]), run.states[k], u, parameters)
+    return linearised(rhs, float(run.time[k]), run.states[k], u, p=parameters)
 
 
 def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:

@@ -197,9 +197,10 @@ class Twin(CardDisplay):
             inputs = {n: (times, u[:, j]) for j, n in enumerate(model.inputs)}
         return cls(
             experiment.name, model, model.named_orders(orders), _by_name(model.parameter_names, values),
-            _by_name(model.states, initial), experiment.step, float(experiment.time[-1]), experiment.start,
-            release, problem.method, problem.memory, problem.substeps, inputs,
-            experiment.between, problem.simulator.history(x, experiment),
+            initial=_by_name(model.states, initial), step=experiment.step, end=float(experiment.time[-1]),
+            start=experiment.start, hold=release, method=problem.method, memory=problem.memory,
+            substeps=problem.substeps, inputs=inputs, between=experiment.between,
+            history=problem.simulator.history(x, experiment),
         )  # fmt: skip
 
     def changed(self, **changes: Any) -> Twin:

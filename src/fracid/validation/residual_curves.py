@@ -35,8 +35,8 @@ def residual_curves(e: FloatArray, ρ: FloatArray, step: float, time: float, *, 
         frequency, power = log_bins(f[1:], S[1:])
     ranks = np.unique(np.linspace(0, e.size - 1, min(e.size, RANKS)).astype(int))
     return ResidualCurves(
-        lags * step, ρ[lags], float(1.96 / np.sqrt(e.size)), frequency, power, normal_quantiles(e.size)[ranks],
-        np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300),
+        lags * step, ρ[lags], float(1.96 / np.sqrt(e.size)), frequency, power=power,
+        quantile=normal_quantiles(e.size)[ranks], ordered=np.sort(e - e.mean())[ranks] / max(float(e.std()), 1e-300),
     )  # fmt: skip
 
 

@@ -187,9 +187,10 @@ def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None
     k = max(2, round(2 * T))
     thin = e[::k]
     return Whiteness(
-        whiteness_sentence(e.size, T, T * step, float(ρ[1]), p, cause), p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1,
-        lags, Q, p, float(ρ[1]), T * step, e.size / T, k, thin.size,
-        ljung_box(autocorrelation(thin), thin.size)[2] if is_testable(thin) else NAN,
+        whiteness_sentence(e.size, T, T * step, float(ρ[1]), p=p, cause=cause),
+        p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]), correlation_time=T * step,
+        effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
+        thinned_p_value=ljung_box(autocorrelation(thin), thin.size)[2] if is_testable(thin) else NAN,
     )  # fmt: skip
 
 
@@ -206,7 +207,8 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float) -> Spectrum:
     stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
     line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
     around = NAN if band is None else _around(f, share, band)
-    spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak, part, line, around)
+    spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
+                        swing_share=around)  # fmt: skip
     return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum)))
 
 
@@ -225,8 +227,9 @@ def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality
     z = (e - e.mean()) / e.std()
     lean, tails = float(np.mean(z**3)), float(np.mean(z**4)) - 3
     return Normality(
-        normality_sentence(ppcc, shape_phrases(lean, tails, variance), p, thin.size), ppcc, lean, tails, A2, p
-    )
+        normality_sentence(ppcc, shape_phrases(lean, tails, variance), p, thin.size), ppcc, lean, tails,
+        anderson_darling=A2, p_value=p,
+    )  # fmt: skip
 
 
 # --- constant variance -----------------------------------------------------------------------------

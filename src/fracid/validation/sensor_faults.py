@@ -203,9 +203,10 @@ def misreadings(
         k = max(orders, key=lambda k: abs(change[k]) / half[k], default=None)
         faults.append(Misreading(
             code, signal, size, abs(size) * power / _scatter(residual * own, len(problem.outputs)),
-            1 - float(residual @ residual) / float(e @ e), "" if k is None else problem.unknowns[free[k]].target,
-            0.0 if k is None else float(change[k]), 0.0 if k is None else float(abs(change[k]) / half[k]),
-            2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
+            share=1 - float(residual @ residual) / float(e @ e),
+            moves="" if k is None else problem.unknowns[free[k]].target, shift=0.0 if k is None else float(change[k]),
+            half_intervals=0.0 if k is None else float(abs(change[k]) / half[k]),
+            steps=2 * abs(size) * max(float(np.max(np.abs(f))) for f in form) / lattice.get(signal, 1e-300),
         ))  # fmt: skip
     return faults
 

@@ -250,7 +250,9 @@ def cut_check(
     for name, treatment in TREATMENTS.items():
         try:
             other = treatment(problem, records)
-            result = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget)
+            result = (
+                other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs=jobs, budget=budget)
+            )
         except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
             result = Failure(FailureReason.REFUSED, str(error))
         if isinstance(result, Failure):

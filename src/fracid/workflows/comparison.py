@@ -167,7 +167,7 @@ def run_comparison(
     with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, counted="fits") as kept:
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
     record = comparison.to_json() | {"data_sha256": {r.name: r.sha256 for r in project.recordings}}
-    return FinishedComparison.written(folder, record, of_comparison(comparison), watching, {
+    return FinishedComparison.written(folder, record, of_comparison(comparison), watching, contents={
         "project.toml": project.text, TABLE: csv_text(comparison.lines()),
         CURVES: json.dumps(_curves(base, others, comparison), separators=(",", ":")),
         **_best(project, hierarchy, comparison, folder),

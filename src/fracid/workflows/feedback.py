@@ -98,11 +98,13 @@ def run_control(
         options = {"draws": draws, "posterior": posterior, "trust": trust, "seed": seed, **loop}
         words = command_of("control", run, {"out": out, **options}) if command is None else command
         study = study_of("control", fit.project, fit=fit.problem.named(fit.x))
-        with journal_of(folder, study, lambda _, trial: fault_of(trial, Trial), watching, "trials", words) as kept:
+        with journal_of(
+            folder, study, lambda _, trial: fault_of(trial, Trial), watching, counted="trials", command=words
+        ) as kept:
             found = plan.run(jobs=jobs, **kept)
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
         motion = write_files(folder / FIGURES, moving)
         finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, [("control", found.plot)],
-                                           watching, {CODE: c_controller(found)}, control=found)  # fmt: skip
+                                           watching, contents={CODE: c_controller(found)}, control=found)  # fmt: skip
         return replace(finished, figures=(*finished.figures, *motion))

@@ -181,7 +181,8 @@ def run(
     project = loaded(project, preset, trust)
     folder = default_folder(project.path.stem) if out is None else Path(out)
     name = _optimiser(optimiser, project.optimiser, starts)
-    request = FitOptions(str(project.path.resolve()), preset, optimiser, seed, starts, cut, executor)
+    request = FitOptions(str(project.path.resolve()), preset, optimiser, seed, starts=starts, cut=cut,
+                         executor=executor)  # fmt: skip
     _refuse_impossible(project, name, request)
     refuse_anothers(folder, project.path)
     inputs = inputs_of(project)
@@ -202,13 +203,14 @@ def run(
     ):
         draw = Drawing(project, folder, jobs, watching, drawer=beside) if figures else None
         heard = watching if draw is None else _drawn_too(watching, draw)
-        fit = _identified(project, opened, jobs, heard, findings, optimiser=name, seed=seed, starts=starts, cut=cut,
-                          executor=executor or "threads")  # fmt: skip
+        fit = _identified(project, opened, jobs, heard, findings=findings, optimiser=name, seed=seed, starts=starts,
+                          cut=cut, executor=executor or "threads")  # fmt: skip
         searching = False
         laps |= {stage: seconds + laps.get(stage, 0.0) for stage, seconds in fit.timing.items()}
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
         interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
-        found = FinishedRun(project, fit, folder, (), result, interrupted, seconds, "", resume)
+        found = FinishedRun(project, fit, folder, (), result=result, interrupted=interrupted, seconds=seconds,
+                            undrawn="", resumed=resume)  # fmt: skip
         watching.result(found)
         finished = _with_figures(found, draw, opened, laps, began=start_time, observer=watching)
     watching.stage("")

@@ -139,7 +139,7 @@ def run_noise_study(
                 watching.notice(str(finding))
             study = plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
     return FinishedNoiseStudy.written(folder, study.to_json() | {"source": str(source)}, of_study(study), watching,
-                                      {TABLE: csv_text(study.lines())}, study=study)  # fmt: skip
+                                      contents={TABLE: csv_text(study.lines())}, study=study)  # fmt: skip
 
 
 def _grid(

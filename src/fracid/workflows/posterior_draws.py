@@ -109,7 +109,7 @@ def run_posterior(
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
     pictures = ("posterior", drawn.plot), ("posterior-predictive", drawn.plot_predictive)
     return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, pictures, watching,
-                                     {DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
+                                     contents={DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
 
 
 def _fault(_key: str, values: Any) -> str:

@@ -106,8 +106,9 @@ def model_of_table(name: str, table: Mapping[str, Any], zero: str | None = None,
     zero = (zero or "hanging") if angle else ""
     written = Equations(
         equations_in(spec["equations"]), equations_in(spec["outputs"]), spec["inputs"],
-        equations_in(spec.get("definitions", {})), {"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {},
-        spec.get("scene", {}), module,
+        equations_in(spec.get("definitions", {})),
+        numbers={"hanging": 1.0 if zero == "hanging" else -1.0} if angle else {}, scene=spec.get("scene", {}),
+        module=module,
     )  # fmt: skip
     model = written.model(name, (Parameter.of(n, row) for n, row in spec["parameters"].items()))
     return replace(
