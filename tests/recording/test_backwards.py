@@ -41,6 +41,12 @@ def test_a_pendulum_whose_arm_hardly_moves_does_not_say_which_way_it_is_counted(
     assert "counted-backwards" not in codes(1e-3 * np.random.default_rng(4).standard_normal(len(alpha)), alpha)
 
 
+def test_an_encoder_that_reads_0_throughout_stands_still_and_does_not_count_backwards(swung):
+    found = codes(swung[0], np.zeros(len(swung[1])))
+    assert "still" in found
+    assert "counted-backwards" not in found
+
+
 @pytest.mark.broad
 def test_init_says_it_and_the_sign_that_it_names_mends_it(swung, tmp_path):
     table = np.column_stack([STEP * np.arange(len(swung[0])), *swung])

@@ -53,7 +53,7 @@ def counted_backwards(step: float, theta: FloatArray, alpha: FloatArray) -> Iter
     part = slice(max(0, at - MOST // 2), at + MOST // 2)
     found = [_signs(step, theta[part], alpha[part], n) for n in STRETCHES if 4 * n < len(theta[part])]
     share, left, same = min(found, default=(1.0, 1.0, True))
-    if share < MATTERS and left < LEFT and not same:
+    if 0 < share < MATTERS and left < LEFT and not same:  # nothing is left of an α that stays at 0
         yield SAYS.finding("counted-backwards", "alpha", 100 * left / share, 100 * left / MATTERS, turned=100 * left)
 
 
