@@ -120,6 +120,15 @@ def test_what_a_recording_has_for_itself_is_one_value_for_all_its_windows(stand)
         assert np.abs(pieces.fitted(moved, w) - pieces.fitted(pieces.start, w)).max() > 1e-4, w.name
 
 
+def test_recordings_that_are_held_before_their_release_begin_in_motion_in_windows(stand):
+    released = replace(stand.experiments[0], release_time=Free(0.0, -0.05, 0.05))
+    held = replace(stand, experiments=(released,), initial_state="rest", parameters=TRUTH)
+    pieces = windowed(held, 1.0)
+    alone = pieces.with_shared(pieces.start, (released,))
+    assert not any(u.kind == "time" for u in (*pieces.unknowns, *alone.unknowns))
+    assert math.isfinite(prediction_of(pieces, pieces.start).seconds)
+
+
 def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(stand, monkeypatch):
     monkeypatch.setattr("fracid.estimation.windows.MOST", 4)
     pieces = windowed(stand, 1.0)

@@ -318,12 +318,12 @@ def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, r
     """Windows of a recording that hold all of its samples; of more than `most` so many, evenly spread; or parts."""
     samples = len(e.measured)
     length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
-    pairs, whole = _equal_spans(0, samples, max(1, samples // length)), e
+    pairs, whole = _equal_spans(0, samples, max(1, samples // length)), piece(e, e.name, 0, samples)
     if len(pairs) > most:
         kept = set(np.linspace(0, len(pairs) - 1, most).astype(int).tolist())
         left = [pair for k, pair in enumerate(pairs) if k not in kept]
         between = [(e.start + a * e.step, e.start + (b - 1) * e.step) for a, b in left]
-        pairs, whole = [pair for k, pair in enumerate(pairs) if k in kept], replace(e, mask=(*e.mask, *between))
+        pairs, whole = [pair for k, pair in enumerate(pairs) if k in kept], replace(whole, mask=(*e.mask, *between))
     pairs = [part for a, b in pairs for part in _equal_spans(a, b, parts)]
     windows = []
     for k, (a, b) in enumerate(pairs, start=1):
