@@ -93,6 +93,8 @@ class Equations:
     """Body → how it is drawn: :mod:`fracid.models.scene`."""
     module: str = ""
     """Of fracid's own, for :class:`fracid.models.written.formulas.Formula`."""
+    _grown: dict[Any, Model] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What was made of a model before: elements go on and off all through a fit."""
 
     def model(self, name: str, parameters: Iterable[Parameter]) -> Model:
         """Make it.
@@ -109,7 +111,8 @@ class Equations:
         """As :attr:`fracid.models.Model.grown` asks."""
         if model.states == tuple(e.name or n for n, e in self._there(on).items()):
             return model
-        other = self.made(model.name, model.parameters, on)
+        key = frozenset(n for e in self.equations.values() for n in e.only) & on, model.parameters
+        other = self._grown.get(key) or self._grown.setdefault(key, self.made(model.name, model.parameters, on))
         fields = ("rhs", "states", "orders", "outputs", "relaxing", "follows")
         return replace(model, **{n: getattr(other, n) for n in fields})
 
