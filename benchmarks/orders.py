@@ -18,6 +18,7 @@ from math import log2
 from pathlib import Path
 
 import numpy as np
+from scipy.special import zeta
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
@@ -26,7 +27,6 @@ from fracid import Trajectory, sensitivities, solve_fde  # noqa: E402
 from fracid.solver.arguments import AtRestWarning  # noqa: E402
 from fracid.solver.methods import METHODS  # noqa: E402
 from fracid.solver.solve import PaperSchemeWarning  # noqa: E402
-from fracid.solver.weights import zeta  # noqa: E402
 from oracles import derivatives as recursions  # noqa: E402
 from oracles.mittag_leffler import mittag_leffler  # noqa: E402
 from oracles.problems import (  # noqa: E402

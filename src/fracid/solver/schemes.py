@@ -188,6 +188,17 @@ def _ended(n, row, state, run, x, f, out):
     return row, COMPLETED
 
 
+@inline
+def _advance(i, n, head, raw, run, x, f, history):
+    """Take the n-th step of state i from f and what went before, or from what is known."""
+    window, _, ahead = history
+    m, j = len(run.past) - 1, (n - 1) % BLOCK
+    drift = 0.0 if raw else run.past[0, i] + run.slope[i] * (n * run.h)
+    v = run.gain[i] * f[i] - ahead[i, j] if n > m else run.past[n, i] - drift
+    enter(i, j, v, head, window, ahead, run.kernels)
+    x[i] = drift + v
+
+
 @when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
 def step_gl(rhs, run, history, work, raw, last_first, out):
     """``gl``, ``gl-paper`` (`raw`) and ``gl-sequential`` (`last_first`): fill `out`, a row for each sample stored."""
@@ -208,19 +219,17 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
             head = room(head, window, kernels.lags)
             look_ahead(n, head, window, sums, ahead, kernels)
         _read(run.u, n - 1, now)
-        for k in range(states):
-            i = states - 1 - k if last_first else k
-            if n > m and (k == 0 or last_first):
+        if last_first:
+            for i in range(states - 1, -1, -1):
+                if n > m:
+                    evaluate(rhs, run.start + (n - 1 - m) * h, x, now, run.p, f)
+                _advance(i, n, head, raw, run, x, f, history)
+        else:  # apart: with one loop for both a step takes 15 % longer
+            if n > m:
                 evaluate(rhs, run.start + (n - 1 - m) * h, x, now, run.p, f)
-            drift = 0.0 if raw else x0[i] + slope[i] * (n * h)
-            v = run.gain[i] * f[i] - ahead[i, j] if n > m else past[n, i] - drift
-            enter(i, j, v, head, window, ahead, kernels)
-            x[i] = drift + v
-            if not abs(x[i]) <= run.limit:
-                how = DIVERGED if _finite(f) else NOT_FINITE
-                break
-        if how == COMPLETED:
-            row, how = _ended(n, row, np.int64(KEPT), run, x, f, out)
+            for i in range(states):
+                _advance(i, n, head, raw, run, x, f, history)
+        row, how = _ended(n, row, np.int64(KEPT), run, x, f, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break

@@ -69,7 +69,7 @@ import numpy as np
 from numba import types
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
-from scipy.special import binom, gamma, rgamma
+from scipy.special import binom, gamma, rgamma, zeta
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import evaluate, when_called
@@ -81,7 +81,6 @@ from fracid.solver.weights import (
     relaxing_kernel,
     third_weights,
     trapezoidal_weights,
-    zeta,
 )
 
 PI, PI3, BDF = "pi", "pi3", "bdf"
@@ -157,10 +156,9 @@ def corrections(family: str, orders: tuple[float, ...], sigma: tuple[float, ...]
     fit = k ** exponent[:, None] / (1 + 4.0 ** exponent[:, None])  # the nearest, where there are fewer than steps
     if len(sigma) == s:
         fit = np.linalg.inv(k[:, None] ** exponent)
-    fit = np.pad(fit, ((0, 0), (1, 0)))
-    constant = np.eye(1, s + 1)
+    fit = np.column_stack([np.zeros(len(fit)), fit])
     fit = np.vstack([fit, BEND_AND_RISE @ np.eye(3, s + 1)]) if family == PI3 else fit
-    fit = np.vstack([constant, fit]) if family == BDF else fit
+    fit = np.vstack([np.eye(1, s + 1), fit]) if family == BDF else fit
     distinct = np.array([*dict.fromkeys(orders)])
     of = dict(zip(distinct.tolist(), _errors(family, distinct, exponent, knots), strict=True))
     M = {q: _starting_weights(family, q, E[:, : s + 1], fit) for q, E in of.items()}
@@ -241,25 +239,23 @@ def knots_up_to(steps: int) -> NDArray[np.int64]:
 def errors_of_powers(
     q: float | FloatArray, sigma: FloatArray, knots: NDArray[np.int64], third: bool = False
 ) -> FloatArray:
-    """E_σ(n) for each order q, the exponents σ and n at the knots, shape (n_orders, n_exponents, n_knots)."""
+    """E_σ(n) for each order q and exponent σ, at the :func:`knots_up_to` an end, (n_orders, n_exponents, n_knots)."""
     summed = 2 * SUMMED if third else SUMMED
     weights = [(third_weights if third else trapezoidal_weights)(order, summed)[0] for order in np.atleast_1d(q)]
-    q, s, n = np.atleast_1d(q)[:, None, None], sigma[:, None], knots.astype(float)
-    near = (n > 0) & (n <= summed)
-    few, far = knots[near], n[n > summed]
-    E, k = np.zeros((len(q), len(s), len(n))), np.arange(summed + 1)
-    exact, powers = gamma(s + 1) * rgamma(s + q + 1), np.where(k > 0, k**s, 0.0)
-    lag = few[:, None] - k
+    q, s, k = np.atleast_1d(q)[:, None, None], sigma[:, None], np.arange(summed + 1)
+    n, lag = knots.astype(float), k[:, None] - k
+    near, far = n[: summed + 1], n[summed + 1 :]  # all are knots up to there
+    exact, powers = gamma(s + 1) * rgamma(s + q + 1), k**s
     sums = np.array([powers @ np.where(lag >= 0, w[lag], 0.0).T for w in weights])
-    E[..., near] = exact * n[near] ** (s + q) - sums
     start, rule, last = (_third_expansion if third else _expansion)(q, s)
     descending = far ** -np.arange(4.0)[:, None]  # powers of 1/n
-    E[..., n > summed] = (far ** (q - 1) * (start @ descending) + far ** (s + q - 2) * (rule @ descending[:3] ** 2)
-                          + far ** (s - 2) * (last @ descending))  # fmt: skip
+    expanded = (far ** (q - 1) * (start @ descending) + far ** (s + q - 2) * (rule @ descending[:3] ** 2)
+                + far ** (s - 2) * (last @ descending))  # fmt: skip
+    E = np.concatenate([exact * near ** (s + q) - sums, expanded], axis=-1)
     if third:
         bend, rise = np.array([_ends(order, knots) for order in q[:, 0, 0]]).transpose(1, 0, 2)[:, :, None]
         E += bend * (2.0**s - 2) + rise
-        for j in np.flatnonzero(near)[:2]:
+        for j in (1, 2):
             _, one, two = _parabola_weights(q, n[j])
             E[..., j] = (exact * n[j] ** (s + q) - one - two * 2.0**s)[..., 0]
     E[..., 0] = 0.0
@@ -305,14 +301,17 @@ def _parabola_weights(q: Any, n: float) -> tuple[Any, Any, Any]:
     return m0 - 1.5 * m1 + 0.5 * m2, 2 * m1 - m2, 0.5 * m2 - 0.5 * m1
 
 
+ENDS = np.array([[-1.0, 0.0, -1 / 12, 0.0], [0.0, 1.0, 0.0, 1 / 12], [0.0, 0.0, -1 / 2, 0.0], [0.0, 0.0, 0.0, 1 / 6]])
+"""What ζ(a), ζ(a − 1), … weigh in 1, 1/n, 1/n², 1/n³ at an end of the sum: its own share, and that of a δ²/12."""
+
+
 def _expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients of E_σ(n) for large n in powers of 1/n: the start's, the rule's own (1/n²), the last panel's."""
-    k, z, y = np.arange(4), zeta(-s - np.arange(4)), zeta(-q - 1 - np.arange(4))
-    start = np.stack([-z[:, 0], z[:, 1], -(z[:, 2] / 2 + z[:, 0] / 12), z[:, 3] / 6 + z[:, 1] / 12], -1) * rgamma(q - k)
+    k = np.arange(4)
+    start = zeta(-s - k) @ ENDS * rgamma(q - k)
     rule = -gamma(s + 1) * rgamma(s + q - np.array([1, 3, 5])) / (12, 360, 20160)
-    last = np.stack([-y[..., 0], y[..., 1], -(y[..., 2] / 2 + y[..., 0] / 12), y[..., 3] / 6 + y[..., 1] / 12], -1)
-    falling = np.cumprod((s - 1, s - 2, s - 3, s - 4), axis=0)[..., 0].T
-    return start, rule, last * s * falling * rgamma(q + 2)
+    last = zeta(-q - 1 - k) @ ENDS * np.cumprod(s - 1 - k, axis=-1)
+    return start, rule, last * s * rgamma(q + 2)
 
 
 def _third_expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

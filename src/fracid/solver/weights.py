@@ -32,7 +32,8 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
+from scipy.special import zeta
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import when_called
@@ -170,21 +171,6 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     for k in range(steps + 1):  # as an expression of arrays it would take Numba a second more to compile
         b[k], a[k] = b[k] / gamma, a[k] / gamma
     return b, a
-
-
-def zeta(s: ArrayLike) -> FloatArray:
-    """Riemann's ζ(s) for s < 0, by Euler's and Maclaurin's formula from the 12th term on.
-
-    Examples
-    --------
-    >>> float(zeta(-1.0).round(12))
-    -0.083333333333
-    """
-    s, N, j = np.asarray(s, dtype=np.float64)[..., None], 12.0, 2 * np.arange(1, 5)
-    terms = (s + j - 1) * (s + j) / (N * N * (j + 1) * (j + 2))
-    terms = np.cumprod(np.concatenate([s * N ** (-s - 1) / 2, terms], axis=-1), axis=-1)
-    total = np.sum(np.arange(1.0, N) ** -s, axis=-1) + terms @ (1 / 6, -1 / 30, 1 / 42, -1 / 30, 5 / 66)
-    return np.asarray(total + (N ** (1 - s) / (s - 1) + N**-s / 2)[..., 0])
 
 
 def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
