@@ -95,6 +95,20 @@ def test_init_writes_nothing_where_no_model_fits(tmp_path, capsys, monkeypatch):
     assert (code, "no column that is called like current, which capacitor needs" in err) == (2, True)
 
 
+def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_it(tmp_path):
+    t, noise = np.arange(0, 10, 0.01), np.random.default_rng(1).standard_normal(1000)
+    angle, rate, acceleration = (w * (0.5 * 2**k * np.sin(2 * t + d) + 0.3 * 5**k * np.sin(5 * t + d))
+                                 for k, d, w in ((0, 0.0, 1), (1, np.pi / 2, 1), (2, 0.0, -1)))  # fmt: skip
+    torque = 5e-3 * acceleration + 0.02 * rate - 0.02 * np.sin(angle)  # it stands upright
+    table = np.column_stack([t, torque, angle + 2e-3 * noise])
+    np.savetxt(tmp_path / "axis.csv", table, delimiter=",", header="time [s],torque [N m],angle [rad]", comments="")
+    draft = draft_of_model("joint", tmp_path / "axis.csv", folder=tmp_path)
+    (tmp_path / "axis.toml").write_text(draft.text, encoding="utf-8")
+    free = fracid.load_project(tmp_path / "axis.toml").problem.names
+    assert {"J", "b_angle", "gravity", "coulomb_angle"} < {*free}
+    assert "spring_angle" not in free
+
+
 @pytest.mark.broad
 @pytest.mark.parametrize("name", ["cart-pole", "joint", "tanks", "capacitor", "relaxation", "two-mass"])
 def test_the_draft_of_a_twin_begins_within_its_bounds_of_the_truth(name, tmp_path):

@@ -252,7 +252,7 @@ class _Page:
         begins = self.table["model"].get("begins", {})
         starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self._grows(n))]
-        free = [n for n in sought if rows[n]["start"] != 0.0 or self._slides(n)]
+        free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
         optional = [n for n in sought if n not in free]
         return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
 
