@@ -1,5 +1,6 @@
 """Habits of a good program: completion, colours, widths, versions, an order in the help, and a start without delay."""
 
+import io
 import itertools
 import json
 import os
@@ -13,7 +14,7 @@ import pytest
 
 import fracid.cli
 from fracid.cli import app, completion
-from fracid.cli.app import WORDS
+from fracid.cli.app import WORDS, print_table
 from fracid.cli.completion import from_run, one_of
 from program import run
 
@@ -279,6 +280,17 @@ def test_a_table_of_a_check_fits_the_terminal(monkeypatch, swing, width):
 
 
 # --- versions -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_table_is_broken_between_words_on_a_narrow_terminal_and_nowhere_in_a_pipe(terminal):
+    from rich.console import Console
+
+    shown, verdict = io.StringIO(), "practically non-identifiable"
+    console = Console(file=shown, force_terminal=terminal, width=60, color_system=None)
+    print_table(console, ("name", "95 % interval", "unit", ""), [("theta_rest", "-1 … 1", "rad", verdict)])
+    assert (verdict in shown.getvalue()) != terminal
+    assert {*verdict.split()} < {*shown.getvalue().split()}
 
 
 def test_the_version_is_told_with_those_that_results_depend_on_where_json_is_asked_for(capsys):

@@ -201,9 +201,7 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     orders = problem.orders.values()
     remembers = any(not isinstance(v, float | int) or v != round(v) for v in orders)
     most = max(1, MOST // len(problem.experiments))
-    windows = (
-        w for e in problem.experiments for w in _one_after_the_other(e, seconds, most, parts, remembers=remembers)
-    )
+    windows = (w for e in problem.experiments for w in _in_turn(e, seconds, most, parts, remembers=remembers))
     return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
 
 
@@ -314,7 +312,7 @@ def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
 
 
-def _one_after_the_other(e: Experiment, seconds: float, most: int, parts: int, remembers: bool) -> list[Experiment]:
+def _in_turn(e: Experiment, seconds: float, most: int, parts: int, remembers: bool) -> list[Experiment]:
     """Windows of a recording that hold all of its samples; of more than `most` so many, evenly spread; or parts."""
     samples = len(e.measured)
     length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
