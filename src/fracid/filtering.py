@@ -105,15 +105,13 @@ class StateObserver:
         doubt = np.zeros(len(C))
         for i in range(states):
             block = slice(F.begin[i], F.begin[i + 1])
-            weights.py_func(F.orders[i], F.rates, block.stop - block.start, c, dc=dc, first=block.start)
+            weights.py_func(F.orders[i], F.rates, len(c[block]), c, dc=dc, first=block.start)
             C[i, block] = c[block]
             if F.of[i] >= 0:
                 C[i, modes + F.of[i]] = dc[block] @ F.xi[block]
                 sides = np.zeros((3, len(c)))
                 for side, far in zip(sides, (FAR, -FAR), strict=False):
-                    weights.py_func(
-                        F.orders[i] + far, F.rates, block.stop - block.start, side, dc=sides[2], first=block.start
-                    )
+                    weights.py_func(F.orders[i] + far, F.rates, len(c[block]), side, dc=sides[2], first=block.start)
                 doubt[i] = bent.py_func(F, i, c, dc, *sides[:2])[1]
         return np.asarray(C @ F.P @ C.T + np.diag(doubt))
 

@@ -281,9 +281,8 @@ def subject_of_problem(
     for e, error, j in zip(problem.experiments, J.errors, J.parts, strict=True):
         own = np.array([u.experiment == e.name for u in unknowns])
         fitted = e.measured - error
-        recorded += of_samples(
-            fitted, j[..., shared], j[..., own], [*noise.values()], weights=problem.weights, excess=excess
-        )
+        recorded += of_samples(fitted, j[..., shared], j[..., own], [*noise.values()], weights=problem.weights,
+                               excess=excess)  # fmt: skip
     intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
                  if (interval := precision.interval(x, k)) is not None}  # fmt: skip
     start = {n: v for n, v in values.items() if n in problem.per_recording or n in problem.names}

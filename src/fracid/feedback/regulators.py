@@ -38,6 +38,9 @@ UPRIGHT, HANGING = "upright", "hanging"
 REDUCED = (0.3, 2.0)
 """Errors that a sum may have over the band of a loop, in dB and degrees: it has some five terms."""
 
+STAYS = 1e-6
+"""Part of such a state that is gone at each sample, for what a regulator weighs."""
+
 SLOWEST = 3e-4
 """Lowest frequency of that band, over half the sampling rate."""
 
@@ -190,8 +193,7 @@ def regulator(
     A, B, C = sampled(plant, period)
     Q, R, V = C.T @ np.diag(allowed**-2.0) @ C, np.array([[rho / most**2]]), np.diag(noise**2)
     try:
-        P = solve_discrete_are(A, B, Q, R)
-        S = solve_discrete_are(A.T, C.T, (sigma * most) ** 2 * B @ B.T, V)
+        P, S = _riccati(A, B, Q, R), _riccati(A.T, C.T, (sigma * most) ** 2 * B @ B.T, V)
     except (np.linalg.LinAlgError, ValueError) as error:
         outputs = " and ".join(plant.linear.outputs)
         raise InputError(SAYS("no-regulator", name=plant.linear.name, outputs=outputs, error=error)) from None
@@ -199,6 +201,15 @@ def regulator(
     seen = np.eye(len(A)) - M @ C
     return Controller("LQR", {"rho": rho, "sigma": sigma}, period, (A @ seen).tolist(), B=(A @ M).tolist(),
                       C=(-K @ seen).tolist(), D=(-K @ M).tolist(), E=B.tolist())  # fmt: skip
+
+
+def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
+    """Solve Riccati's equation; what nothing moves and what stays, as a presliding joint's z at rest, is let decay."""
+    try:
+        P = solve_discrete_are(A, B, Q, R)
+    except np.linalg.LinAlgError:
+        P = solve_discrete_are((1 - STAYS) * A, B, Q, R)
+    return np.asarray(P)
 
 
 def margins(plant: Plant, controller: Controller) -> tuple[float, float, float]:

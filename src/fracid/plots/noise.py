@@ -82,10 +82,8 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy, name: str) -> None:
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
         place = (which + 0.5) / len(resolutions) - 0.5
-        _draw(
-            left, right, cell, cell.unknowns[name], x=levels.index(cell.level) + ROOM * place, which=which,
-            factor=factor,
-        )  # fmt: skip
+        at = levels.index(cell.level) + ROOM * place
+        _draw(left, right, cell, cell.unknowns[name], x=at, which=which, factor=factor)
     left.axhline(0.0, color=INK, lw=0.8, zorder=1)
     right.axhspan(*BELIEVED, color=GREEN, alpha=0.15, lw=0, label="90 to 99 %")
     right.axhline(95.0, color=INK, lw=0.8, zorder=1)
