@@ -76,6 +76,15 @@ def test_a_rod_that_stands_is_predicted_for_a_time_and_one_that_hangs_to_the_end
     assert chosen_window(stand) == PARTS * found.window
 
 
+def test_an_arm_that_sticks_while_its_pendulum_swings_asks_for_no_windows():
+    rig = fracid.rotary_pendulum("srv02-rotpen", coulomb_theta=0.06, slip_speed=2e-3)
+    run = fracid.simulate(rig, orders={"lambda": 1, "mu": 1}, initial={"alpha": 0.7}, step=4e-3, end=8.0)
+    seen = run.states[:, [0, 2]] + 1e-3 * np.random.default_rng(1).standard_normal((len(run.time), 2))
+    stuck = fracid.Experiment("stuck", 4e-3, seen, np.zeros((1, 1)))
+    problem = fracid.Problem(rig, (stuck,), {"lambda": 1.0, "mu": 1.0})
+    assert prediction(problem, problem.start).window == math.inf
+
+
 @pytest.mark.broad
 def test_jitter_of_an_angle_hardly_makes_windows_shorter():
     """A quick angle beside a wide one is no pace at which the wide one starts."""

@@ -148,25 +148,27 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
 
 
 def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> list[tuple[float, float, float]]:
-    """The growth from so many places of a recording, each to the next one."""
-    spans = _equal_spans(0, len(e.measured), places)
+    """The growth from so many places of a recording, each to the next one.
+
+    In parts of the size of its motion, and of that of its rate: of all of it, since an arm may stick while it swings.
+    """
+    spans, reach = _equal_spans(0, len(e.measured), places), _reach(e)
+    sizes = [np.std(y, axis=0) for y in (e.measured, (e.measured[reach:] - e.measured[:-reach]) / (reach * e.step))]
     parts = (problem.with_shared(x, (piece(e, e.name, a, b),)) for a, b in spans if b - a > SAMPLES)
-    return [_growth(replace(part, initial_state="estimate", memo=None)) for part in parts]
+    return [_growth(replace(part, initial_state="estimate", memo=None), *sizes) for part in parts]
 
 
-def _growth(problem: Problem) -> tuple[float, float, float]:
+def _growth(problem: Problem, size: FloatArray, rate: FloatArray) -> tuple[float, float, float]:
     """When what the start of the one recording is off by has grown by :data:`GROWTH`, when by its square [s], and the
     growth at which its noise is a third of the motion.
 
-    In parts of the motion's size, of outputs that are states, and of the size of their rates.
+    In parts of `size` and `rate`, of outputs that are states.
     """
     e, x, states = problem.experiments[0], problem.start, problem.model.output_states
     seen = [k for k, n in enumerate(problem.outputs) if n in states]
     columns, measured = [states[problem.outputs[k]] for k in seen], e.measured[:, seen]
-    size = np.maximum(np.std(measured, axis=0), 1e-300)
+    size, rate = np.maximum(size[seen], 1e-300), rate[seen]
     noise = np.array([max(noise_level(y), (resolution(y) or 0.0) / math.sqrt(12.0)) for y in measured.T])
-    reach = _reach(e)
-    rate = np.std((e.measured[reach:, seen] - e.measured[:-reach, seen]) / (reach * e.step), axis=0)
     offsets = {problem.model.states[i]: s for i, s in zip(columns, size, strict=True)}
     offsets |= {problem.model.states[j]: rate[columns.index(i)] for i, j in problem.rates.items()}
     run = problem.simulate(x, e)
