@@ -133,7 +133,7 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
     ...     problem = Problem(rig, (Experiment("seen", 0.01, wobble, push),), {"lambda": 1.0, "mu": 1.0})
     ...     print(prediction(problem, problem.start).window)
     inf
-    0.22
+    0.24
     """
     seconds, windows = [], []
     for e in problem.experiments:

@@ -47,9 +47,9 @@ GRAVITY = 9.80665
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
 
-WORTH = 50_000
-"""Steps of all recordings from which on points go together: what a fit gains by it is then what the loop for several
-runs takes to compile, once on a machine."""
+WORTH = 250_000
+"""Steps of all recordings, times unknowns, from which on points go together: the loop for several runs takes three
+seconds to compile, once on a machine, which two or three such fits win back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Simulator:
         """Points to ask for at once: 1 where no runs go together, or they are short, or errors take too much room."""
         p = self.parametrisation
         size, steps = sum(e.measured.nbytes for e in p.experiments), self.work / len(p.model.states)
-        worth = steps >= WORTH and RUNS * size <= MOST
+        worth = steps * len(p.unknowns) >= WORTH and RUNS * size <= MOST
         return RUNS if worth and go_together(p.model.rhs, self.method) else 1
 
     def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
