@@ -136,6 +136,18 @@ def test_recordings_that_are_held_before_their_release_begin_in_motion_in_window
     alone = pieces.with_shared(pieces.start, (released,))
     assert not any(u.kind == "time" for u in (*pieces.unknowns, *alone.unknowns))
     assert math.isfinite(prediction_of(pieces, pieces.start).seconds)
+    assert pieces.of(released).experiments[0].release_time == 0.0
+
+
+def test_windows_with_a_past_have_states_that_relax_or_follow_others():
+    rig = fracid.rotary_pendulum("srv02-rotpen", presliding_alpha=0.01, arm_stiffness=100.0)
+    run = fracid.simulate(rig, orders={"lambda": 0.95, "mu": 1}, initial={"theta": 0.1, "arm": 0.1, "alpha": 0.5},
+                          step=4e-3, end=4.0)  # fmt: skip
+    swing = fracid.Experiment("swing", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
+    problem = fracid.Problem(rig, (swing,), {"lambda": 0.95, "mu": 1.0}, initial_state="estimate")
+    pieces = windowed(problem, 1.0)
+    assert {"z_alpha", "arm"} < pieces.told
+    assert all(np.isfinite(pieces.errors(pieces.start)[k]).all() for k in range(len(pieces.experiments)))
 
 
 def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(stand, monkeypatch):

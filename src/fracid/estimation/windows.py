@@ -269,11 +269,8 @@ def prediction_of(problem: Problem, x: FloatArray) -> Prediction:
 
 def can_be_windowed(problem: Problem) -> bool:
     """Whether its recordings can be fitted in windows: whether what a window begins with is measured."""
-    model, rates = problem.model, problem.rates
-    known = {model.states[i] for pair in rates.items() for i in pair} | {*model.relaxing, *model.follows}
-    known |= {model.states[model.output_states[n]] for n in problem.outputs if n in model.output_states}
     plain = all(e.times is None and e.source is None and e.past is None and not e.initial for e in problem.experiments)
-    return problem.cost_function.loss is not None and known >= {*model.states} and plain
+    return problem.cost_function.loss is not None and problem.told >= {*problem.model.states} and plain
 
 
 def dies(e: Experiment) -> bool:

@@ -206,10 +206,9 @@ def regulator(
 def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
     """Solve Riccati's equation; what nothing moves and what stays, as a presliding joint's z at rest, is let decay."""
     try:
-        P = solve_discrete_are(A, B, Q, R)
+        return np.asarray(solve_discrete_are(A, B, Q, R))
     except np.linalg.LinAlgError:
-        P = solve_discrete_are((1 - STAYS) * A, B, Q, R)
-    return np.asarray(P)
+        return np.asarray(solve_discrete_are((1 - STAYS) * A, B, Q, R))
 
 
 def margins(plant: Plant, controller: Controller) -> tuple[float, float, float]:

@@ -230,11 +230,8 @@ def _check_past(p: Parametrisation, e: Experiment) -> None:
     for name in p.outputs:
         if name not in p.model.output_states:
             raise InputError(SAYS("history-of-function", e=e, name=name))
-    observed = {p.model.output_states[o] for o in p.outputs}
-    unobserved = set(range(len(p.model.states))) - observed - {j for i, j in p.rates.items() if i in observed}
-    if unobserved:
-        names = ", ".join(p.model.states[i] for i in sorted(unobserved))
-        raise InputError(SAYS("past-undetermined", e=e, names=names, outputs=", ".join(p.outputs)))
+    if unknown := [n for n in p.model.states if n not in p.told]:
+        raise InputError(SAYS("past-undetermined", e=e, names=", ".join(unknown), outputs=", ".join(p.outputs)))
     if p.initial_state not in ("estimate", "measured"):
         raise InputError(SAYS("past-starts-in-motion", e=e, p=p))
 

@@ -388,6 +388,13 @@ class Parametrisation:
         indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
         return {i: self.model.rates[i] for i in indices if i in self.model.rates}
 
+    @cached_property
+    def told(self) -> set[str]:
+        """The states that scored outputs tell: themselves, their rates, and those that follow others or relax."""
+        model = self.model
+        seen = {i for n in self.outputs if (i := model.output_states.get(n)) is not None} | {*self.rates.values()}
+        return {*(model.states[i] for i in seen), *model.relaxing, *model.follows}
+
     def sizes(self, e: Experiment) -> FloatArray:
         """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).
 

@@ -81,6 +81,8 @@ class Past:
                 past[:, i] = signal
                 rise = derivative(signal - signal[0], orders[i], step, kind="rl")  # at rest before
                 past[1:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise[1:]
+            for name, other in self.model.follows.items():
+                past[:, self.model.states.index(name)] = past[:, self.model.states.index(other)]
             return past[release:]
 
         return states

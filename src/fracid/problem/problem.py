@@ -247,9 +247,12 @@ class Problem(Parametrisation, CardDisplay):
         own_names = (*self.per_recording, *self.ties)
         orders = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.orders.items()}
         parameters = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.parameters.items()}
-        if self.in_windows:  # which begin in motion
-            experiments = tuple(replace(e, release_time=0.0, initial={}) for e in experiments)
-        return replace(self, orders=orders, parameters=parameters, experiments=experiments)
+        return replace(self.of(*experiments), orders=orders, parameters=parameters)
+
+    def of(self, *experiments: Experiment) -> Problem:
+        """The same problem of other recordings, which begin in motion where those in windows do."""
+        moving = [replace(e, release_time=0.0, initial={}) if self.in_windows else e for e in experiments]
+        return replace(self, experiments=tuple(moving))
 
 
 def alternative_of(

@@ -254,7 +254,7 @@ def _offsets(problem: Problem, names: Collection[str]) -> set[str]:
 
 def _seen_in(e: Experiment, top: Problem) -> set[str]:
     """What a recording that is not fitted sees; nothing where the run fails."""
-    alone = replace(top, experiments=(e,))
+    alone = top.of(e)
     if isinstance(alone.errors(alone.start), Failure):
         return set()
     return {u.target for u in alone.unknowns} - unseen(alone, SEEN)
