@@ -288,7 +288,9 @@ def test_a_table_is_broken_between_words_on_a_narrow_terminal_and_nowhere_in_a_p
 
     shown, verdict = io.StringIO(), "practically non-identifiable"
     console = Console(file=shown, force_terminal=terminal, width=60, color_system=None)
-    print_table(console, ("name", "95 % interval", "unit", ""), [("theta_rest", "-1 … 1", "rad", verdict)])
+    print_table(
+        console, ("name", "95 % interval", "unit", ""), [("theta_rest", "-1 … 1", "rad", verdict)], ("name", "")
+    )
     assert (verdict in shown.getvalue()) != terminal
     assert {*verdict.split()} < {*shown.getvalue().split()}
 

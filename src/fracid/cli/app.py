@@ -485,10 +485,8 @@ def open_page(page: Path, choice: bool | None) -> bool:
     return webbrowser.open(page.resolve().as_uri())
 
 
-def print_table(
-    console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], *, fold: Collection[str] | None = None
-) -> None:
-    """Print rows without lines; only the columns in `fold` are broken where the terminal is narrow, None for all.
+def print_table(console: Any, headings: Sequence[str], rows: Iterable[Sequence[str]], fold: Collection[str]) -> None:
+    """Print rows without lines; the columns in `fold` are broken where the terminal is narrow.
 
     They are broken between words, and nowhere where programs read: a file has no edge.
     """
@@ -497,16 +495,17 @@ def print_table(
     from rich.table import Table
 
     columns = [*zip(headings, *rows, strict=True)]
-    folds = [fold is None or heading in fold for heading in headings]
     widths = [max(map(len, cells)) for cells in columns]
-    words = [max(len(w) for cell in cells for w in cell.split() or [""]) for cells in columns]
-    excess = sum(widths) + 2 * len(widths) - 2 - console.width if console.is_terminal else 0
+    words = [max(len(w) for cell in cells for w in (cell.split() if cells[0] in fold else [cell]) or [""])
+             for cells in columns]  # fmt: skip
+    gap = 2 if sum(words) + 2 * len(words) - 2 <= console.width or not console.is_terminal else 1
+    excess = sum(widths) + gap * (len(widths) - 1) - console.width if console.is_terminal else 0
     for k in sorted(range(len(widths)), key=lambda k: words[k] - widths[k]):  # what can give most first
-        given = max(0, min(excess, widths[k] - words[k])) if folds[k] else 0
+        given = max(0, min(excess, widths[k] - words[k]))
         widths[k], excess = widths[k] - given, excess - given
-    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for heading, folded, width in zip(headings, folds, widths, strict=True):
-        grid.add_column(escape(heading), overflow="fold", no_wrap=not folded, width=width if excess <= 0 else None)
+    grid = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold")
+    for name, width in zip(headings, widths, strict=True):
+        grid.add_column(escape(name), overflow="fold", no_wrap=name not in fold, width=width if excess <= 0 else None)
     for row in zip(*(cells[1:] for cells in columns), strict=True):
         grid.add_row(*map(escape, row))
     (console if console.is_terminal else Console(file=console.file, width=10_000)).print(grid)

@@ -211,7 +211,7 @@ def _print_recordings(console: Console, fit: Fit) -> None:
         errors = {n: with_unit(e, r.unit(n), ".4g") if isfinite(e) else "none" for n, e in r.rmse.items()}
         scores = [text for n in outputs for text in (errors[n], _percent(r.fit_percent[n]))]
         rows.append([r.name, r.use, *scores, f"{r.cost:.6g}" if isfinite(r.cost) else "none"])
-    print_table(console, headings, rows)
+    print_table(console, headings, rows, fold=headings)
 
 
 def _percent(fit: float) -> str:
