@@ -13,8 +13,7 @@ derivative of their own.  So differences it is, of every method and memory alike
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +27,7 @@ from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
 from fracid.solver.trajectory import Trajectory, vector
+from fracid.tasks.job import in_threads
 
 SAYS = Words("solver/arguments.toml")
 
@@ -76,17 +76,8 @@ def solve_fde_batch(
         except (InputError, TypeError) as error:
             raise InputError(f"Run {number}: {error}") from None
 
-    return _on_threads(solve, list(enumerate(runs)), jobs)
-
-
-def _on_threads(work: Callable[[Any], Any], items: Sequence[Any], jobs: int | None) -> list[Any]:
-    """Map over items, in their order; the first goes alone, so that it compiles for all."""
-    threads = min((os.cpu_count() or 1) if jobs is None else at_least("jobs", jobs, 1), len(items))
-    if threads <= 1:
-        return [work(item) for item in items]
-    first = work(items[0])
-    with ThreadPoolExecutor(threads) as pool:
-        return [first, *pool.map(work, items[1:])]
+    threads, numbered = (os.cpu_count() or 1) if jobs is None else at_least("jobs", jobs, 1), [*enumerate(runs)]
+    return [*map(solve, numbered[:1]), *in_threads(threads, solve, numbered[1:])]  # the first compiles for all
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,7 +144,7 @@ def sensitivities(
     moving = np.column_stack([x0, np.zeros(len(x0))]) if x0.ndim == 1 else x0  # a neighbour of order 1 is above it
     kinds = {"orders": (q, _order_steps(q)), "parameters": (p, _steps(p)), "initial": (moving, _steps(states))}
     points = [(kind, i, step) for kind, (_, steps) in kinds.items() for i, step in enumerate(steps)]
-    runs: list[dict[str, Any]] = [{}]
+    runs, weights = list[dict[str, Any]]([{}]), [*STENCIL.values()]
     for kind, i, step in points:
         for side in STENCIL:
             values = kinds[kind][0].copy()
@@ -161,16 +152,13 @@ def sensitivities(
             runs.append({"initial": moving, kind: values})
     common = {"orders": q, "initial": x0, "parameters": p, "tolerance": tolerance, **options}
     run, *neighbours = solve_fde_batch(rhs, runs, jobs=jobs, **common)
-    slopes: dict[str, list[FloatArray]] = {kind: [] for kind in kinds}
-    for k, (kind, i, step) in enumerate(points):
-        difference: Any = 0.0
-        for weight, near in zip(STENCIL.values(), neighbours[k * len(STENCIL) :], strict=False):
-            if len(near.time) < len(run.time):
-                raise InputError(SAYS("no-derivative", kind=kind, i=i, run=near, end=near.time[-1]))
-            difference = difference + weight * near.states[: len(run.time)]
-        slopes[kind].append(difference / step)
-    empty = np.empty((*run.states.shape, 0))
-    return Sensitivities(run, *(np.stack(s, axis=-1) if s else empty for s in slopes.values()))
+    slopes = np.zeros((*run.states.shape, len(points)))
+    for k, near in enumerate(neighbours):
+        kind, i, step = points[k // len(STENCIL)]
+        if len(near.time) < len(run.time):
+            raise InputError(SAYS("no-derivative", kind=kind, i=i, run=near, end=near.time[-1]))
+        slopes[..., k // len(STENCIL)] += weights[k % len(STENCIL)] / step * near.states[: len(run.time)]
+    return Sensitivities(run, *np.split(slopes, np.cumsum([len(q), len(p)]), axis=-1))
 
 
 STENCIL = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
