@@ -86,6 +86,11 @@ class Space:
     """Unknowns that a local search leaves at their start, shape (n,); None for none."""
 
     @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which unknowns a local search moves, shape (n,)."""
+        return np.ones(len(self.names), dtype=bool) if self.held is None else ~self.held
+
+    @cached_property
     def typical(self) -> FloatArray:
         """The size of each unknown: its scale; else its start, a hundredth of its range at least and all at most."""
         width = self.upper - self.lower

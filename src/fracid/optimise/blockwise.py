@@ -67,7 +67,7 @@ def blockwise(space: Space, *, tolerance: float, budget: int) -> Optimiser:
     for _ in range(budget - 1):
         x = best.point
         if R is None:
-            R = yield from _linearised(best, space.blocks, space.steps(x), space.held)
+            R = yield from _linearised(best, space.blocks, space.steps(x), space.moving)
             steepest = float(np.max(R.norms * size, initial=0.0)) ** 2
             α = α or FIRST * steepest
         step, expected = _step(R, α, space, x)
@@ -93,8 +93,7 @@ def blockwise(space: Space, *, tolerance: float, budget: int) -> Optimiser:
 def _step(R: Arrowhead, α: float, space: Space, x: FloatArray) -> tuple[FloatArray, float]:
     """A step within the bounds, and by how much ½ Σ r² should fall."""
     g, step = R.gradient, np.zeros(len(x))
-    held: NDArray[np.bool_] = ((x <= space.lower) & (g > 0)) | ((x >= space.upper) & (g < 0))
-    held = held if space.held is None else held | space.held
+    held: NDArray[np.bool_] = ((x <= space.lower) & (g > 0)) | ((x >= space.upper) & (g < 0)) | ~space.moving
     while not held.all():
         free = x + R.step(np.where(held, np.inf, np.sqrt(α) / space.typical))
         end = np.clip(free, space.lower, space.upper)
@@ -107,15 +106,14 @@ def _step(R: Arrowhead, α: float, space: Space, x: FloatArray) -> tuple[FloatAr
 
 
 def _linearised(
-    here: Evaluation, blocks: Blocks, h: FloatArray, held: NDArray[np.bool_] | None
+    here: Evaluation, blocks: Blocks, h: FloatArray, moving: NDArray[np.bool_]
 ) -> Generator[FloatArray, list[Evaluation], Arrowhead]:
     """R of [J r] by differences, the columns of a group at once; 0 where one fails, and of what is held."""
     x, r = here.point, np.asarray(here.residuals)
     parts = zeros_together([(b - a, len(blocks.columns(k)) + 1) for k, (a, b) in enumerate(pairwise(blocks.rows))])
     for part, rows in zip(parts, np.split(r[: blocks.rows[-1]], blocks.rows[1:-1]), strict=True):
         part[:, -1] = rows
-    moving = blocks.groups if held is None else [group[~held[group]] for group in blocks.groups]
-    groups = [group for group in moving if len(group)]
+    groups = [group[moving[group]] for group in blocks.groups if np.any(moving[group])]
     while groups:
         points = np.tile(x, (len(groups), 1))
         for point, group in zip(points, groups, strict=True):

@@ -36,6 +36,9 @@ from fracid.optimise.base import Ask, Entry, Evaluation, Optimiser, Outcome, Spa
 from fracid.optimise.blockwise import blockwise
 from fracid.qr import BLOCK, triangle
 
+NO_ROWS = """This cost has no residuals for least squares: type optimiser = 'differential-evolution' or 'nelder-mead', \
+or one of the built-in costs."""
+
 LEAST = -100
 """Of a unit for the rows, the power of two."""
 
@@ -73,15 +76,18 @@ def least_squares(
 
     if space.blocks is not None:
         return blockwise(space, tolerance=tolerance, budget=budget)
-    size, moving = space.typical, np.ones(len(space.names), dtype=bool) if space.held is None else ~space.held
-    bounds = size + (space.lower - space.start), size + (space.upper - space.start)  # hold the start, rounded too
+    moving = np.flatnonzero(space.moving)  # a column of zeros would cost the method its Gauss-Newton steps
+    size, start, low, high = (v[moving] for v in (space.typical, space.start, space.lower, space.upper))
+    bounds = size + (low - start), size + (high - start)  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
         unit = 0.0
 
         def physical(y: FloatArray) -> FloatArray:
-            return np.where(moving, np.clip(space.start + (y - size), space.lower, space.upper), space.start)
+            x = space.start.copy()
+            x[moving] = np.clip(start + (y - size), low, high)
+            return x
 
         def first_column(y: FloatArray) -> FloatArray:
             rows = residuals(physical(y))
@@ -102,12 +108,14 @@ def least_squares(
             x = physical(y)
             if not np.array_equal(x_good, x):
                 residuals(x)
-            moved = evaluate((x + np.diag(space.steps(x)))[moving]) if moving.any() else []
+            moved = evaluate((x + np.diag(space.steps(x)))[moving])
             R = triangle(_rows(good, x, moved, moving, unit=unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
             return np.asarray(R[:, 1:])
 
+        if not len(moving):
+            return Outcome.CONVERGED if evaluate(space.start)[0].cost < np.inf else Outcome.ALL_FAILED
         try:
             result = scipy_least_squares(
                 first_column, size, other_columns, bounds=bounds, x_scale=size,
@@ -117,10 +125,7 @@ def least_squares(
             return Outcome.CONVERGED
         except _StartFails as failure:
             if failure.evaluation.cost < np.inf:
-                raise InputError(
-                    "This cost has no residuals for least squares: type optimiser = 'differential-evolution' or "
-                    "'nelder-mead', or one of the built-in costs."
-                ) from None
+                raise InputError(NO_ROWS) from None
             return Outcome.ALL_FAILED
         return Outcome.BUDGET_SPENT if result.status == 0 else Outcome.CONVERGED
 
@@ -133,17 +138,16 @@ def _power_of_two(size: float) -> float:
 
 
 def _rows(
-    base: FloatArray, x: FloatArray, batch: list[Evaluation], moving: NDArray[np.bool_], unit: float
+    base: FloatArray, x: FloatArray, batch: list[Evaluation], moving: NDArray[np.intp], unit: float
 ) -> Iterator[FloatArray]:
-    """Parts of [r J] at x, in a unit as `base` is, J by differences; 0 where one fails, and of what is held."""
-    columns = np.flatnonzero(moving)
+    """Parts of [r J] at x, in a unit as `base` is, J by differences; 0 where one fails."""
     for first in range(0, len(base), BLOCK):
         at = slice(first, first + BLOCK)
         r = base[at]
-        J = np.zeros((len(r), len(x)))
-        for i, e in zip(columns, batch, strict=True):
+        J = np.zeros((len(r), len(moving)))
+        for column, i, e in zip(J.T, moving, batch, strict=True):
             if e.residuals is not None:
-                J[:, i] = (e.residuals[at] / unit - r) / (e.point - x)[i]
+                column[:] = (e.residuals[at] / unit - r) / (e.point - x)[i]
         yield np.column_stack([r, J])
 
 

@@ -21,7 +21,7 @@ from fracid.optimise.base import Ask, Entry, Optimiser, Outcome, Space, as_gener
 def nelder_mead(
     space: Space, rng: np.random.Generator | None, *, tolerance: float = 1e-6, budget: int = 1000
 ) -> Optimiser:
-    """Move a simplex from the start of the space, whose first edges are a tenth of the bounds.
+    """Move a simplex from the start of the space, whose first edges are a tenth of the bounds; what is held stays.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def nelder_mead(
     del rng  # nothing here is random
     from scipy.optimize import minimize
 
-    edge = _edges(space)
+    edges = np.diag(_edges(space))[space.moving]
 
     def run(evaluate: Ask) -> Outcome:
         def cost(z: FloatArray) -> float:  # z counts edges from the start
-            return evaluate(_reflected(space.start + edge * z, space))[0].cost
+            return evaluate(_reflected(space.start + z @ edges, space))[0].cost
 
-        first = cost(np.zeros_like(edge))
-        if first == np.inf:
-            return Outcome.ALL_FAILED
+        first, many = cost(np.zeros(len(edges))), len(edges)
+        if first == np.inf or not many:
+            return Outcome.CONVERGED if first < np.inf else Outcome.ALL_FAILED
         # for one unknown the adaptive shrinking factor 1 − 1/n is 0: the simplex would fall into a point
-        options = {"xatol": tolerance, "fatol": tolerance * abs(first), "maxfev": budget - 1, "adaptive": len(edge) > 1,
-                   "initial_simplex": np.vstack([np.zeros_like(edge), np.eye(len(edge))])}  # fmt: skip
-        result = minimize(cost, np.zeros_like(edge), method="Nelder-Mead", options=options)
+        options = {"xatol": tolerance, "fatol": tolerance * abs(first), "maxfev": budget - 1, "adaptive": many > 1,
+                   "initial_simplex": np.eye(many + 1, many, -1)}  # fmt: skip
+        result = minimize(cost, np.zeros(many), method="Nelder-Mead", options=options)
         return Outcome.CONVERGED if result.success else Outcome.BUDGET_SPENT
 
     return as_generator(run)
