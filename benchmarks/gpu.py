@@ -173,36 +173,35 @@ def compiled(rhs: Any, parameters: int, inputs: int) -> Any:
     return kernel
 
 
-def sets() -> tuple[Any, Any, Any, Any]:
+def sets() -> tuple[Any, Any, Any]:
     """Distinct runs of the release."""
     rig = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
     random, values = np.random.default_rng(1), rig.parameter_vector()
     options = Options("pi2", compressed(), every=EVERY)
-    rhs, u, equations, initials = compile_rhs(rig.rhs), np.zeros((1, len(rig.inputs))), [], []
+    rhs, u, posed = compile_rhs(rig.rhs), np.zeros((1, len(rig.inputs))), []
     for _ in range(DISTINCT):
         p = values * (1 + 0.02 * random.standard_normal(len(values)))
         orders = dict(zip(("lambda", "mu"), random.uniform(0.86, 0.9, 2), strict=True))
         q = np.array(rig.state_orders(orders, p))
         x = np.zeros(STATES)
         x[list(rig.states).index("alpha")] = random.uniform(0.5, 1.5)
-        equations.append(solve.Equation(rhs, q, u, p, 1.0, (), None))
-        initials.append(solve.InitialCondition(x, None, 0.0))
-    return equations, initials, options, rig
+        posed.append((solve.Equation(rhs, q, u, p, 1.0, (), None), solve.InitialCondition(x, None, 0.0)))
+    return posed, options, rig
 
 
 def again(count: int) -> None:
     """What a worker does."""
-    equations, initials, options, _ = sets()
-    solve.integrate_all(equations[:count], initials[:count], 1e-3, STEPS, options)
+    posed, options, _ = sets()
+    solve.integrate_all(posed, 1e-3, STEPS, options, range(min(count, DISTINCT)))
 
 
 def main(sizes: list[int]) -> None:
     """Step on both, compare, print."""
-    equations, initials, options, _ = sets()
+    posed, options, _ = sets()
     args = 1e-3, STEPS, options
-    solve.integrate_all(equations[:8], initials[:8], *args)
+    solve.integrate_all(posed, *args, range(min(8, DISTINCT)))
     clock = time.perf_counter()
-    expected = np.stack([t.states for t in solve.integrate_all(equations, initials, *args)], axis=-1)
+    expected = np.stack([t.states for t in solve.integrate_all(posed, *args, range(DISTINCT)).values()], axis=-1)
     alone = DISTINCT / (time.perf_counter() - clock)
     cores = len(os.sched_getaffinity(0))
     if not SIMULATED and not os.environ.get("SKIP"):
@@ -213,10 +212,10 @@ def main(sizes: list[int]) -> None:
             together = 4 * cores * DISTINCT / (time.perf_counter() - clock)
         print(f"CPU, lanes: {alone:.0f} runs/s on one core, {together:.0f} on {cores}, in processes", flush=True)
     clock = time.process_time()
-    orders = np.stack([e.orders for e in equations], axis=-1).ravel()
+    orders = np.stack([e.orders for e, _ in posed], axis=-1).ravel()
     all_kernels = solve._kernels(options.memory, methods.METHODS["pi2"].family, orders, STEPS, {})
-    runs = [solve._run(e, i, *args, all_kernels) for e, i in zip(equations, initials, strict=True)]
-    starts = [begun(solve.address_of(equations[0].rhs), run, "pi") for run in runs]
+    runs = [solve._run(e, i, *args, all_kernels) for e, i in posed]
+    starts = [begun(solve.address_of(posed[0][0].rhs), run, "pi") for run in runs]
     print(f"weights and start, on the CPU: {1e3 * (time.process_time() - clock) / DISTINCT:.2f} ms a run", flush=True)
     assert len({s.together for s in starts}) == 1
     k, L, M = all_kernels, all_kernels.lags, all_kernels.modes
@@ -250,7 +249,7 @@ def main(sizes: list[int]) -> None:
 
         tile, zeros, see, numbers = cupy.tile, cupy.zeros, cuda.as_cuda_array, cupy.asarray
     one = runs[0]
-    kernel = compiled(equations[0].rhs.py_func, len(one.p), one.u.shape[1])
+    kernel = compiled(posed[0][0].rhs.py_func, len(one.p), one.u.shape[1])
     width = min(STEPS, L + max(256, L // 4)) + 24
     for count in sizes:
         n = DISTINCT * -(-count // DISTINCT)

@@ -6,6 +6,7 @@ import pytest
 import fracid
 from fracid.estimation.linearised import linearised
 from fracid.estimation.minimum import GAIN, onward
+from fracid.estimation.side_by_side import side_by_side
 from fracid.estimation.tangent import tangent
 from fracid.problem import Experiment, Free, Problem
 
@@ -24,6 +25,10 @@ def problem():
     return Problem(RIG, (swing,), {"lambda": 0.9, **free}, {"b_alpha": Free(TRUE[1], 0.0, 1e-2)}, initial_state="held")
 
 
+def at(here, x):
+    return side_by_side(here.near.problem, [here.at(x)])[0]
+
+
 def test_its_rows_are_those_of_the_tangent_in_other_coordinates(problem):
     near = tangent(problem, TRUE)
     here = linearised(near)
@@ -35,7 +40,7 @@ def test_its_rows_are_those_of_the_tangent_in_other_coordinates(problem):
 def test_a_run_makes_the_derivatives_agree_with_the_way_there_and_leaves_the_others(problem):
     here = linearised(tangent(problem, TRUE))
     way = np.array([0.03, 0.0])
-    there = here.at(TRUE + way)
+    there = at(here, TRUE + way)
     was = np.append(here.F, 0.0)
     assert there.J @ way == pytest.approx(there.F - was, abs=1e-12)
     assert there.J[:, 1] == pytest.approx(np.append(here.J[:, 1], 0.0), abs=1e-15)
@@ -44,8 +49,8 @@ def test_a_run_makes_the_derivatives_agree_with_the_way_there_and_leaves_the_oth
 
 def test_from_far_off_a_run_a_step_leads_to_the_minimum_of_fresh_derivatives(problem):
     near = tangent(problem, TRUE)
-    end = onward(linearised(near).at(TRUE + FAR), GAIN * near.unit)
-    best = onward(linearised(near), GAIN * near.unit)
+    begun = at(linearised(near), TRUE + FAR), linearised(near)
+    end, best = side_by_side(problem, [onward(here, GAIN * near.unit) for here in begun])
     assert len(end.axes) < 9
     assert end.value - best.value < 2 * GAIN * near.unit
     slope = tangent(problem, end.x).y @ tangent(problem, end.x).R
@@ -54,5 +59,6 @@ def test_from_far_off_a_run_a_step_leads_to_the_minimum_of_fresh_derivatives(pro
 
 def test_where_a_run_fails_there_is_no_point(problem, monkeypatch):
     here = linearised(tangent(problem, TRUE))
-    monkeypatch.setattr(Problem, "errors", lambda *_: fracid.errors.Failure(fracid.errors.FailureReason.RUN, "why"))
-    assert here.at(TRUE + FAR) is None
+    why = fracid.errors.Failure(fracid.errors.FailureReason.RUN, "why")
+    monkeypatch.setattr(Problem, "all_errors", lambda _, points, **__: [why for _ in points])
+    assert at(here, TRUE + FAR) is None

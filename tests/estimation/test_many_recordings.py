@@ -185,12 +185,13 @@ def test_a_bound_holds_in_a_search_by_blocks(thirty, monkeypatch):
 
 def test_one_recording_whose_difference_fails_leaves_the_others_their_columns(thirty, monkeypatch):
     _, parts = both(monkeypatch, thirty[:4], initial_state="rest")
-    x, last, evaluate = parts.start, len(parts.start) - 1, Problem.evaluate
+    x, last, evaluate_all = parts.start, len(parts.start) - 1, Problem.evaluate_all
 
-    def fails_there(self, y):
-        return replace(evaluate(self, y), cost=np.inf, residuals=None) if y[last] != x[last] else evaluate(self, y)
+    def fails_there(self, points):
+        return [e if e.point[last] == x[last] else replace(e, cost=np.inf, residuals=None)
+                for e in evaluate_all(self, points)]  # fmt: skip
 
-    monkeypatch.setattr(Problem, "evaluate", fails_there)
+    monkeypatch.setattr(Problem, "evaluate_all", fails_there)
     found = refined(parts, x, Watch()).best
     assert found.point[last] == x[last]
     assert np.all(found.point[:last] != x[:last])

@@ -229,7 +229,7 @@ def test_a_project_and_its_run_that_were_moved_together_are_gone_on_with(project
     old, new = tmp_path / "old", tmp_path / "new"
     shutil.copytree(project.parent, old)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Memo, "get", _cut_after(40))
+        patch.setattr(Memo, "keep", _cut_after(40))
         with pytest.raises(Unfinished):
             fracid.run(old / "rig.toml", out=old / where)
     old.rename(new)
@@ -243,14 +243,14 @@ def test_a_project_and_its_run_that_were_moved_together_are_gone_on_with(project
 
 def _cut_after(calls):
     """A memo whose disk is full after so many simulations."""
-    get = Memo.get
+    keep = Memo.keep
 
     def limited(self, *arguments):
         nonlocal calls
         calls -= 1
         if calls < 0:
             raise Unfinished("the disk is full")
-        return get(self, *arguments)
+        return keep(self, *arguments)
 
     return limited
 

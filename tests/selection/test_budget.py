@@ -136,9 +136,9 @@ def test_no_stage_after_the_search_simulates_much_more_than_twice_what_the_searc
     """It ends after the runs that are under way, and looks at the residuals of what it found."""
     steps, stage, trajectories = Counter(), ["look"], Simulator.trajectories
 
-    def counted(self, points, e):
-        steps[stage[-1]] += len(points) * self.steps(e) * len(self.parametrisation.model.states)
-        return trajectories(self, points, e)
+    def counted(self, points, e, wanted):
+        steps[stage[-1]] += len(wanted) * self.steps(e) * len(self.parametrisation.model.states)
+        return trajectories(self, points, e, wanted)
 
     monkeypatch.setattr(Simulator, "trajectories", counted)
     monkeypatch.setattr(identification, "LEAST", 0.0)

@@ -10,10 +10,12 @@ from numba import njit
 import fracid
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined
-from fracid.problem import Experiment, Free, Problem, simulator
+from fracid.problem import Experiment, Free, Problem
+from fracid.problem import problem as of_problem
 from fracid.solver import lanes, solve
 from fracid.solver.history import inline
 from fracid.solver.right_hand_side import compile_rhs
+from fracid.tasks.simulation_cache import Recent
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
 PRESLIDING = {"coulomb_theta": 0.03, "stiction_theta": 0.05, "presliding_theta": 0.01}
@@ -41,7 +43,7 @@ def test_runs_together_are_the_runs_one_by_one(parameters, count, monkeypatch):
     stepped = []
     run_together = lanes.run_together
     monkeypatch.setattr(lanes, "run_together", lambda *a: stepped.append(run_together(*a)) or stepped[-1])
-    together = p.simulator.trajectories(points, e)
+    together = p.simulator.trajectories(points, e, range(count)).values()
     assert stepped
     assert all(states is not None for states in stepped)
     for run, x in zip(together, points, strict=True):
@@ -52,13 +54,13 @@ def test_runs_together_are_the_runs_one_by_one(parameters, count, monkeypatch):
 
 
 def test_a_jacobian_does_not_depend_on_how_its_runs_go_nor_on_threads(monkeypatch):
-    monkeypatch.setattr(simulator, "WORTH", 1000)
+    monkeypatch.setattr(of_problem, "WORTH", 1000)
     p, free = problem(), np.arange(5)
     (J,) = jacobian(p, p.start, free)
     (threaded,) = jacobian(p, p.start, free, jobs=2)
     assert np.array_equal(J, threaded)
-    monkeypatch.setattr(simulator, "WORTH", 1e9)
-    (alone,) = jacobian(replace(p), p.start, free)
+    monkeypatch.setattr(of_problem, "WORTH", 1e9)
+    (alone,) = jacobian(replace(p, together=None), p.start, free)
     assert abs(J - alone).max() < 1e-6 * abs(alone).max()
 
 
@@ -68,10 +70,10 @@ def test_runs_that_part_or_end_early_go_one_by_one(monkeypatch):
     points = scattered(p.start)
     points[3][p.names.index("stiction_theta")] = 0.02  # the others have none, and its curve is not asked for
     kept = [p.simulate(x, e) for x in points]
-    together = p.simulator.trajectories(points, e)
+    together = p.simulator.trajectories(points, e, range(8)).values()
     assert all(np.array_equal(a.states, b.states) for a, b in zip(kept, together, strict=True))
     points[3][p.names.index("C6")] = 1e3  # det M
-    ends = [run.outcome for run in p.simulator.trajectories(points, e)]
+    ends = [run.outcome for run in p.simulator.trajectories(points, e, range(8)).values()]
     assert ends == [p.simulate(x, e).outcome for x in points]
 
 
@@ -118,26 +120,50 @@ def _in_lanes(each):
     return run
 
 
+def test_orders_on_both_sides_of_1_go_in_loops_of_their_own(monkeypatch):
+    p = problem(orders={"lambda": Free(0.95, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)})
+    e, stepped = p.experiments[0], []
+    points = [p.start + np.eye(len(p.start))[0] * by for by in np.linspace(-0.1, 0.15, 8)]
+    run_together = lanes.run_together
+    monkeypatch.setattr(lanes, "run_together", lambda *a: stepped.append(run_together(*a)) or stepped[-1])
+    together = p.simulator.trajectories(points, e, range(8))
+    assert len(stepped) == 2 * max(1, 4 // lanes.COUNT)
+    assert all(states is not None for states in stepped)
+    assert all(abs(together[k].states - p.simulate(x, e).states).max() < 1e-11 for k, x in enumerate(points))
+
+
+def test_what_a_resumed_fit_knows_already_changes_no_bit_of_the_rest(monkeypatch):
+    monkeypatch.setattr(of_problem, "WORTH", 1000)
+    p = problem()
+    points = scattered(p.start)
+    uncut = p.all_errors(points)
+    p = replace(p, memo=Recent())
+    alone = [p.errors(x)[0] for x in points[:7]]
+    known = p.all_errors(points)
+    assert np.array_equal(known[7][0], uncut[7][0])
+    assert all(np.array_equal(k[0], a) for k, a in zip(known, alone, strict=False))
+
+
 @pytest.mark.broad
 def test_a_search_asks_for_points_of_long_recordings_together_and_finds_the_same(monkeypatch):
     p = problem(until=4.0)
     x = p.start * 1.01
     measured = p.fitted(x, p.experiments[0])
     p = replace(p, experiments=(replace(p.experiments[0], measured=measured),))
-    assert p.simulator.abreast == 1
+    assert p.abreast == 1
     alone = refined(p, p.start, Watch()).best.point
     asked = []
     run_together = lanes.run_together
     monkeypatch.setattr(lanes, "run_together", lambda *a: asked.append(len(a[1])) or run_together(*a))
-    monkeypatch.setattr(simulator, "WORTH", 1000)
-    together = refined(replace(p), p.start, Watch()).best.point
+    monkeypatch.setattr(of_problem, "WORTH", 1000)
+    together = refined(replace(p, together=None), p.start, Watch()).best.point
     assert asked
     assert together == pytest.approx(alone, rel=1e-6)
 
 
 def test_points_whose_errors_take_too_much_room_go_one_by_one(monkeypatch):
-    monkeypatch.setattr(simulator, "WORTH", 1000)
-    assert problem().simulator.abreast == solve.RUNS
-    monkeypatch.setattr(simulator, "MOST", 1000)
-    assert problem().simulator.abreast == 1
-    assert problem(method="gl").simulator.abreast == 1
+    monkeypatch.setattr(of_problem, "WORTH", 1000)
+    assert problem().abreast == solve.RUNS
+    monkeypatch.setattr(of_problem, "MOST", 1000)
+    assert problem().abreast == 1
+    assert problem(method="gl").abreast == 1

@@ -19,7 +19,6 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.records import Estimate
 from fracid.figures import Style, draw
-from fracid.tasks.job import in_threads
 from fracid.units import number
 
 if TYPE_CHECKING:
@@ -169,12 +168,8 @@ def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float
     if e is None or not e.standard_error:
         return WIDE
     errors, steep, space = ERRORS, TENFOLD * problem.cost(x), problem.space
-    along = np.eye(len(x))[i] * e.standard_error
-
-    def beside(by: float) -> float:
-        return problem.cost(np.clip(x + by * along, space.lower, space.upper))
-
-    while errors > FEWEST and min(beside(-errors), beside(errors)) > steep:
+    to_both_sides = np.outer((-e.standard_error, e.standard_error), np.eye(len(x))[i])
+    while errors > FEWEST and min(problem.costs(np.clip(x + errors * to_both_sides, space.lower, space.upper))) > steep:
         errors = max(FEWEST, 0.7 * errors)
     return errors * e.standard_error
 
@@ -232,14 +227,9 @@ def cost_plane(
     ranges = [problem.unknowns[i].range for i in at]
     axes = [axis_about(x[i], max(r.lower, x[i] - d), min(r.upper, x[i] + d), points, gathered=GATHERED)
             for r, i, d in zip(ranges, at, far, strict=True)]  # fmt: skip
-    grid = [(a, b) for a in axes[0] for b in axes[1]]
-
-    def cost(pair: tuple[float, float]) -> float:
-        y = x.copy()
-        y[at] = pair
-        return near.cost(y)
-
-    costs = np.array(in_threads(jobs, cost, grid)).reshape(len(axes[0]), len(axes[1]))
+    grid = np.tile(x, (len(axes[0]), len(axes[1]), 1))
+    grid[..., at] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    costs = np.array(near.costs(grid.reshape(-1, len(x)), jobs=jobs)).reshape(grid.shape[:2])
     if near is not problem:
         costs = on_all_samples(problem, costs, near.cost(x), problem.cost(x))
     first, second = (problem.unknowns[i].target for i in at)

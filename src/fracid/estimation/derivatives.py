@@ -45,12 +45,17 @@ def by_blocks(problem: Problem, x: FloatArray, free: NDArray[np.intp], *, jobs: 
     by, last = problem.last_derivatives.get(x.tobytes(), (np.array([-1]), None))
     if isinstance(last, BlockJacobian) and np.all(np.isin(free, by)):
         return last if len(free) == len(by) else last.of(np.isin(by, free))
-    blocks = None if problem.blocks is None else problem.blocks.of(free)
-    J = differences(problem, x, free, blocks, jobs=jobs)
+    J = differences(problem, x, free, problem.blocks and problem.blocks.of(free), jobs=jobs)
     problem.last_derivatives.clear()
     if not isinstance(J, Failure):
         problem.last_derivatives[x.tobytes()] = (free, J)
     return J
+
+
+def by_all(problem: Problem, x: FloatArray, *, jobs: int = 1) -> BlockJacobian | Failure:
+    """The same by all unknowns, in one block; of few recordings what was asked last is known again."""
+    asked = differences if problem.blocks else by_blocks
+    return asked(problem, x, np.arange(len(x)), jobs=jobs)
 
 
 def shared_by_all(problem: Problem, unknowns: int) -> Blocks:
@@ -67,7 +72,8 @@ def differences(
     here, space, steps = problem.errors(x), problem.space, difference_steps(problem, x)
     if isinstance(here, Failure):
         return here
-    parts = zeros_together([(*e.shape, len(blocks.columns(k))) for k, e in enumerate(here)])
+    parts = [np.moveaxis(part, 0, -1)  # column by column, as they come
+             for part in zeros_together([(len(blocks.columns(k)), *e.shape) for k, e in enumerate(here)])]  # fmt: skip
 
     def both_sides(group: IntArray) -> list[FloatArray]:
         change = np.zeros(len(x))
@@ -95,7 +101,7 @@ def differences(
 
     there = ~problem.absent(x)[free]
     moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
-    at_once = max(1, problem.simulator.abreast // 2)
+    at_once = max(1, problem.abreast // 2)
     chunks = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
     reasons = [why for why in in_threads(jobs, differentiate, chunks) if why]
     return reasons[0] if reasons else BlockJacobian(blocks, parts, here)

@@ -100,9 +100,8 @@ def from_start(problem: Problem, watch: Watch) -> Evaluation:
     """The minimum that the start of a problem leads to, or the start where nothing is free."""
     if not problem.names:
         return problem.evaluate(problem.start)
-    if problem.cost_function.loss is None:
-        return uninterrupted(minimised(problem, nelder_mead(problem.space, None), watch)).best
-    return uninterrupted(growing(problem, problem.start, watch)).best
+    search = refined if problem.cost_function.loss is None else growing
+    return uninterrupted(search(problem, problem.start, watch)).best
 
 
 def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
@@ -113,31 +112,26 @@ def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Re
     for seconds in _of_windows(problem, x):
         begins = problem.until(seconds)
         part = f"the first {seconds:.3g} s of each window"
-        result = minimised(begins, _descent(begins, x, tolerance=1e-2, budget=12), watch, part)
+        result = minimised(begins, descent(begins, x, tolerance=1e-2, budget=12), watch, part)
         if result.interrupted:
             return replace(result, best=problem.evaluate(result.best.point))
         x = result.best.point
-    return minimised(problem, _descent(problem, x, **options), watch)
+    return minimised(problem, descent(problem, x, **options), watch)
 
 
 def minimised(problem: Problem, optimiser: Optimiser, watch: Watch, part: str = "") -> Result:
     """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
-    before, abreast = watch.count, problem.simulator.abreast
-    begun, each = watch.work, problem.simulator.work
+    before, begun, each = watch.count, watch.work, problem.simulator.work
 
     def callback(best: Evaluation, evaluations: int) -> None:
         watch.work = begun + evaluations * each
         if watch.callback is not None:
             watch.callback(watch.lowest(best, part), before + evaluations)
 
-    result = minimise(
-        problem.evaluate, optimiser, jobs=watch.jobs,
-        log=None if watch.log is None else partial(watch.log.append, problem.names), callback=callback,
-        stop=lambda: watch.spent,
-        together=(abreast, problem.evaluate_all) if abreast > 1 else None,
-    )  # fmt: skip
+    log = None if watch.log is None else partial(watch.log.append, problem.names)
+    result = minimise(problem.evaluate, optimiser, jobs=watch.jobs, log=log, callback=callback,
+                      stop=lambda: watch.spent, together=(problem.abreast, problem.evaluate_all))  # fmt: skip
     watch.count += result.evaluations
-    watch.work = begun + result.evaluations * each
     return result
 
 
@@ -197,10 +191,10 @@ def _on_part(problem: Problem, live: list[_Way], horizon: float, watch: Watch) -
     whole = max(e.time[-1] for e in problem.experiments)
     last = horizon == whole
     at = problem if last else problem.until(horizon)
-    options = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
+    options: dict[str, Any] = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
     for way in live:
         way.best = way.outcome = None
-    descents = [_descent(at, way.at, **options) for way in live]
+    descents = [descent(at, way.at, **options) for way in live]
     part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
     result = minimised(at, lockstep(descents, live), watch, part)
     for way in live:
@@ -243,10 +237,11 @@ def _promising(live: list[_Way], number: int, until: str) -> list[_Way]:
     return [way for way in live if way.joined is None and way not in left]
 
 
-def _descent(problem: Problem, x: FloatArray, **options: Any) -> Optimiser:
-    space = problem.space
-    start = np.clip(x, space.lower, space.upper)
-    return least_squares(replace(space, start=start, held=problem.absent(start)), None, **options)
+def descent(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), **options: Any) -> Optimiser:
+    """Least squares from x, what is `fixed` held there; of a user's own cost Nelder and Mead's method."""
+    start = np.clip(x, problem.space.lower, problem.space.upper)
+    space = replace(problem.space, start=start, held=problem.absent(start) | np.isin(np.arange(len(x)), fixed))
+    return nelder_mead(space, None) if problem.cost_function.loss is None else least_squares(space, None, **options)
 
 
 def horizons(problem: Problem) -> Iterator[float]:

@@ -28,9 +28,9 @@ from fracid.estimation.covariance import Uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.minimum import onward
+from fracid.estimation.side_by_side import Walk, side_by_side
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
-from fracid.tasks.job import in_threads
 
 BENT = 2.0
 """By which factor the end of an interval that all recordings share is off where the others are walked, too."""
@@ -109,8 +109,8 @@ def _walked(
         _Way(start, known, i, side) for i in which for side in (0, 1)
         if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side]) and known.ends[i, side] != here.x[i]
     ]  # fmt: skip
-    for _ in range(POINTS):  # each a point at once, so that what is spent is the same for any number of threads
-        in_threads(jobs, _Way.look, open_)
+    for _ in range(POINTS):
+        side_by_side(here.problem, [way.look(jobs) for way in open_], jobs=jobs)
         points = [point for way in ways for point in way.points]
         if any(way.lower for way in ways):
             return min((point.evaluation for point in points), key=lambda e: e.cost)
@@ -161,9 +161,9 @@ class _Way:
         self.found: float | None = None
         """The end, where it is not the tangent's."""
 
-    def look(self) -> None:
+    def look(self, jobs: int) -> Walk[None]:
         """At one point, and where the next one is."""
-        there = self._refitted()
+        there = yield from self._refitted(jobs)
         if there is None:  # the runs fail there, or its ground is not seen from so far
             self.outside, self.distance = (self.distance, math.inf), 0.5 * (self.inside[0] + self.distance)
             return
@@ -187,23 +187,23 @@ class _Way:
         if ends or (self.inside[0] > 0 and (math.isfinite(self.outside[1]) or not self.lost)):
             self.found = float(self.here.x[self.i]) + self.sign * self.distance
 
-    def _refitted(self) -> Linearised | None:
+    def _refitted(self, jobs: int) -> Walk[Linearised | None]:
         """The minimum over all other unknowns at the distance; None where the runs fail or do not lead there."""
         enough, moved = EXACT * self.limit, np.zeros(len(self.here.x))
         moved[self.i] = self.here.x[self.i] + self.sign * self.distance - self.last.x[self.i]
-        begun = self.last.at(self.last.x + self.last.step([self.i], moved))
+        begun = yield from self.last.at(self.last.x + self.last.step([self.i], moved))
         self.runs += 1
         if begun is None:
             return None
-        there = onward(begun, enough, held=[self.i])
+        there = yield from onward(begun, enough, held=[self.i])
         self.runs += len(there.axes) - len(begun.axes)
         near = self.distance - self.inside[0] <= SHORT * self.first
         if near and not self.fresh and -there.foreseen(there.step([self.i])) > enough:
-            J, self.fresh = jacobian(there.near.problem, there.x, np.arange(len(there.x))), True
+            J, self.fresh = jacobian(there.near.problem, there.x, np.arange(len(there.x)), jobs=jobs), True
             self.runs += 2 * len(there.x)
             if isinstance(J, Failure):
                 return None
-            there = onward(linearised(replace(there.tangent, derivatives=J)), enough, held=[self.i])
+            there = yield from onward(linearised(replace(there.tangent, derivatives=J)), enough, held=[self.i])
             self.runs += len(there.axes) - 2
         arrived = -there.foreseen(there.step([self.i])) <= enough
         self.lost = self.lost or not arrived

@@ -24,6 +24,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.estimation.bounded import lowest
+from fracid.estimation.side_by_side import Walk
 from fracid.estimation.tangent import AtPoint, Tangent
 from fracid.optimise import Evaluation
 
@@ -60,9 +61,10 @@ class Linearised(AtPoint):
         ahead = self.J @ delta
         return float(0.5 * ahead @ ahead + ahead @ self.F)
 
-    def at(self, x: FloatArray) -> Linearised | None:
+    def at(self, x: FloatArray) -> Walk[Linearised | None]:
         """Another point, with derivatives that agree with the way there; None where its run fails."""
-        if (there := self.near.there(x)) is None:
+        there = yield from self.near.there(x)
+        if there is None:
             return None
         F, axis = _coordinates(self.axes, self.near.pulls(there.errors, there.x))
         J, before, delta = np.vstack([self.J, np.zeros(len(x))]), np.append(self.F, 0.0), there.x - self.x

@@ -17,6 +17,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.linearised import Linearised, linearised
+from fracid.estimation.side_by_side import Walk, side_by_side
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.problem import Problem
 
@@ -67,14 +68,14 @@ def settled(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Tangent | Fail
         here = tangent(problem, x, jobs=jobs)
         if isinstance(here, Failure):
             return here
-        lower = onward(linearised(here), GAIN * here.unit)
+        (lower,) = side_by_side(problem, [onward(linearised(here), GAIN * here.unit)])
         x = lower.x
         if here.value - lower.value <= WORN * here.unit:
             break
     return _onto_bounds(lower.tangent)
 
 
-def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Linearised:
+def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Walk[Linearised]:
     """Go to the least, a run a step.
 
     Parameters
@@ -90,7 +91,7 @@ def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Line
         delta = here.step(held)
         if part < SHORTEST or -here.foreseen(delta) <= enough:
             break
-        there = here.at(here.x + part * delta)
+        there = yield from here.at(here.x + part * delta)
         if there is not None and there.value < here.value:
             here, part = there, 1.0
         else:
@@ -106,8 +107,12 @@ def beside(near: Tangent, x: FloatArray) -> Linearised | None:
     near : Tangent
     x : array, shape (n_unknowns,)
     """
-    here = linearised(near).at(x)
-    return None if here is None else onward(here, GAIN * near.unit)
+
+    def walk() -> Walk[Linearised | None]:
+        here = yield from linearised(near).at(x)
+        return None if here is None else (yield from onward(here, GAIN * near.unit))
+
+    return side_by_side(near.problem, [walk()])[0]
 
 
 def _onto_bounds(here: Tangent) -> Tangent:
@@ -115,4 +120,4 @@ def _onto_bounds(here: Tangent) -> Tangent:
     space, x, touching = here.problem.space, here.x.copy(), here.touching
     nearer = np.where(x - space.lower < space.upper - x, space.lower, space.upper)
     x[touching] = nearer[touching]
-    return here if np.array_equal(x, here.x) else here.there(x) or here
+    return here if np.array_equal(x, here.x) else side_by_side(here.problem, [here.there(x)])[0] or here

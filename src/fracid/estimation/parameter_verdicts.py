@@ -43,7 +43,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.derivatives import by_all
 from fracid.findings import Words
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
@@ -219,14 +219,13 @@ class _View:
         return tuple(n for n, i in model.output_states.items() if model.orders[i] == order)
 
     @cached_property
-    def two_sizes(self) -> tuple[tuple[Problem, FloatArray], ...]:
-        """The problem and its unknowns, and the same with all angles halved, where they can be."""
-        return (self.problem, self.x), *_halved_angles(self.problem, self.x)
-
-    def power(self, i: int) -> float:
-        """With which power of the swing an unknown's effect grows; NaN where angles cannot be halved."""
-        effects = [_effect(*size, i) for size in self.two_sizes]
-        return math.log2(effects[0] / effects[1]) if len(effects) == 2 and min(effects) > 0 else math.nan
+    def powers(self) -> FloatArray:
+        """With which power of the swing each unknown's effect grows; NaN where angles cannot be halved."""
+        grows = np.full(len(self.x), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for smaller in _halved_angles(self.problem, self.x):
+                grows = np.log2(_effects(self.problem, self.x) / _effects(*smaller))
+        return grows
 
 
 def _is_angle(problem: Problem, u: Unknown) -> bool:
@@ -234,10 +233,11 @@ def _is_angle(problem: Problem, u: Unknown) -> bool:
     return u.unit == "rad" and u.kind == "parameter" and u.target not in problem.model.friction
 
 
-def _effect(problem: Problem, x: FloatArray, i: int) -> float:
-    """How much a unit of unknown i moves all samples; NaN where its runs fail."""
-    J = jacobian(problem, x, np.array([i]))
-    return math.nan if isinstance(J, Failure) else math.sqrt(sum(float(np.sum(j**2)) for j in J))
+def _effects(problem: Problem, x: FloatArray) -> FloatArray:
+    """How much a unit of each unknown moves all samples; NaN where their runs fail."""
+    J = by_all(problem, x)
+    parts = np.full((1, 1, 1, len(x)), np.nan) if isinstance(J, Failure) else J.parts
+    return np.asarray(np.sqrt(sum(np.sum(j**2, axis=(0, 1)) for j in parts)))
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
@@ -406,8 +406,8 @@ def _because(view: _View, i: int) -> str:
             return SAYS("still", moved=moved, size=size, most=view.size(most), of=GREEK.get(most, most))
         if own and not set(own) & set(view.problem.outputs):
             return f"; {moved} is not scored: score it too, or fix {GREEK.get(u.name, u.name)}"
-    if u.kind == "parameter" and view.power(i) > NONLINEAR:
-        return SAYS("nonlinear", power=view.power(i), of=GREEK.get(most, most), size=view.size(most))
+    if u.kind == "parameter" and NONLINEAR < view.powers[i] < math.inf:
+        return SAYS("nonlinear", power=view.powers[i], of=GREEK.get(most, most), size=view.size(most))
     return ""
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -20,8 +20,8 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import Sandwich, at_bound, sandwich
-from fracid.estimation.horizons import uninterrupted
-from fracid.optimise import Evaluation, Space, least_squares, minimise, nelder_mead
+from fracid.estimation.horizons import Watch, descent, minimised, uninterrupted
+from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.quantiles import CHI2_95, NORMAL_95
 
@@ -77,26 +77,9 @@ def refit(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), *, toleran
     >>> refit(problem, np.array([1.0, 0.95]), fixed=[1]).point.round(3)
     array([0.9 , 0.95])
     """
-    space = problem.space
-    x = np.clip(x, space.lower, space.upper)
-    free = np.setdiff1d(np.arange(len(x)), fixed)
-    if not len(free):
-        return problem.evaluate(x)
-    names = tuple(problem.names[i] for i in free)
-    blocks = None if space.blocks is None else space.blocks.of(free)
-    inner = Space(names, space.lower[free], space.upper[free], x[free], blocks=blocks, held=problem.absent(x)[free])
-
-    def whole(y: FloatArray) -> FloatArray:
-        point = x.copy()
-        point[free] = y
-        return point
-
-    if problem.cost_function.loss is None:
-        search = nelder_mead(inner, None)
-    else:
-        search = least_squares(inner, None, tolerance=tolerance, budget=BUDGET)
-    best = uninterrupted(minimise(lambda y: replace(problem.evaluate(whole(y)), point=y), search)).best
-    return replace(best, point=whole(best.point))
+    x = np.clip(x, problem.space.lower, problem.space.upper)
+    search = descent(problem, x, fixed, tolerance=tolerance, budget=BUDGET)
+    return problem.evaluate(x) if len(fixed) == len(x) else uninterrupted(minimised(problem, search, Watch())).best
 
 
 class Surface:

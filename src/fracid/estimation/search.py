@@ -50,6 +50,7 @@ from fracid.optimise import (
     optimiser_from_name,
     sobol_points,
 )
+from fracid.optimise.least_squares import NO_ROWS
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
 from fracid.problem.project import Project
@@ -117,6 +118,9 @@ def search(
     points, spare = points[:starts], points[starts:] if starts > 1 else []
     if executor != "threads" and starts > 1:
         return _scattered(problem, points, executor, watch, journal=journal)
+    if problem.cost_function.loss is None:
+        problem.evaluate(problem.start)  # one that fails says so
+        raise InputError(NO_ROWS)
     result, made = grown_horizon(problem, points, watch, spare)
     return (result, made) if result.interrupted else _climbing(problem, result, made, watch)
 

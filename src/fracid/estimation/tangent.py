@@ -37,10 +37,10 @@ from fracid.estimation.derivatives import (
     rows_and_pulls,
     shared_by_all,
 )
+from fracid.estimation.side_by_side import Walk, side_by_side
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.qr import triangle
-from fracid.tasks.job import in_threads
 
 UNSEEN = 1e-6
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero."""
@@ -175,10 +175,10 @@ class Tangent(AtPoint):
         blocks = shared_by_all(self.problem, len(free))
         return BlockJacobian(blocks, [j[..., free] for j in self.derivatives], self.errors)
 
-    def there(self, x: FloatArray) -> Tangent | None:
+    def there(self, x: FloatArray) -> Walk[Tangent | None]:
         """The same derivatives at another point within the bounds; None where its run fails."""
         x = np.clip(x, self.problem.space.lower, self.problem.space.upper)
-        errors = self.problem.errors(x)
+        errors = yield x
         if isinstance(errors, Failure):
             return None
         return Tangent(self.problem, self.problem.criterion(x, errors), errors, self.derivatives)
@@ -202,7 +202,7 @@ class Tangent(AtPoint):
 
     def _corrected(self, steps: Sequence[FloatArray], jobs: int) -> Tangent | None:
         """With derivatives that agree with these steps, which are orthogonal; None where they do."""
-        corrections = [c for c in in_threads(jobs, self._correction, steps) if c is not None]
+        corrections = [*filter(None, side_by_side(self.problem, [*map(self._correction, steps)], jobs=jobs))]
         if not corrections:
             return None
         return replace(self, derivatives=[
@@ -210,15 +210,19 @@ class Tangent(AtPoint):
             for j, *parts in zip(self.derivatives, *corrections, strict=True)
         ])  # fmt: skip
 
-    def _correction(self, across: FloatArray) -> list[tuple[FloatArray, FloatArray]] | None:
+    def _correction(self, across: FloatArray) -> Walk[list[tuple[FloatArray, FloatArray]] | None]:
         """What J misses of the step `across`, of each recording, and by which unknowns; None where it misses little."""
-        along = self._along(across)
+        along = yield from self._along(across)
         if along is None:
             return None
         missed = [d - j @ across for d, j in zip(along, self.derivatives, strict=True)]
-        if self._size(missed) <= AGREES * self._size(along) or (halves := self._along(0.5 * across)) is None:
+        if self._size(missed) <= AGREES * self._size(along):
             return None
-        if self._size([d - 2 * half for d, half in zip(along, halves, strict=True)]) > LASTS * self._size(missed):
+        halves = yield from self._along(0.5 * across)
+        if halves is None:
+            return None
+        changes = [d - 2 * half for d, half in zip(along, halves, strict=True)]
+        if self._size(changes) > LASTS * self._size(missed):
             return None  # a jump in between is no slope
         scaled = self.norms * across
         by = self.norms * scaled / float(scaled @ scaled)
@@ -229,7 +233,7 @@ class Tangent(AtPoint):
         weights = self.problem.criterion.sample_weights(self.errors)
         return math.sqrt(sum(float(np.sum(w * part**2)) for w, part in zip(weights, parts, strict=True)))
 
-    def _along(self, across: FloatArray) -> list[FloatArray] | None:
+    def _along(self, across: FloatArray) -> Walk[list[FloatArray] | None]:
         """The derivative of the errors along a step, by differences of its length within the bounds.
 
         Central, or beside a bound of the second order too: along a valley the first is next to nothing.
@@ -244,11 +248,13 @@ class Tangent(AtPoint):
         else:
             f = up if up > down else -down
             weights = {f: -1 / f, 0.5 * f: 4 / f, 0.0: -3 / f}
-        points = [(self if at == 0 else self.there(self.x + at * across), weight) for at, weight in weights.items()]
-        if any(point is None for point, _ in points):
-            return None
-        parts = zip(*([weight * e for e in point.errors] for point, weight in points if point is not None), strict=True)
-        return [np.asarray(sum(part)) for part in parts]
+        total = [0.0 * e for e in self.errors]
+        for at, weight in weights.items():
+            point = self if at == 0 else (yield from self.there(self.x + at * across))
+            if point is None:
+                return None
+            total = [t + weight * e for t, e in zip(total, point.errors, strict=True)]
+        return total
 
     def _room(self, across: FloatArray) -> float:
         """Which part of a step the bounds leave."""

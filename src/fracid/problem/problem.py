@@ -20,11 +20,11 @@ Residuals are measured minus simulated [rad].  A run that diverges has an infini
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from itertools import pairwise
-from typing import Any
+from itertools import chain, pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -43,9 +43,18 @@ from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, start_of
 from fracid.solver.memory import Memory, compressed
+from fracid.solver.solve import MOST, RUNS, alike, go_together
 from fracid.solver.trajectory import Trajectory
+from fracid.tasks.job import in_threads
 from fracid.tasks.simulation_cache import Memo, Recent
 from fracid.units import GREEK
+
+_Found = TypeVar("_Found")
+Points = Sequence[FloatArray] | FloatArray
+
+WORTH = 250_000
+"""Steps of all recordings, times unknowns, from which on points go together: the loop for several runs takes three
+seconds to compile, once on a machine, which two or three such fits win back."""
 
 MANY = 100
 """Unknowns that belong to one recording each, from which on their structure is used."""
@@ -81,6 +90,9 @@ class Problem(Parametrisation, CardDisplay):
     no simulation follows them to their end (:mod:`fracid.estimation.windows`)."""
     memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
+    together: bool | None = field(default=None, repr=False, compare=False)
+    """Whether points go together where they can (:mod:`fracid.solver.lanes`), of all problems made from this one too;
+    None: where its runs are long."""
 
     def __post_init__(self) -> None:
         """Give the model what is free of it, its channels too, and check that the parts fit together."""
@@ -98,6 +110,9 @@ class Problem(Parametrisation, CardDisplay):
         check_parametrisation(self)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
+        if self.together is None:
+            work = self.simulator.work * len(self.unknowns)
+            object.__setattr__(self, "together", work >= WORTH * len(model.states))
 
     def _card(self) -> Card:
         return Card(f"Problem of {self.model.name}: {len(self.names)} free parameters", (
@@ -137,9 +152,19 @@ class Problem(Parametrisation, CardDisplay):
             for x, errors in zip(points, self.simulator.all_errors(points), strict=True)
         ]
 
+    @cached_property
+    def abreast(self) -> int:
+        """Points to ask for at once: 1 where no runs go together, or errors take too much room."""
+        fits = RUNS * sum(e.measured.nbytes for e in self.experiments) <= MOST
+        return RUNS if self.together and fits and go_together(self.model.rhs, self.method) else 1
+
     def cost(self, x: FloatArray) -> float:
         """𝓛(x) of (25), joined over the recordings; infinite where a run diverges."""
         return self.evaluate(x).cost
+
+    def costs(self, points: Points, *, jobs: int = 1) -> list[float]:
+        """The same at several points, on threads."""
+        return self._on_threads(lambda few: [e.cost for e in self.evaluate_all(few)], points, jobs)
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Rows whose squares the least-squares engine adds up; see :class:`fracid.problem.costs.Cost`.
@@ -158,6 +183,17 @@ class Problem(Parametrisation, CardDisplay):
     def errors(self, x: FloatArray) -> list[FloatArray] | Failure:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none."""
         return self.simulator.all_errors([x])[0]
+
+    def all_errors(self, points: Points, *, jobs: int = 1) -> list[list[FloatArray] | Failure]:
+        """The same at several points, on threads."""
+        return self._on_threads(self.simulator.all_errors, points, jobs)
+
+    def _on_threads(self, work: Callable[[list[FloatArray]], list[_Found]], points: Points, jobs: int) -> list[_Found]:
+        """What it gives for as many points at once as go together."""
+        parts = alike([x[list(self.order_indices)] for x in points], self.abreast)
+        found = in_threads(jobs, lambda few: work([points[k] for k in few]), parts)
+        results = dict(zip(chain(*parts), chain(*found), strict=True))
+        return [results[k] for k in range(len(points))]
 
     def levels(self, x: FloatArray) -> dict[str, float]:
         """The level of each output's residual, rms [rad]; infinite where a run fails."""
@@ -214,7 +250,7 @@ class Problem(Parametrisation, CardDisplay):
 
     def simulate(self, x: FloatArray, e: Experiment) -> Trajectory:
         """Simulate one recording with the unknowns x, from its release on, on its grid divided by `substeps`."""
-        return self.simulator.trajectories([x], e)[0]
+        return self.simulator.trajectories([x], e, [0])[0]
 
     def fitted(self, x: FloatArray, e: Experiment) -> FloatArray | Failure:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none."""

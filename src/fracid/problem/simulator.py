@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from hashlib import blake2b
 from typing import Any
 
@@ -37,7 +37,7 @@ from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed
 from fracid.solver.memory import Memory
 from fracid.solver.outputs import output_along
 from fracid.solver.right_hand_side import compile_rhs
-from fracid.solver.solve import MOST, RUNS, go_together, integrate_all, time_scale
+from fracid.solver.solve import integrate_all, time_scale
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.simulation_cache import Memo, Recent
 
@@ -46,10 +46,6 @@ GRAVITY = 9.80665
 
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
-
-WORTH = 250_000
-"""Steps of all recordings, times unknowns, from which on points go together: the loop for several runs takes three
-seconds to compile, once on a machine, which two or three such fits win back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +74,6 @@ class Simulator:
         p = self.parametrisation
         return len(p.model.states) * sum(self.steps(e) for e in p.experiments)
 
-    @cached_property
-    def abreast(self) -> int:
-        """Points to ask for at once: 1 where no runs go together, or they are short, or errors take too much room."""
-        p = self.parametrisation
-        size, steps = sum(e.measured.nbytes for e in p.experiments), self.work / len(p.model.states)
-        worth = steps * len(p.unknowns) >= WORTH and RUNS * size <= MOST
-        return RUNS if worth and go_together(p.model.rhs, self.method) else 1
-
     def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
 
@@ -107,15 +95,17 @@ class Simulator:
     def all_outputs(self, points: Sequence[FloatArray], e: Experiment) -> list[FloatArray | Failure]:
         """Simulated outputs [rad], shape (n_samples, n_outputs), or why there are none, at each of several points."""
         if self.memo is None:
-            return [self._outputs(x, e, run) for x, run in zip(points, self.trajectories(points, e), strict=True)]
+            runs = self.trajectories(points, e, range(len(points)))
+            return [self._outputs(x, e, runs[k]) for k, x in enumerate(points)]
         keys = [self._key(x, e) for x in points]
-        missing = {key: x for key, x in zip(keys, points, strict=True) if key not in self.memo}
-        runs = dict(zip(missing, self.trajectories([*missing.values()], e), strict=True)) if missing else {}
-
-        def compute(key: bytes, x: FloatArray) -> FloatArray | Failure:
-            return self._outputs(x, e, runs[key] if key in runs else self.trajectories([x], e)[0])
-
-        return [self.memo.get(key, partial(compute, key, x)) for key, x in zip(keys, points, strict=True)]
+        found: dict[bytes, Any] = {key: self.memo.find(key) for key in keys}
+        distinct = dict(zip(keys, points, strict=True))
+        missing = [k for k, key in enumerate(distinct) if found[key] is None]
+        runs = self.trajectories([*distinct.values()], e, missing) if missing else {}
+        for k, (key, x) in enumerate(distinct.items()):
+            if k in runs:
+                found[key] = self.memo.keep(key, self._outputs(x, e, runs[k]))
+        return [found[key] for key in keys]
 
     def _outputs(self, x: FloatArray, e: Experiment, run: Trajectory) -> FloatArray | Failure:
         if not run.completed:
@@ -133,7 +123,7 @@ class Simulator:
         model = self.parametrisation.model
         y = model.outputs[output]
         if isinstance(y, int):
-            return replace(run, states=run.states[:, [y]], orders=run.orders[[y]])
+            return replace(run, states=run.states[:, y : y + 1], orders=run.orders[[y]])
         u, p = self.inputs(x, e).after, self.parametrisation.unpack(x, e).parameters
         values = output_along(y, run.time, run.states, u[-len(run.time) :] if len(u) > 1 else u, p=p)
         # a function begins like the state that rises most steeply
@@ -147,13 +137,15 @@ class Simulator:
                 values = radius * values + gravity * np.sin(angle)
         return replace(run, states=values[:, None], orders=orders)
 
-    def trajectories(self, points: Sequence[FloatArray], e: Experiment) -> list[Trajectory]:
-        """The runs of one recording from its release on, on its grid divided by `substeps`, one for each point."""
+    def trajectories(self, points: Sequence[FloatArray], e: Experiment, wanted: Sequence[int]) -> dict[int, Trajectory]:
+        """The runs of one recording from its release on, on its grid divided by `substeps`, of those points `wanted`.
+
+        To the bit they are what they are where all are wanted, whatever is known of a fit that is resumed.
+        """
         grid, substeps = self._grid(e)
         posed = [self._posed(x, e) for x in points]
         options = Options(self.method, self.memory, limit=self._limits[e.name])
-        equations, initials = [equation for equation, _ in posed], [initial for _, initial in posed]
-        return integrate_all(equations, initials, grid.step / substeps, self.steps(e), options=options)
+        return integrate_all(posed, grid.step / substeps, self.steps(e), options=options, wanted=wanted)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
         orders, parameters, initial, release = self.parametrisation.unpack(x, e)

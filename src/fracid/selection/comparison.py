@@ -43,14 +43,14 @@ from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, from_start, growing, minimised, refined
+from fracid.estimation.horizons import Watch, from_start, growing, refined
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
 from fracid.estimation.windows import PARTS, chosen_window, windowed
 from fracid.findings import Words, with_code
 from fracid.models.friction import SPRINGPOT
-from fracid.optimise import OPTIMISERS, Entry, Evaluation, nelder_mead
+from fracid.optimise import OPTIMISERS, Entry, Evaluation
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
 from fracid.problem.problem import alternative_of as with_model
@@ -449,9 +449,6 @@ def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, s
 
 
 def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
-    if problem.cost_function.loss is None:
-        space = replace(problem.space, start=np.clip(x, problem.space.lower, problem.space.upper))
-        return minimised(problem, nelder_mead(space, None), watch).best
     return refined(problem, x, watch, **({"tolerance": 1e-5} | options)).best
 
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.derivatives import by_all
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.findings import Words
 from fracid.models.friction import SPRINGPOT
@@ -98,12 +98,11 @@ def scores(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Iterator[Score]
     jobs : int
         Threads.
     """
-    errors = problem.errors(x)
-    J = jacobian(problem, x, np.arange(len(x)), jobs=jobs)
-    if isinstance(errors, Failure) or isinstance(J, Failure):
+    J = by_all(problem, x, jobs=jobs)
+    if isinstance(J, Failure):
         return
-    e = joined(errors)
-    rows = np.concatenate([j.reshape(-1, len(x)) for j in J])[np.isfinite(e)]
+    e = joined(J.errors)
+    rows = np.concatenate([j.reshape(-1, len(x)) for j in J.parts])[np.isfinite(e)]
     e, scored = e[np.isfinite(e)], np.isfinite(e)
     Q = directions(rows, SAME_DIRECTION)
     for name in _names(problem):

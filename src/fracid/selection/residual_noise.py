@@ -10,7 +10,8 @@ from functools import cache, partial
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.derivatives import jacobian
+from fracid.estimation.block_jacobian import BlockJacobian
+from fracid.estimation.derivatives import by_all
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.problem import Problem
 from fracid.signals.coloured import is_coloured_noise
@@ -30,9 +31,8 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     @cache
     def derivatives() -> list[FloatArray]:
         windows = len(recordings) < len(problem.experiments)
-        J = None if problem.blocks is not None or windows else jacobian(problem, x, np.arange(len(x)))
-        none = [np.zeros((*e.measured.shape, 0)) for e in recordings]
-        return J if isinstance(J, list) else none
+        J = None if problem.blocks is not None or windows else by_all(problem, x)
+        return J.parts if isinstance(J, BlockJacobian) else [np.zeros((*e.measured.shape, 0)) for e in recordings]
 
     def of(problem: Problem) -> dict[str, LeftOver]:
         fits = [fit_of(problem, x, e.name, "fit", initial={}, parameters={}) for e in recordings]

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -305,25 +305,33 @@ def integrate(
     return _trajectory(out[:count], how, equation, initial, step=step, options=options)
 
 
+Posed = tuple[Equation, InitialCondition]
+
+
 def integrate_all(
-    equations: Sequence[Equation], initials: Sequence[InitialCondition], step: float, steps: int, options: Options
-) -> list[Trajectory]:
-    """Run a right-hand side with several orders, parameters and initial states: together where that can be.
+    posed: Sequence[Posed], step: float, steps: int, options: Options, wanted: Sequence[int]
+) -> dict[int, Trajectory]:
+    """Run a right-hand side with several orders, parameters and initial states, of those `wanted`, by number.
 
-    That is by ``pi2``, with the same inputs for all, and no history (:mod:`fracid.solver.lanes`).
+    Together where that can be: by ``pi2``, with the same inputs for all, and no history (:mod:`fracid.solver.lanes`).
     """
-    runs: list[Trajectory] = []
-    while len(equations) - len(runs) >= FEW and go_together(equations[0].rhs, options.method):
-        chosen = slice(len(runs), len(runs) + RUNS)
-        together = _together(equations[chosen], initials[chosen], step, steps, options=options)
-        if together is None:
-            break
-        runs += together
-    left = zip(equations[len(runs) :], initials[len(runs) :], strict=True)
-    return [*runs, *(integrate(e, i, step, steps, options=options) for e, i in left)]
+    found = dict[int, Trajectory]()
+    for few in alike([equation.orders for equation, _ in posed], RUNS):
+        chosen = [k for k in few if k in wanted]
+        if chosen and len(few) >= FEW and go_together(posed[0][0].rhs, options.method):
+            runs = _together([posed[k] for k in chosen], step, steps, options=options)
+            found |= zip(chosen, runs or (), strict=False)
+    return {k: found.get(k) or integrate(*posed[k], step, steps, options=options) for k in wanted}
 
 
-FEW, RUNS = 4, 8
+def alike(orders: Sequence[FloatArray], most: int) -> list[list[int]]:
+    """Which go together, by number, `most` at once: where orders lie on the same side of 1 they begin alike."""
+    kind = [(q < 1).tolist() for q in orders].__getitem__
+    groups = [[*group] for _, group in groupby(sorted(range(len(orders)), key=kind), kind)]
+    return [group[k : k + most] for group in groups for k in range(0, len(group), most)]
+
+
+FEW, RUNS = 3, 8
 """Fewer runs than so many go one by one; as many are asked for at once."""
 
 MOST = 1 << 28
@@ -337,33 +345,27 @@ def go_together(rhs: RightHandSide, method: str) -> bool:
     return method == "pi2" and lanes.for_lanes(getattr(rhs, "py_func", rhs)) is not None
 
 
-def _together(
-    equations: Sequence[Equation], initials: Sequence[InitialCondition], step: float, steps: int, options: Options
-) -> list[Trajectory] | None:
-    one, first = equations[0], initials[0]
-    alike = all(e.rhs is one.rhs and e.inputs is one.inputs and e.after is one.after for e in equations)
-    known = any(len(i.known) > 1 or i.time != first.time for i in initials)
+def _together(posed: Sequence[Posed], step: float, steps: int, options: Options) -> list[Trajectory] | None:
+    (one, first), *_ = posed
+    alike = all(e.rhs is one.rhs and e.inputs is one.inputs and e.after is one.after for e, _ in posed)
+    known = any(len(i.known) > 1 or i.time != first.time for _, i in posed)
     if not alike or known or RUNS * 8 * steps // options.every * len(first.values) > MOST:
         return None
     from fracid.solver import lanes
 
-    of_lanes = lanes.for_lanes(one.rhs.py_func)
-    more = range(len(equations), -(-len(equations) // lanes.COUNT) * lanes.COUNT)  # the last again in lanes left over
-    equations, initials = [*equations, *(equations[-1] for _ in more)], [*initials, *(initials[-1] for _ in more)]
-    states = []
-    for k in range(0, len(equations), lanes.COUNT):
-        few = slice(k, k + lanes.COUNT)
-        orders = np.stack([e.orders for e in equations[few]], axis=-1).ravel()
-        own = {lanes.COUNT * i + lane: k for lane, e in enumerate(equations[few]) for i, k in _own(e, step).items()}
+    addresses, states = (address_of(lanes.for_lanes(one.rhs.py_func)), address_of(one.rhs)), list[FloatArray]()
+    for k in range(0, len(posed), lanes.COUNT):
+        few = [*posed[k : k + lanes.COUNT]]
+        few += few[-1:] * (lanes.COUNT - len(few))  # the last again in lanes left over
+        orders = np.stack([e.orders for e, _ in few], axis=-1).ravel()
+        own = {lanes.COUNT * i + lane: kernel for lane, (e, _) in enumerate(few) for i, kernel in _own(e, step).items()}
         kernels = _kernels(options.memory, METHODS["pi2"].family, orders, steps, own=own)
-        runs = [_run(e, i, step, steps, options=options, kernels=kernels)
-                for e, i in zip(equations[few], initials[few], strict=True)]  # fmt: skip
-        found = lanes.run_together((address_of(of_lanes), address_of(one.rhs)), runs)
+        runs = [_run(e, i, step, steps, options=options, kernels=kernels) for e, i in few]
+        found = lanes.run_together(addresses, runs)
         if found is None:
             return None
         states += list(found)
-    posed = zip(states[: len(states) - len(more)], equations, initials, strict=False)
-    return [_trajectory(x, 0, e, i, step=step, options=options) for x, e, i in posed]
+    return [_trajectory(x, 0, e, i, step=step, options=options) for x, (e, i) in zip(states, posed, strict=False)]
 
 
 def _run(

@@ -25,7 +25,6 @@ import shutil
 import struct
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from io import BytesIO
 from pathlib import Path
@@ -66,15 +65,11 @@ class Memo(AbstractContextManager["Memo"]):
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "memo"
-    >>> def simulate():
-    ...     print("simulated")
-    ...     return np.array([[0.1, 0.2]])
     >>> with Memo(path) as memo:
-    ...     memo.get(b"k" * 16, simulate)
-    simulated
-    array([[0.1, 0.2]])
+    ...     memo.find(b"k" * 16) is None, memo.keep(b"k" * 16, np.array([[0.1, 0.2]]))
+    (True, array([[0.1, 0.2]]))
     >>> with Memo(path) as memo:
-    ...     memo.get(b"k" * 16, simulate)
+    ...     memo.find(b"k" * 16)
     array([[0.1, 0.2]])
     """
 
@@ -125,22 +120,16 @@ class Memo(AbstractContextManager["Memo"]):
         self.close()
         self._path.unlink(missing_ok=True)
 
-    def get(self, key: bytes, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
-        """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
+    def find(self, key: bytes) -> FloatArray | Failure | None:
+        """The outputs of this key, or why there are none; None where that is not known."""
         place = self._places.get(key)
-        if place is not None and (hit := self._at(key, *place)) is not None:
-            return hit
+        return self._overflow.find(key) if place is None else self._at(key, *place)
+
+    def keep(self, key: bytes, outputs: FloatArray | Failure) -> FloatArray | Failure:
+        """Keep the outputs of this key, or why there are none, and give them back."""
         if self._full:
-            return self._overflow.get(key, compute)
-        outputs = compute()
-        self._keep(key, _content(outputs))
-        return outputs
-
-    def __contains__(self, key: bytes) -> bool:
-        """Whether there are outputs of this key."""
-        return key in self._places or key in self._overflow
-
-    def _keep(self, key: bytes, content: bytes) -> None:
+            return self._overflow.keep(key, outputs)
+        content = _content(outputs)
         try:
             with self._lock:
                 offset = self._end + RECORD.size
@@ -152,6 +141,7 @@ class Memo(AbstractContextManager["Memo"]):
                     self._places[key] = offset, len(content), checked
         except Unfinished:  # no room: the run goes on without
             self.remove()
+        return outputs
 
     def _at(self, key: bytes, offset: int, size: int, checked: int) -> FloatArray | Failure | None:
         with self._lock:
@@ -200,7 +190,7 @@ class Recent:
     Examples
     --------
     >>> recent = Recent()
-    >>> recent.get(b"k", lambda: np.zeros((1, 1))) is recent.get(b"k", lambda: np.ones((1, 1)))
+    >>> recent.keep(b"k", np.zeros((1, 1))) is recent.find(b"k")
     True
     """
 
@@ -209,13 +199,15 @@ class Recent:
         self._most, self._size, self._lock = most, 0, threading.Lock()
         self._outputs: OrderedDict[bytes, FloatArray | Failure] = OrderedDict()
 
-    def get(self, key: bytes, compute: Callable[[], FloatArray | Failure]) -> FloatArray | Failure:
-        """Give the outputs of this key, or why there are none: as they were, or computed and kept."""
+    def find(self, key: bytes) -> FloatArray | Failure | None:
+        """The outputs of this key, or why there are none; None where that is not known."""
         with self._lock:
             if key in self._outputs:
                 self._outputs.move_to_end(key)
-                return self._outputs[key]
-        outputs = compute()
+            return self._outputs.get(key)
+
+    def keep(self, key: bytes, outputs: FloatArray | Failure) -> FloatArray | Failure:
+        """Keep the outputs of this key, or why there are none, and give them back."""
         with self._lock:
             if key not in self._outputs:
                 self._outputs[key] = outputs
@@ -223,8 +215,3 @@ class Recent:
             while self._size > self._most:
                 self._size -= getattr(self._outputs.popitem(last=False)[1], "nbytes", 0)
         return outputs
-
-    def __contains__(self, key: bytes) -> bool:
-        """Whether there are outputs of this key."""
-        with self._lock:
-            return key in self._outputs

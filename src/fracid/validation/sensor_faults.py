@@ -49,7 +49,7 @@ import numpy as np
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
-from fracid.estimation.derivatives import differences, row_weights
+from fracid.estimation.derivatives import by_all, row_weights
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -172,12 +172,12 @@ def misreadings(
     if length < max(len(e.measured) for e in problem.experiments):
         problem = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None)
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
-    forms, J = _forms(problem, x), differences(problem, x, free, jobs=jobs)
+    forms, J = _forms(problem, x), by_all(problem, x, jobs=jobs)
     if isinstance(J, Failure) or forms is None or math.sqrt(np.mean(joined(J.errors) ** 2)) < NOTHING:
         return []
     weight = np.concatenate([root.ravel() for root in row_weights(problem, J.errors)])
     e = weight * joined(J.errors)
-    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j.reshape(-1, len(free)) for j in J.parts]))
+    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j[..., free].reshape(-1, len(free)) for j in J.parts]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]
