@@ -25,6 +25,7 @@ from fracid.optimise import (
     least_squares,
     lockstep,
     minimise,
+    nelder_mead,
     optimiser_from_name,
     sobol_points,
 )
@@ -614,9 +615,29 @@ def test_an_unknown_that_is_held_stays_at_its_start_and_is_never_moved(blocks):
     np.testing.assert_allclose(best.point, [1.0, 2.0, 0.0], atol=1e-6)
 
 
-def test_a_space_that_is_held_altogether_is_at_its_minimum():
+@pytest.mark.parametrize("search", [least_squares, nelder_mead])
+def test_what_is_held_changes_no_step_of_the_rest(search):
+    asked = {2: [], 3: []}
+
+    def evaluate(x):
+        asked[len(x)].append(x[:2].tolist())
+        r = np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], 0.1 * (x[0] + x[1])])
+        return Evaluation(x, float(r @ r), r)
+
+    for n in asked:
+        held = None if n == 2 else np.array([False, False, True])
+        space = Space(tuple("abc"[:n]), np.full(n, -9.0), np.full(n, 9.0), np.array([-1.2, 1.0, 5.0])[:n], held=held)
+        minimise(evaluate, search(space, None))
+    assert asked[2] == asked[3]
+    assert len(asked[2]) > 20
+
+
+@pytest.mark.parametrize("search", [least_squares, nelder_mead])
+def test_a_space_that_is_held_altogether_is_at_its_minimum(search):
     space = replace(SPACE, held=np.array([True, True]))
-    assert minimise(bowl, least_squares(space, None)).best.point.tolist() == SPACE.start.tolist()
+    found = minimise(bowl, search(space, None))
+    assert found.best.point.tolist() == SPACE.start.tolist()
+    assert found.outcome is Outcome.CONVERGED
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.08, 0.28), (-0.9125990569846123, -0.8125990569846123), (0.96, 1.16)])
