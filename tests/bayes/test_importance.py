@@ -16,7 +16,12 @@ COVARIANCE = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1e-8]])
 """Correlated, and of very different units."""
 
 
-class Normal:
+class OneByOne:
+    def log_likelihoods(self, points):
+        return [self.log_likelihood(x) for x in points]
+
+
+class Normal(OneByOne):
     """A likelihood of known covariance."""
 
     def __init__(self, covariance=COVARIANCE):
@@ -26,14 +31,14 @@ class Normal:
         return -0.5 * float(x @ self.precision @ x)
 
 
-class Banana:
+class Banana(OneByOne):
     """Rosenbrock's valley in four dimensions: bent, and as thin as a hundredth of its length."""
 
     def log_likelihood(self, x):
         return -float(np.sum(200 * (x[1:] - x[:-1] ** 2) ** 2 + 0.5 * (1 - x[:-1]) ** 2))
 
 
-class TwoPeaks:
+class TwoPeaks(OneByOne):
     """Two normal densities about ±c in each parameter, the second three times as probable."""
 
     def __init__(self, c):
@@ -168,7 +173,7 @@ def test_an_interrupted_sample_resumes_and_ends_the_same(tmp_path):
 
 
 def test_draws_that_all_fail_are_refused_in_a_sentence():
-    class Nothing:
+    class Nothing(OneByOne):
         def log_likelihood(self, x):
             return -np.inf
 

@@ -68,7 +68,7 @@ def test_next_to_the_minimum_the_curvature_is_the_sandwichs(swing, cost):
         exact = (likelihood.degrees + d) / likelihood.degrees * 0.5 * (x - likelihood.centre) @ likelihood.precision @ (
             x - likelihood.centre
         )  # fmt: skip
-        assert -likelihood.log_likelihood(x) == pytest.approx(exact, rel=0.05)
+        assert -likelihood.log_likelihoods(x[None])[0] == pytest.approx(exact, rel=0.05)
 
 
 @pytest.mark.broad

@@ -110,7 +110,7 @@ def posterior(
     at_least("jobs", jobs, 1)
     likelihood, notes = calibrated(problem, problem.start if x is None else vector("x", x), jobs=jobs)
     if x is not None and not problem.priors:  # with priors its point is not the data's minimum
-        rise = -likelihood.log_likelihood(vector("x", x))
+        rise = -likelihood.log_likelihoods(vector("x", x)[None])[0]
         notes += (SAYS("not-at-minimum", rise=rise),) if rise > SAME else ()
     notes += _other_minima(problem, likelihood, [s.end for s in starts] if isinstance(starts, tuple) else [])
     prior, how = joint_prior(problem), {"draws": draws, "seed": seed}
@@ -138,8 +138,9 @@ def _other_minima(problem: Problem, likelihood: RecordedLikelihood, ends: list[M
     for end in (np.array([values.get(n, math.nan) for n in problem.names]) for values in ends):
         delta = end - likelihood.centre
         distance = math.sqrt(float(delta @ likelihood.precision @ delta) / len(delta))
-        if distance > APART and likelihood.log_likelihood(end) > -NEAR:
-            return (SAYS("another-minimum", distance=distance, nats=-likelihood.log_likelihood(end)),)
+        nats = -likelihood.log_likelihoods(end[None])[0] if distance > APART else math.inf
+        if nats < NEAR:
+            return (SAYS("another-minimum", distance=distance, nats=nats),)
     return ()
 
 

@@ -119,8 +119,8 @@ def importance_sample(
     Examples
     --------
     >>> class Normal:
-    ...     def log_likelihood(self, x):
-    ...         return -0.5 * float(x @ x)
+    ...     def log_likelihoods(self, points):
+    ...         return [-0.5 * float(x @ x) for x in points]
     >>> box = BoxPrior(np.full(2, -10.0), np.full(2, 10.0), {})
     >>> sample = importance_sample(Normal(), box, GaussianApproximation(np.zeros(2), np.eye(2)), draws=1000, seed=1)
     >>> sample.trusted, bool(abs(sample.log_evidence - np.log(2 * np.pi / 400)) < 0.05)
@@ -235,5 +235,4 @@ def log_likelihoods(likelihood: Likelihood, points: FloatArray) -> list[float | 
     likelihood : Likelihood
     points : array, shape (n_points, n)
     """
-    values = [likelihood.log_likelihood(x) for x in points]
-    return [v if math.isfinite(v) else None for v in values]
+    return [v if math.isfinite(v) else None for v in likelihood.log_likelihoods(points)]

@@ -82,10 +82,10 @@ FLAT = 1e-12
 
 
 class Likelihood(Protocol):
-    """What the data say of a point."""
+    """What the data say of points."""
 
-    def log_likelihood(self, x: FloatArray) -> float:
-        """Relative to its greatest; −inf where the model fails."""
+    def log_likelihoods(self, points: FloatArray) -> list[float]:
+        """Of each relative to its greatest; −inf where the model fails."""
 
 
 @dataclass(frozen=True)
@@ -159,14 +159,13 @@ class RecordedLikelihood:
     gradient: FloatArray
     """∂V/∂x at x̂, no more than rounding but for parameters at a bound, shape (n,)."""
 
-    def log_likelihood(self, x: FloatArray) -> float:
+    def log_likelihoods(self, points: FloatArray) -> list[float]:
         """See the top of this module."""
+        return [self._of(x, errors) for x, errors in zip(points, self.problem.all_errors(points), strict=True)]
+
+    def _of(self, x: FloatArray, errors: list[FloatArray] | Failure) -> float:
         problem = self.problem
-        errors = problem.errors(x)
-        if isinstance(errors, Failure):
-            return -math.inf
-        cost = problem.criterion.cost(x, errors)
-        if not math.isfinite(cost):
+        if isinstance(errors, Failure) or not math.isfinite(cost := problem.criterion.cost(x, errors)):
             return -math.inf
         parts = zip(self.projection, self.errors, errors, strict=True)
         move = sum((np.einsum("toi,to->i", p, here - there) for p, here, there in parts), np.zeros(len(x)))
