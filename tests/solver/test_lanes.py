@@ -60,7 +60,7 @@ def test_a_jacobian_does_not_depend_on_how_its_runs_go_nor_on_threads(monkeypatc
     (threaded,) = jacobian(p, p.start, free, jobs=2)
     assert np.array_equal(J, threaded)
     monkeypatch.setattr(of_problem, "WORTH", 1e9)
-    (alone,) = jacobian(replace(p, together=None), p.start, free)
+    (alone,) = jacobian(replace(p, together=False), p.start, free)
     assert abs(J - alone).max() < 1e-6 * abs(alone).max()
 
 
@@ -156,7 +156,7 @@ def test_a_search_asks_for_points_of_long_recordings_together_and_finds_the_same
     run_together = lanes.run_together
     monkeypatch.setattr(lanes, "run_together", lambda *a: asked.append(len(a[1])) or run_together(*a))
     monkeypatch.setattr(of_problem, "WORTH", 1000)
-    together = refined(replace(p, together=None), p.start, Watch()).best.point
+    together = refined(replace(p, together=False), p.start, Watch()).best.point
     assert asked
     assert together == pytest.approx(alone, rel=1e-6)
 

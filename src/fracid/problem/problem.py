@@ -90,9 +90,9 @@ class Problem(Parametrisation, CardDisplay):
     no simulation follows them to their end (:mod:`fracid.estimation.windows`)."""
     memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
     """Has what was simulated before, and keeps what will be."""
-    together: bool | None = field(default=None, repr=False, compare=False)
+    together: bool = field(default=False, repr=False, compare=False)
     """Whether points go together where they can (:mod:`fracid.solver.lanes`), of all problems made from this one too;
-    None: where its runs are long."""
+    they do where its runs are long."""
 
     def __post_init__(self) -> None:
         """Give the model what is free of it, its channels too, and check that the parts fit together."""
@@ -110,9 +110,8 @@ class Problem(Parametrisation, CardDisplay):
         check_parametrisation(self)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
-        if self.together is None:
-            work = self.simulator.work * len(self.unknowns)
-            object.__setattr__(self, "together", work >= WORTH * len(model.states))
+        long = self.simulator.work * len(self.unknowns) >= WORTH * len(model.states)
+        object.__setattr__(self, "together", self.together or long)
 
     def _card(self) -> Card:
         return Card(f"Problem of {self.model.name}: {len(self.names)} free parameters", (
