@@ -10,6 +10,7 @@ from numba import njit
 import fracid
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.horizons import Watch, refined
+from fracid.models import MODELS
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem import problem as of_problem
 from fracid.solver import lanes, solve
@@ -118,6 +119,22 @@ def _in_lanes(each):
         each(as_lanes(x), as_lanes(out))
 
     return run
+
+
+@pytest.mark.parametrize("name", sorted(set(MODELS) - {"rotary-pendulum"}))
+def test_every_model_of_the_library_goes_together(name, monkeypatch):
+    model, t = fracid.model(name), 1e-2 * np.arange(501)
+    driven = np.column_stack([1 + np.sin((1 + i) * t) for i in range(len(model.inputs))])
+    e, stepped = Experiment("e", 1e-2, np.zeros((501, len(model.outputs))), driven), []
+    free = {p.name: Free(p.value, 0.5 * p.value, 2 * p.value) for p in model.parameters if 0 < 2 * p.value < p.upper}
+    p = Problem(model, (e,), dict.fromkeys(model.order_names, 0.95), free, initial_state="held")
+    points, run_together = scattered(p.start), lanes.run_together
+    monkeypatch.setattr(lanes, "run_together", lambda *a: stepped.append(run_together(*a)) or stepped[-1])
+    together = p.simulator.trajectories(points, e, range(8))
+    assert stepped
+    assert all(states is not None for states in stepped)
+    for k, x in enumerate(points):
+        np.testing.assert_allclose(together[k].states, p.simulate(x, e).states, rtol=1e-9, atol=1e-12)
 
 
 def test_orders_on_both_sides_of_1_go_in_loops_of_their_own(monkeypatch):

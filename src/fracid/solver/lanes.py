@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm  # type: ignore[import-untyped]
@@ -268,16 +269,18 @@ def _hyperbolic_tangent(b, x):
     return b.select(b.fcmp_unordered("uno", x, x), x, value)
 
 
-def _root(b, x):
-    kind = ir.FunctionType(VECTOR, [VECTOR])
-    return b.call(cgutils.get_or_insert_function(b.module, kind, f"llvm.sqrt.v{COUNT}f64"), [x])
+def _of_llvm(name, b, *x):
+    kind = ir.FunctionType(VECTOR, [VECTOR] * len(x))
+    return b.call(cgutils.get_or_insert_function(b.module, kind, f"llvm.{name}.v{COUNT}f64"), x)
 
 
+_of_lanes(operator.pow, partial(_of_llvm, "pow"))
 _of_lanes(max, _larger)
 _of_lanes(min, _smaller)
 _of_lanes(math.copysign, _signed)
 for _function, _emit_one in {
-    abs: _size, math.fabs: _size, math.sqrt: _root, math.exp: _exponential, math.tanh: _hyperbolic_tangent,
+    abs: _size, math.fabs: _size, math.sqrt: partial(_of_llvm, "sqrt"), math.exp: _exponential,
+    math.tanh: _hyperbolic_tangent,
     math.sin: _by_library("sin", lambda b, x: _sine_and_cosine(b, x)[0]),
     math.cos: _by_library("cos", lambda b, x: _sine_and_cosine(b, x)[1]),
 }.items():  # fmt: skip

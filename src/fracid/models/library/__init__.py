@@ -85,7 +85,7 @@ def from_library(name: str, *, zero: str | None = None, **parameters: float) -> 
     >>> from_library("pendulum", zero="upright", b_angle=0.01).zero
     'upright'
     """
-    return model_of_table(name, table_of(name), zero).with_parameters(**parameters)
+    return model_of_table(name, table_of(name), zero, __name__).with_parameters(**parameters)
 
 
 def model_of_table(name: str, table: Mapping[str, Any], zero: str | None = None, module: str = "") -> Model:
