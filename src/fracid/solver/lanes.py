@@ -275,12 +275,12 @@ def _of_llvm(name, b, *x):
 
 
 _of_lanes(operator.pow, partial(_of_llvm, "pow"))
+_of_lanes(math.sqrt, partial(_of_llvm, "sqrt"), n=1)
 _of_lanes(max, _larger)
 _of_lanes(min, _smaller)
 _of_lanes(math.copysign, _signed)
 for _function, _emit_one in {
-    abs: _size, math.fabs: _size, math.sqrt: partial(_of_llvm, "sqrt"), math.exp: _exponential,
-    math.tanh: _hyperbolic_tangent,
+    abs: _size, math.fabs: _size, math.exp: _exponential, math.tanh: _hyperbolic_tangent,
     math.sin: _by_library("sin", lambda b, x: _sine_and_cosine(b, x)[0]),
     math.cos: _by_library("cos", lambda b, x: _sine_and_cosine(b, x)[1]),
 }.items():  # fmt: skip
