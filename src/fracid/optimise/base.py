@@ -248,7 +248,7 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")
-        self._end = append_whole(self._file, "".join(lines).encode(), self._end)
+        self._end = append_whole(self._file, ["".join(lines).encode()], self._end)
 
 
 def _seconds(line: bytes) -> float:

@@ -118,9 +118,13 @@ class Criterion:
 
     def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
         """By what the loss of each sample counts, of each recording, shape (n_samples, n_outputs)."""
-        weights, balance = self.cost_function.weights, self.balance(errors)
+        balance = self.balance(errors)
+        return [weights * balance for weights in self._shared_weights]
+
+    @cached_property
+    def _shared_weights(self) -> list[FloatArray]:
         shares = zip(self.experiments, self.shares(), strict=True)
-        return [share**2 * weights(e.time, e.scored)[:, None] * balance for e, share in shares]
+        return [share**2 * self.cost_function.weights(e.time, e.scored)[:, None] for e, share in shares]
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""

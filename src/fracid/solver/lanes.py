@@ -3,8 +3,8 @@
 Runs beside each other, of a Jacobian or of a population, have the same right-hand side, inputs and grid; they differ in
 orders, parameters and initial states.  To Numba a :class:`Lanes` is a number like a float, so that the same Python
 right-hand side and the same loop (:mod:`fracid.solver.schemes`) compile for it; the history is that of so many states
-(:mod:`fracid.solver.history`).  Three things go lane by lane: what enters the history, what is stored, and the few
-steps that need Newton's method.
+(:mod:`fracid.solver.history`).  Two things go lane by lane: what enters the history and what is stored.  Newton's
+method goes on where it is needed, and keeps all other lanes as they are.
 
 **Where runs part.**  A condition holds in all lanes or in none; where it does not, the loop raises :class:`Parted`, and
 the runs go one by one (:func:`fracid.solver.solve.integrate_all`), as they do where one ends early, or where a
@@ -45,7 +45,6 @@ from fracid.solver.compilation import LOOP, call_at, kept, when_called
 from fracid.solver.history import (
     BLOCK,
     Kernels,
-    bare,
     forget_mode,
     in_all,
     inline,
@@ -54,7 +53,7 @@ from fracid.solver.history import (
 from fracid.solver.loop_arguments import Run, run_type
 from fracid.solver.right_hand_side import teach_helpers
 from fracid.solver.same_function import once_for_equals
-from fracid.solver.schemes import COMPLETED, ROWS, UNSOLVED, room_for
+from fracid.solver.schemes import COMPLETED, ROWS, room_for
 from fracid.solver.starting import Start, begun
 
 COUNT = 8 if llvm.get_host_cpu_features().get("avx512f") else 4
@@ -298,7 +297,7 @@ def _as_it_is(x):
 @intrinsic
 def _count(context, mask):
     """In how many lanes it holds: as bits."""
-    return types.int64(mask), lambda c, b, s, a: b.zext(b.bitcast(a[0], WHOLE), ir.IntType(64))
+    return types.int64(MASK), lambda c, b, s, a: b.zext(b.bitcast(a[0], WHOLE), ir.IntType(64))
 
 
 @overload(bool)
@@ -329,6 +328,11 @@ def _anywhere(mask):
 @intrinsic
 def _where(context, mask, x, y):
     return LANES(MASK, LANES, LANES), lambda c, b, s, a: b.select(*a)
+
+
+@intrinsic
+def _but(context, one, other):
+    return MASK(MASK, MASK), lambda c, b, s, a: b.and_(a[0], b.not_(a[1]))
 
 
 # --- lane by lane ----------------------------------------------------------------------------------
@@ -378,30 +382,12 @@ class Beside(NamedTuple):
     """L."""
 
 
-class Alone(NamedTuple):
-    """One run at a time, for Newton's method."""
-
-    p: Any
-    """Parameters of each run, (COUNT, n_parameters)."""
-    matrices: Any
-    """Newton's, of each run."""
-    state: Any
-    """Whether that serves on, (COUNT,)."""
-    rows: Any
-    """x, history, newest, (3, n_states)."""
-    f: Any
-    """f and a trial's, (2, n_states) or twice as long."""
-    start: Any
-    """z0, c0, a0 of the relaxing states, (n_relaxing, 4)."""
-
-
 @intrinsic
 def _evaluate(context, address, t, x, u, p, out):
-    """Call the right-hand side of lanes; the second address is that of one run's."""
+    """Call the right-hand side of lanes."""
 
     def emit(context, builder, signature, args):
-        first = builder.extract_value(args[0], 0)
-        return call_at(context, builder, RHS_OF_LANES, first, args[1:])
+        return call_at(context, builder, RHS_OF_LANES, args[0], args[1:])
 
     return types.void(address, *RHS_OF_LANES.args), emit
 
@@ -446,57 +432,26 @@ def _store(row, x, out):
     return row + 1
 
 
-@bare
-def _rare(needed, joins, measured, rhs, t, x, u, p, f, history, newest, W, state, trial, x0, relaxing, start, h):
-    """Newton's method in the lanes that need it, one by one; nothing is joined."""
-    x_k, history_k, newest_k = W.rows
-    f_k, trial_k = W.f
-    for k in range(COUNT):
-        if not (_count(needed) >> k) & 1:
-            continue
-        for i in range(len(x)):
-            x_k[i], history_k[i], newest_k[i] = _lane(x[i], k), _lane(history[i], k), _lane(newest[i], k)
-        for i in range(len(f)):
-            f_k[i] = _lane(f[i], k)
-        for r in range(len(start)):
-            for c in range(3):
-                W.start[r, c] = _lane(start[r, c], k)
-        W.state[k] = schemes._newton(
-            rhs[1], t, x_k, u, W.p[k], f_k, history_k, newest_k, W.matrices[k], W.state[k], trial_k, relaxing, W.start,
-            h,
-        )  # fmt: skip
-        if W.state[k] == UNSOLVED:
-            return W.state[k]
-        for i in range(len(x)):
-            x[i] = _with_lane(x[i], k, x_k[i])
-        for i in range(len(f)):
-            f[i] = _with_lane(f[i], k, f_k[i])
-    return state
-
-
 # --- the loop --------------------------------------------------------------------------------------
 
 
 _pi2 = schemes.adapted(
     schemes.step_pi2, evaluate=_evaluate, look_ahead=_look_ahead, enter=_enter, _first=_first, _store=_store,
-    _rare=_rare, _where=_where, anywhere=_anywhere,
+    _where=_where, _but=_but, anywhere=_anywhere,
 )  # fmt: skip
 
 _vector, _matrix, _cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
 _indices = types.int64[::1]
 
 STARTED = types.NamedTuple((_cube, _matrix, types.int64, _indices, types.Array(types.float64, 4, "C")), Start)
-ALONE = types.NamedTuple((_matrix, _cube, _indices, types.UniTuple(_vector, 3), types.UniTuple(_vector, 2), _matrix),
-                         Alone)  # fmt: skip
 ROOM = types.Tuple((_matrix, _matrix, _matrix, _cube, _cube, types.UniTuple(_matrix, ROWS),
-                    types.UniTuple(_matrix, 2), _vector, _cube, ALONE))  # fmt: skip
+                    types.UniTuple(_matrix, 2), _vector, _cube, _cube))  # fmt: skip
 
 
-@when_called(types.UniTuple(types.int64, 2)(types.UniTuple(types.int64, 2), run_type(1), STARTED, ROOM, _cube),
-             allocates=False)  # fmt: skip
+@when_called(types.UniTuple(types.int64, 2)(types.int64, run_type(1), STARTED, ROOM, _cube), allocates=False)
 def step_together(rhs, run, started, room, out):
     """``pi2`` of COUNT runs: fill `out`, (COUNT, rows, n_states)."""
-    window, sums, numbers, near, ahead, rows, f, now, start, alone = room
+    window, sums, numbers, near, ahead, rows, f, now, W, start = room
     kernels: Any = Beside(run.kernels, _together(near), run.kernels.lags)
     lanes = Run(
         _together(run.orders), _together(run.gain), run.u, _together(run.p), _together(run.past),
@@ -509,7 +464,7 @@ def step_together(rhs, run, started, room, out):
     work = (
         (_together(x), _together(before), _together(earlier), _together(last_x), _together(history_part),
          _together(newest), _together(scale), _together(jump), _together(entered), _together(share)),
-        (_together(f[0]), _together(f[1])), now, alone, _together(start),
+        (_together(f[0]), _together(f[1])), now, _together(W), _together(start),
     )  # fmt: skip
     return _pi2(rhs, lanes, begin, (window, (numbers, sums), _together(ahead)), work, False, out)
 
@@ -554,18 +509,13 @@ def run_together(rhs: tuple[int, int], runs: Sequence[Run]) -> FloatArray | None
 
     run = one._replace(**stacked(runs, "orders", "gain", "p", "past", "slope"))
     started = starts[0]._replace(**stacked(starts, "known", "x0", "parabolas"))
-    (window, sums, ahead), (rows, f, now, W, relaxing) = room_for(run, COUNT)
+    history, work = room_for(run, COUNT)
     near = one.kernels.table[one.kernels.of, 7:15].reshape(states, COUNT, BLOCK).swapaxes(1, 2)
-    alone = Alone(
-        np.ascontiguousarray(run.p.T), np.zeros((COUNT, *W.shape)), np.zeros(COUNT, dtype=np.int64),
-        tuple(np.zeros((3, states))), tuple(np.zeros((2, len(f[0])))), np.zeros((len(relaxing), 4)),
-    )  # fmt: skip
-    room = (window, sums, ahead, np.ascontiguousarray(near), np.zeros((states, BLOCK, COUNT)), rows, f, now, relaxing,
-            alone)  # fmt: skip
+    room = (*history, np.ascontiguousarray(near), np.zeros((states, BLOCK, COUNT)), *work)
     out = np.empty((COUNT, one.steps // one.every + 1, states))
     out[:, 0] = run.past[-1].T
     try:
-        _, how = step_together(rhs, run, started, room, out)
+        _, how = step_together(rhs[0], run, started, room, out)
     except Parted:
         forget_mode()
         return None

@@ -92,7 +92,7 @@ SLOW, SETTLED, SMALL, NEWTON, SOLVED = 0.25, 1e-9, 1e-3, 12, 1e-12
 """When ``pi2`` takes Newton's method: the next sweep would move a state by more than a quarter of the last one
 and by more than 10⁻⁹ of (10⁻³ + its size).  At most 12 iterations, until it moves none by more than 10⁻¹² of that."""
 
-KEPT, WORN, UNSOLVED = 1, 0, -1
+KEPT, WORN, UNSOLVED = 1.0, 0.0, -1.0
 """Of Newton's matrix: it serves on, it is to be made anew; and that a step was not solved."""
 
 OPEN = 1e-3
@@ -131,7 +131,7 @@ def room_for(run: Run, *lanes: int) -> tuple[Any, Any]:
     rows[SHARE] = run.gain * (row[:, begins + 8] - row[:, 8] / 3).reshape(q.shape)
     rows[SHARE, run.relaxing] = 0.0
     start = np.zeros((relaxing, 4, *lanes))
-    work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((states + 1, 2 * states)), start
+    work = tuple(rows), tuple(f), run.u[0].copy(), np.zeros((2 * states + 1, 2 * states, *lanes)), start
     return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
 
 
@@ -178,7 +178,7 @@ def _ended(n, row, state, run, x, f, out):
     for i in range(len(x)):
         if not abs(x[i]) <= run.limit or not abs(f[i]) < math.inf:
             return row, DIVERGED if _finite(f) else NOT_FINITE
-    if state == UNSOLVED:
+    if anywhere(state == UNSOLVED):
         return row, UNSETTLED
     if n == m + row * run.every:
         row = _store(row, x, out)
@@ -229,7 +229,7 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
                 evaluate(rhs, run.start + (n - 1 - m) * h, x, now, run.p, f)
             for i in range(states):
                 _advance(i, n, head, raw, run, x, f, history)
-        row, how = _ended(n, row, np.int64(KEPT), run, x, f, out)
+        row, how = _ended(n, row, KEPT, run, x, f, out)
         if how != COMPLETED:
             end = n if how == LEFT else n - 1
             break
@@ -308,6 +308,11 @@ def _where(condition, one, other):
     return one if condition else other
 
 
+@register_jitable
+def _but(one, other):
+    return one and not other
+
+
 @inline
 def _first(i, v, window):
     """The first sample of state i."""
@@ -351,7 +356,7 @@ def _keep_relaxing(relaxing, x, f, start):
 
 @inline
 def _correct(x, f, history, newest, W, trial, relaxing, start, h):
-    """Put W (known + g b_0 f − x), by which x is to move, into the right of W's last row; tell if it is finite."""
+    """Put W (known + g b_0 f − x), by which x is to move, into the right of its row; tell if it is finite."""
     states, finite = len(x), True
     _relax(relaxing, x, f, start, h, history)
     for i in range(states):
@@ -359,9 +364,9 @@ def _correct(x, f, history, newest, W, trial, relaxing, start, h):
     for i in range(states):
         change = 0.0
         for c in range(states):
-            change += W[i, states + c] * trial[c]
+            change += W[states + 1 + i, c] * trial[c]
         W[states, states + i] = change
-        finite = finite and abs(change) < math.inf
+        finite = finite & (abs(change) < math.inf)
     return finite
 
 
@@ -375,49 +380,53 @@ def _moves(W, x, side):
 
 
 @bare
-def _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h):
-    """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x); leaves both solved.
+def _newton(open_, rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h):
+    """Solve x = known + g b_0 f(t, x) by Newton's method from x, f = f(t, x), where it is open; leaves both solved.
 
-    W holds (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was KEPT, and in a last row the correction that x takes and
-    the one that the same W asks for next (Deuflhard's natural monotonicity).  Where that is below a tenth of the one
-    taken, W serves on; where it is below it, W is made anew; else x has gone too far, to where the curve turns or to
-    another root: it goes back, and on with a new W, or half as far.  Returns KEPT, WORN, of a W to make anew, or
-    UNSOLVED, where after NEWTON iterations x would still move by much: a little may be left open beside a kink.
+    The rows of W are room for elimination; the correction that x takes and the one that the same matrix asks for next
+    (Deuflhard's natural monotonicity); and that matrix, (1 − g b_0 ∂f/∂x)⁻¹, of an earlier step where it was KEPT.
+    Where the next correction is below a tenth of the one taken, it serves on; where it is below it, it is made anew;
+    else x has gone too far, to where the curve turns or to another root: it goes back, and on with a new matrix, or
+    half as far.  Returns KEPT, WORN, of a matrix to make anew, or UNSOLVED, where after NEWTON iterations x would
+    still move by much: a little may be left open beside a kink.
     """
-    states, fresh, share = len(x), state != KEPT, 1.0
-    if fresh:
-        _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
-    if not _correct(x, f, history, newest, W, trial, relaxing, start, h):
-        return UNSOLVED
+    states, share, fresh = len(x), 1.0, open_ & (state != KEPT)
+    if anywhere(fresh):
+        _renew(fresh, rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+    failed = _but(open_, _correct(x, f, history, newest, W, trial, relaxing, start, h))
+    open_ = _but(open_, failed)
     for _ in range(NEWTON):
         for i in range(states):
-            if share == 1.0:
-                W[states, i] = W[states, states + i]
-            x[i] += share * W[states, i]
+            W[states, i] = _where(share == 1.0, W[states, states + i], W[states, i])
+            x[i] += _where(open_, share * W[states, i], 0.0)
         evaluate(rhs, t, x, u, p, f)
-        if not _moves(W, x, np.int64(0)) > SOLVED:
-            return KEPT
+        taken = _moves(W, x, np.int64(0))
+        solved = _but(open_, taken > SOLVED)
+        state, open_ = _where(solved, KEPT, state), _but(open_, solved)
+        if not anywhere(open_):
+            break
         finite = _correct(x, f, history, newest, W, trial, relaxing, start, h)
-        taken, following = _moves(W, x, np.int64(0)), _moves(W, x, states)
-        if not finite or following >= taken:
+        following = _moves(W, x, states)
+        back = _but(open_, _but(finite, following >= taken))
+        if anywhere(back):
             for i in range(states):
-                x[i] -= share * W[states, i]
-            if fresh:
-                share *= 0.5
-                continue
+                x[i] -= _where(back, share * W[states, i], 0.0)
             evaluate(rhs, t, x, u, p, f)
-            following = math.inf
-        fresh, share = following >= 0.1 * taken, 1.0
-        if fresh:
-            _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
-            if not _correct(x, f, history, newest, W, trial, relaxing, start, h):
-                return UNSOLVED
-    return WORN if _moves(W, x, states if share == 1.0 else np.int64(0)) < OPEN else UNSOLVED
+        half = back & fresh
+        renew = _but(open_ & (back | (following >= 0.1 * taken)), half)
+        fresh, share = half | renew, _where(half, 0.5 * share, 1.0)
+        if anywhere(renew):
+            _renew(renew, rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h)
+            lost = _but(renew, _correct(x, f, history, newest, W, trial, relaxing, start, h))
+            failed, open_ = failed | lost, _but(open_, lost)
+    last = _where(share == 1.0, _moves(W, x, states), _moves(W, x, np.int64(0)))
+    state = _where(open_, _where(last < OPEN, WORN, UNSOLVED), state)
+    return _where(failed, UNSOLVED, state)
 
 
 @bare
-def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h):
-    """Fill the right half of W with (1 − g b_0 ∂f/∂x)⁻¹, ∂f/∂x by forward differences."""
+def _renew(where, rhs, t, x, u, p, f, history, newest, W, trial, relaxing, start, h):
+    """Put (1 − g b_0 ∂f/∂x)⁻¹ into the last rows of W, ∂f/∂x by forward differences."""
     n = len(x)
     _relax(relaxing, x, f, start, h, history)
     for k in range(len(relaxing)):
@@ -429,27 +438,30 @@ def _invert_jacobian(rhs, t, x, u, p, f, history, newest, W, trial, relaxing, st
         _relax(relaxing, x, trial, start, h, history)
         x[c] = value
         for i in range(n):
-            W[i, c] = (i == c) - newest[i] * (trial[i] - f[i]) / d
+            W[i, c] = -newest[i] * (trial[i] - f[i]) / d
         for k in range(len(relaxing)):
             i = relaxing[k]
-            W[i, c] = (i == c) - (history[i] - start[k, 3]) / d
+            W[i, c] = -(history[i] - start[k, 3]) / d
+        W[c, c] += 1.0
     for c in range(n):
         for i in range(n):
-            W[i, n + c] = i == c
+            W[i, n + c] = 1.0 if i == c else 0.0
     gauss_jordan(W, n)
+    for i in range(n):
+        for c in range(n):
+            W[n + 1 + i, c] = _where(where, W[i, n + c], W[n + 1 + i, c])
 
 
 @bare
 def gauss_jordan(W, n):
     """Turn the first n rows, [A | 1], into [1 | A⁻¹], with row pivots."""
     for k in range(n):
-        pivot = k
         for i in range(k + 1, n):
-            if abs(W[i, k]) > abs(W[pivot, k]):
-                pivot = i
-        factor = 1 / W[pivot, k]
+            larger = abs(W[i, k]) > abs(W[k, k])
+            for c in range(2 * n if anywhere(larger) else 0):
+                W[k, c], W[i, c] = _where(larger, W[i, c], W[k, c]), _where(larger, W[k, c], W[i, c])
+        factor = 1 / W[k, k]
         for c in range(2 * n):
-            W[k, c], W[pivot, c] = W[pivot, c], W[k, c]
             W[k, c] *= factor
         for i in range(n):
             factor = W[i, k]
@@ -460,8 +472,8 @@ def gauss_jordan(W, n):
 @bare
 def _rare(newton, joins, measured, rhs, t, x, u, p, f, history, newest, W, state, trial, x0, relaxing, start, h):
     """What few steps need, apart from the loop, where it would cost registers: returns the state of Newton's W."""
-    if newton:
-        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h)
+    if anywhere(newton):
+        state = _newton(newton, rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, h)
     if joins:
         _go_on_from(measured, rhs, t, x, u, p, f, newest, x0)
     return state
@@ -542,7 +554,7 @@ def step_pi2(rhs, run, started, history, work, third, out):
         before[i] = f[i]
         _first(i, f[i], window)
     _keep_relaxing(relaxing, x, f, start)
-    how, state, head, row, k = COMPLETED, np.int64(WORN), np.int64(1), np.int64(1), np.int64(0)
+    how, state, head, row, k = COMPLETED, WORN, np.int64(1), np.int64(1), np.int64(0)
     if not _finite(f):
         how, end = NOT_FINITE, 0
     for n in range(1, end + 1):
@@ -595,7 +607,7 @@ def _first_derivative(rhs, run, x, f, newest, W, trial, base, weight, now, relax
 def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start):
     """Take Newton's method further where a steep curve needs it: what is left open is multiplied by |J|h later."""
     for _ in range(PATIENCE):
-        state = _newton(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, 0.0)
+        state = _newton(True, rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, start, 0.0)
         if state == KEPT:
             break
     return state
@@ -615,7 +627,7 @@ def step_bdf2(rhs, run, started, history, work, out):
         x[i] = before[i] = past[0, i]
         newest[i] = run.gain[i] * kernels.own[kernels.of[i], 0]
     evaluate(rhs, t0, x, now, p, f)
-    how, state, head, row, k = COMPLETED, np.int64(WORN), np.int64(1), np.int64(1), np.int64(0)
+    how, state, head, row, k = COMPLETED, WORN, np.int64(1), np.int64(1), np.int64(0)
     if not _finite(f):
         how, end = NOT_FINITE, 0
     elif started.together == 0:

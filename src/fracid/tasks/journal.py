@@ -24,7 +24,7 @@ import errno
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from io import RawIOBase
 from pathlib import Path
@@ -124,7 +124,7 @@ class Journal(AbstractContextManager["Journal"]):
         self.done[key] = value
 
     def _write(self, line: str) -> None:
-        self._end = append_whole(self._file, line.encode() + b"\n", self._end)
+        self._end = append_whole(self._file, [line.encode() + b"\n"], self._end)
         if time.monotonic() - self._synced > SYNC:
             self._sync()
 
@@ -174,14 +174,14 @@ def resumable(path: Path) -> Path:
     return above if not alone and (above / "run.json").exists() else own
 
 
-def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
+def append_whole(file: RawIOBase, content: Sequence[bytes | memoryview], end: int) -> int:
     """Append to a log, whole or not at all; gives its new end [bytes].
 
     Parameters
     ----------
     file : raw file
         Opened to append.
-    content : bytes
+    content : sequence of bytes
     end : int
         Where it ends now.
 
@@ -194,20 +194,21 @@ def append_whole(file: RawIOBase, content: bytes, end: int) -> int:
     --------
     >>> import tempfile
     >>> with open(Path(tempfile.mkdtemp()) / "log", "ab", buffering=0) as file:
-    ...     append_whole(file, b"one\\n", 0)
+    ...     append_whole(file, [b"one\\n"], 0)
     4
     """
-    remainder = memoryview(content)
     try:
-        while remainder:
-            remainder = remainder[file.write(remainder) :]
+        for part in content:
+            remainder = memoryview(part)
+            while remainder:
+                remainder = remainder[file.write(remainder) :]
     except BaseException as error:  # Ctrl-C too leaves no half of a line
         with suppress(OSError):
             file.truncate(end)  # also a full disk can take back
         if isinstance(error, OSError):
             raise _cut_short(Path(str(getattr(file, "name", "the log"))), error) from None
         raise
-    return end + len(content)
+    return end + sum(map(len, content))
 
 
 def _cut_short(path: Path, error: OSError) -> Unfinished:
