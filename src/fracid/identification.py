@@ -408,6 +408,7 @@ class _Findings:
 
     def walk(self) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
+        self.show()
         if self.near is None or isinstance(self.known, Failure) or self.asked.optimiser.keeps_its_own:
             return None
         while True:

@@ -118,13 +118,15 @@ class Criterion:
 
     def sample_weights(self, errors: list[FloatArray]) -> list[FloatArray]:
         """By what the loss of each sample counts, of each recording, shape (n_samples, n_outputs)."""
+        if self.weights == "equal":
+            return self._equal_weights
         balance = self.balance(errors)
-        return [weights * balance for weights in self._shared_weights]
+        return [weights * balance for weights in self._equal_weights]
 
     @cached_property
-    def _shared_weights(self) -> list[FloatArray]:
-        shares = zip(self.experiments, self.shares(), strict=True)
-        return [share**2 * self.cost_function.weights(e.time, e.scored)[:, None] for e, share in shares]
+    def _equal_weights(self) -> list[FloatArray]:
+        shares, each = zip(self.experiments, self.shares(), strict=True), np.ones(len(self.outputs))
+        return [share**2 * np.outer(self.cost_function.weights(e.time, e.scored), each) for e, share in shares]
 
     def levels(self, errors: list[FloatArray]) -> dict[str, float]:
         """The level of each output's residual, rms [rad]."""

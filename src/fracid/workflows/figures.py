@@ -125,11 +125,14 @@ def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
 def saved(pictures: Pictures, folder: Path, formats: tuple[str, ...] = ("svg", "png"), where: Path | None = None,
           style: str = "screen") -> tuple[Path, ...]:  # fmt: skip
     """Draw and write figures one by one, into the folder of a run or where it is said."""
-    from fracid.plots import save
     from fracid.runs.folder import FIGURES
 
-    where = where or folder / FIGURES
-    return tuple(path for stem, picture in pictures for path in save(picture(style=style), where, stem, formats))
+    written: list[Path] = []
+    for stem, picture in pictures:
+        from fracid.plots import save  # where there is something to draw: it takes a quarter of a second
+
+        written += save(picture(style=style), where or folder / FIGURES, stem, formats)
+    return tuple(written)
 
 
 # ------------------------------------------------------------------ the figures by their files' names
