@@ -461,7 +461,6 @@ class _Findings:
 
     def identify(self) -> None:
         """Say of each unknown whether it is identifiable."""
-        self.show()
         self.verdicts = identifiability(self.problem, self.x, self.known, jobs=self.asked.jobs)
 
     def look(self) -> Evaluation | None:
