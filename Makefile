@@ -56,6 +56,7 @@ count:
 bench: $(READY)
 	$(BIN)/python benchmarks/solver.py
 	$(BIN)/python benchmarks/stages.py
+	$(BIN)/python benchmarks/jacobians.py
 	$(BIN)/python benchmarks/evidence.py
 
 # Measured orders and limits of the solver.  Writes the tables and pictures of docs/solver.md.

@@ -19,6 +19,9 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.tasks.simulation_cache import Recent
 
 RIG = fracid.rotary_pendulum("srv02-rotpen", zero="hanging")
+SHARP = {"coulomb_theta": 0.03, "coulomb_alpha": 1e-3, "slip_speed": 1e-3}
+"""So steep that Newton's method goes back in some of the runs, and half as far."""
+
 PRESLIDING = {"coulomb_theta": 0.03, "stiction_theta": 0.05, "presliding_theta": 0.01}
 
 
@@ -35,7 +38,9 @@ def scattered(x, count=8):
 
 
 @pytest.mark.parametrize(
-    "parameters", [{"coulomb_theta": 0.01, "drag_alpha": 1e-4}, PRESLIDING], ids=["sliding", "presliding"]
+    "parameters",
+    [{"coulomb_theta": 0.01, "drag_alpha": 1e-4}, SHARP, PRESLIDING],
+    ids=["sliding", "sharp", "presliding"],
 )
 @pytest.mark.parametrize("count", [4, 8, 13])
 def test_runs_together_are_the_runs_one_by_one(parameters, count, monkeypatch):
