@@ -708,9 +708,11 @@ def _lengthened(
 def _followed(problem: Problem, x: FloatArray, window: float | None) -> Iterator[str]:
     """For how long the model predicts recordings that were fitted in windows."""
     if window is not None:
-        seconds, count = prediction_of(problem, x).seconds, len(problem.experiments)
+        seconds, count = prediction_of(problem, x, window).seconds, len(problem.experiments)
         how_long = f"for longer than {seconds:.2g} s" if math.isfinite(seconds) else "to its end without a new start"
-        yield SAYS("windows", recordings=listed(problem.recordings), how_long=how_long, count=count, window=window)
+        apart = any(e.mask != problem.experiments[at][0].mask for e, at in problem.recordings.values())
+        yield SAYS("windows", recordings=listed(problem.recordings), how_long=how_long, count=count, window=window,
+                   apart=SAYS("apart") if apart else "")  # fmt: skip
         if loops := [n for n, (e, _) in problem.recordings.items() if closes_a_loop(e)]:
             yield SAYS("closed-loop", recordings=listed(loops))
         if (drift := drift_of(problem, x)) is not None:

@@ -135,7 +135,7 @@ def test_recordings_that_are_held_before_their_release_begin_in_motion_in_window
     pieces = windowed(held, 1.0)
     alone = pieces.with_shared(pieces.start, (released,))
     assert not any(u.kind == "time" for u in (*pieces.unknowns, *alone.unknowns))
-    assert math.isfinite(prediction_of(pieces, pieces.start).seconds)
+    assert math.isfinite(prediction_of(pieces, pieces.start, 1.0).seconds)
     assert pieces.of(released).experiments[0].release_time == 0.0
 
 
@@ -151,9 +151,9 @@ def test_windows_with_a_past_have_states_that_relax_or_follow_others():
 
 
 def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(stand, monkeypatch):
-    monkeypatch.setattr("fracid.estimation.windows.MOST", 4)
+    monkeypatch.setattr("fracid.estimation.windows.LONG", 650)
     pieces = windowed(stand, 1.0)
-    assert len(pieces.experiments) == 4
+    assert len(pieces.experiments) == 6
     whole, _ = pieces.recordings["stand"]
     inside = np.zeros(len(whole.measured), bool)
     for w in pieces.experiments:
@@ -161,6 +161,8 @@ def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_non
         inside[first : first + len(w.measured)] = True
     np.testing.assert_array_equal(np.isnan(pieces.followed(pieces.start, "stand")[:, 0]), ~inside)
     np.testing.assert_array_equal(whole.scored, inside)
+    assert math.isfinite(prediction_of(pieces, pieces.start, 1.0).seconds)  # of all samples, what no window has too
+    assert len(windowed(stand, 4.5).experiments) == len(windowed(stand, 1.9).experiments) == 4
 
 
 def test_orders_that_are_no_integers_give_each_window_the_samples_before_it(stand):
@@ -245,7 +247,7 @@ def test_a_rod_that_stands_is_identified_and_the_answer_improves_with_the_record
             low, high = fit.parameters[n].interval95
             held.append(low <= TRUTH[n] <= high)
         widths.append((high - low) / TRUTH[n])
-        assert math.isfinite(prediction_of(fit.problem, fit.x).seconds)
+        assert math.isfinite(prediction_of(fit.problem, fit.x, fit.window).seconds)
     assert sum(held) >= len(held) - 1
     assert 0.8 * widths[0] > widths[1] < 0.1
 

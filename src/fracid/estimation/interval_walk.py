@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def _walked(
         side_by_side(here.problem, [way.look(jobs) for way in open_], jobs=jobs)
         points = [point for way in ways for point in way.points]
         if any(way.lower for way in ways):
-            return min((point.evaluation for point in points), key=lambda e: e.cost)
+            return here.problem.evaluate(min(points, key=itemgetter(0))[1])
         open_ = [way for way in open_ if way.goes_on]
         spent = sum(way.runs for way in ways) > most
         if spent or not open_:
@@ -127,17 +128,21 @@ def _walked(
     return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + spent * len(open_))
 
 
-def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, points: Sequence[Linearised]) -> FloatArray:
+Seen = tuple[float, FloatArray]
+"""V at a point, and that, shape (n_unknowns,): no rows, for those of all points are each as large as a record."""
+
+
+def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, points: Sequence[Seen]) -> FloatArray:
     """No interval ends before what a walk of another unknown went through below its limit.
 
     Beside a kink the derivatives may not lead to the ground of a valley, along which another walk goes; a point above
     the limit counts as far as a parabola to it has the limit.
     """
-    for point in points:
-        delta = np.where(here.near.problem.absent(point.x), 0.0, point.x - here.x)
+    for value, x in points:
+        delta = np.where(here.near.problem.absent(x), 0.0, x - here.x)
         side, every = (delta > 0).astype(int), np.arange(len(delta))
         with np.errstate(divide="ignore", invalid="ignore"):
-            below = np.minimum(1.0, np.sqrt(known.rise[every, side] / max(point.value - here.value, 0.0)))
+            below = np.minimum(1.0, np.sqrt(known.rise[every, side] / max(value - here.value, 0.0)))
         below[below < NEAR] = 0.0
         beyond = np.abs(delta) * below > (1 + OFF) * np.abs(ends[every, side] - here.x)
         ends[every[beyond], side[beyond]] = (here.x + delta * below)[beyond]
@@ -157,7 +162,7 @@ class _Way:
         self.seen, self.fresh, self.lost, self.goes_on, self.runs = False, False, False, True, 0
         self.lower = False
         """Whether a point is lower than the minimum."""
-        self.points: list[Linearised] = []
+        self.points: list[Seen] = []
         self.found: float | None = None
         """The end, where it is not the tangent's."""
 
@@ -167,7 +172,7 @@ class _Way:
         if there is None:  # the runs fail there, or its ground is not seen from so far
             self.outside, self.distance = (self.distance, math.inf), 0.5 * (self.inside[0] + self.distance)
             return
-        self.last, rise = there, there.value - self.here.value
+        rise = there.value - self.here.value
         if rise < -LOWER * self.limit:
             self.lower, self.goes_on = True, False
             return
@@ -176,6 +181,7 @@ class _Way:
         self.seen = self.seen or self.distance == self.first
         ends = as_foreseen or abs(height - 1) <= CLOSE or (self.distance == self.room and height <= 1)
         self.goes_on = not ends and self.runs <= RUNS
+        self.last = there if self.goes_on else self.here
         if as_foreseen:
             return
         if not ends:
@@ -207,7 +213,7 @@ class _Way:
             self.runs += len(there.axes) - 2
         arrived = -there.foreseen(there.step([self.i])) <= enough
         self.lost = self.lost or not arrived
-        self.points.append(there)
+        self.points.append((there.value, there.x))
         return there if arrived else None
 
 

@@ -40,7 +40,7 @@ from fracid.tasks.simulation_cache import Recent
 LONG = 200_000
 """Samples, of all recordings that are fitted: from here on a search works on coarser ones."""
 
-PER_PERIOD = 64
+PER_PERIOD = 48
 """Coarse samples in a period."""
 
 FEWEST = 50_000

@@ -43,7 +43,7 @@ from fracid.cards import rounded
 from fracid.errors import Failure
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
-from fracid.estimation.derivatives import by_all
+from fracid.estimation.derivatives import by_blocks
 from fracid.findings import Words
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
@@ -235,9 +235,13 @@ def _is_angle(problem: Problem, u: Unknown) -> bool:
 
 def _effects(problem: Problem, x: FloatArray) -> FloatArray:
     """How much a unit of each unknown moves all samples; NaN where their runs fail."""
-    J = by_all(problem, x)
-    parts = np.full((1, 1, 1, len(x)), np.nan) if isinstance(J, Failure) else J.parts
-    return np.asarray(np.sqrt(sum(np.sum(j**2, axis=(0, 1)) for j in parts)))
+    J = by_blocks(problem, x, np.arange(len(x)))
+    if isinstance(J, Failure):
+        return np.full(len(x), np.nan)
+    squares = np.zeros(len(x))
+    for k, j in enumerate(J.parts):
+        squares[J.blocks.columns(k)] += np.sum(j**2, axis=(0, 1))
+    return np.sqrt(squares)
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:

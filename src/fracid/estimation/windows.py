@@ -74,6 +74,15 @@ SAMPLES = 12
 MOST = 500
 """Windows of all recordings: of a longer record they lie apart, and what lies between them is not scored."""
 
+LONG = 50_000
+"""Samples of all windows, likewise; but of :data:`FEWEST` windows in any case."""
+
+FEWEST = 4
+"""Windows that say from each other how much more they scatter than their samples tell."""
+
+KEPT = 128 << 20
+"""Bytes of simulated outputs that are kept: a check of the step and the fit at its half begin alike."""
+
 PAST = 2
 """Windows before a window that are its past, where an order is no integer."""
 
@@ -153,9 +162,12 @@ def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> lis
     In parts of the size of its motion, and of that of its rate: of all of it, since an arm may stick while it swings.
     """
     spans, reach = _equal_spans(0, len(e.measured), places), _reach(e)
-    sizes = [np.std(y, axis=0) for y in (e.measured, (e.measured[reach:] - e.measured[:-reach]) / (reach * e.step))]
-    parts = (problem.with_shared(x, (piece(e, e.name, a, b),)) for a, b in spans if b - a > SAMPLES)
-    return [_growth(replace(part, initial_state="estimate", memo=None), *sizes) for part in parts]
+    swings = np.array_split(e.measured, max(1, round(e.swings / SWINGS)))  # not how far it has turned in an hour
+    size = np.sqrt(np.mean([np.var(y, axis=0) for y in swings], axis=0))
+    rate = np.std((e.measured[reach:] - e.measured[:-reach]) / (reach * e.step), axis=0)
+    pieces = (piece(e, e.name, a, b) for a, b in spans)
+    parts = (problem.with_shared(x, (p,)) for p in pieces if p.samples > SAMPLES)
+    return [_growth(replace(part, initial_state="estimate", memo=None), size, rate) for part in parts]
 
 
 def _growth(problem: Problem, size: FloatArray, rate: FloatArray) -> tuple[float, float, float]:
@@ -171,20 +183,16 @@ def _growth(problem: Problem, size: FloatArray, rate: FloatArray) -> tuple[float
     noise = np.array([max(noise_level(y), (resolution(y) or 0.0) / math.sqrt(12.0)) for y in measured.T])
     offsets = {problem.model.states[i]: s for i, s in zip(columns, size, strict=True)}
     offsets |= {problem.model.states[j]: rate[columns.index(i)] for i, j in problem.rates.items()}
-    run = problem.simulate(x, e)
-    growth = np.zeros(len(run.time))
-    for k, u in enumerate(problem.unknowns):
-        if u.kind == "initial" and u.target in offsets:
-            there = x.copy()
-            there[k] += OFF * offsets[u.target]
-            other = problem.simulate(there, e)
-            n = min(len(growth), len(other.time))
-            apart = np.abs(other.states[:n, columns] - run.states[:n, columns]) / (OFF * size)
-            growth = np.maximum(growth[:n], np.max(apart, axis=1, initial=0.0))
+    moved = [k for k, u in enumerate(problem.unknowns) if u.kind == "initial" and u.target in offsets]
+    others = [x + OFF * offsets[problem.unknowns[k].target] * np.eye(len(x))[k] for k in moved]
+    run, *apart = problem.simulator.trajectories([x, *others], e, range(1 + len(moved))).values()
+    n = min(len(r.time) for r in (run, *apart))
+    grown = [np.abs(r.states[:n, columns] - run.states[:n, columns]) / (OFF * size) for r in (run, *apart)]
+    growth: FloatArray = np.max(grown, axis=(0, 2), initial=0.0)
     if not run.completed:
         growth[-1:] = math.inf
-    grown = (growth >= by for by in (GROWTH, GROWTH**2))
-    first, later = (float(run.time[np.argmax(g)]) if np.any(g) else math.inf for g in grown)
+    reached = (growth >= by for by in (GROWTH, GROWTH**2))
+    first, later = (float(run.time[np.argmax(g)]) if np.any(g) else math.inf for g in reached)
     return first, later, float(np.min(size / (3 * np.maximum(noise, 1e-300)), initial=math.inf))
 
 
@@ -201,10 +209,9 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     (['twin, window 1', 'twin, window 2'], 900, ['twin'])
     """
     orders = problem.orders.values()
-    remembers = any(not isinstance(v, float | int) or v != round(v) for v in orders)
-    most = max(1, MOST // len(problem.experiments))
-    windows = (w for e in problem.experiments for w in _in_turn(e, seconds, most, parts, remembers=remembers))
-    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
+    remembers, of = any(not isinstance(v, float | int) or v != round(v) for v in orders), len(problem.experiments)
+    windows = (w for e in problem.experiments for w in _in_turn(e, seconds, of, parts, remembers=remembers))
+    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent(KEPT))
 
 
 def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Problem:
@@ -212,9 +219,14 @@ def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Pro
 
     Their orders stay as they begin, so that no part needs a past.  Their step is fine enough, unless it is fixed.
     """
-    steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
-    substeps = max(problem.substeps, 1 if fixed_step else 2 ** max(0, math.ceil(math.log2(steps))))
+    substeps = problem.substeps if fixed_step else max(problem.substeps, _substeps(problem, seconds))
     return windowed(replace(problem, orders=problem.order_starts, substeps=substeps), seconds, PARTS)
+
+
+def _substeps(problem: Problem, seconds: float) -> int:
+    """Steps a sample with which a search in windows of so many seconds begins."""
+    steps = max(STEPS * PARTS * e.step / seconds for e in problem.experiments)
+    return int(2 ** max(0, math.ceil(math.log2(steps))))
 
 
 def lengthened(parts: Problem, x: FloatArray, whole: Problem) -> FloatArray:
@@ -259,10 +271,11 @@ def chosen_window(problem: Problem) -> float | None:
     return float(seconds)
 
 
-def prediction_of(problem: Problem, x: FloatArray) -> Prediction:
-    """The :func:`prediction` of the whole recordings of a problem in windows, at its minimum."""
+def prediction_of(problem: Problem, x: FloatArray, window: float) -> Prediction:
+    """The :func:`prediction` of the whole recordings of a problem in windows of so many seconds, at its minimum."""
     shared = {u.target: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.kind != "initial"}
-    whole = replace(problem, experiments=tuple(e for e, _ in problem.recordings.values()), memo=None)
+    wholes = tuple(replace(e, mask=problem.experiments[at][0].mask) for e, at in problem.recordings.values())
+    whole = replace(problem, experiments=wholes, substeps=_substeps(problem, window), memo=None)
     there = [shared.get(u.target, s) for u, s in zip(whole.unknowns, whole.start.tolist(), strict=True)]
     return prediction(whole, np.array(there))
 
@@ -289,15 +302,16 @@ def closes_a_loop(e: Experiment) -> bool:
     >>> [closes_a_loop(Experiment("held", 0.1, y, v)) for v in (u, u - 2 * y)]
     [False, True]
     """
-    if len(e.inputs) <= 2 * LAGS * (1 + e.measured.shape[1]):
+    measured, inputs = e.measured[:LONG], e.inputs[:LONG]
+    if len(inputs) <= 2 * LAGS * (1 + measured.shape[1]):
         return False
-    here = slice(LAGS, len(e.inputs))
+    here = slice(LAGS, len(inputs))
 
     def before(signals: FloatArray, first: int) -> FloatArray:
         return np.column_stack([signals[LAGS - k : len(signals) - k] for k in range(first, LAGS)])
 
-    outputs = before(e.measured, 0)
-    for u in e.inputs.T:
+    outputs = before(measured, 0)
+    for u in inputs.T:
         own = np.column_stack([np.ones(len(outputs)), before(u[:, None], 1)])
         known = own, np.column_stack([own, outputs])
         alone, beside = (float(np.var(u[here] - A @ np.linalg.lstsq(A, u[here])[0])) for A in known)
@@ -311,11 +325,12 @@ def _equal_spans(first: int, end: int, count: int) -> list[tuple[int, int]]:
     return list(pairwise(np.linspace(first, end, count + 1).astype(int).tolist()))
 
 
-def _in_turn(e: Experiment, seconds: float, most: int, parts: int, remembers: bool) -> list[Experiment]:
-    """Windows of a recording that hold all of its samples; of more than `most` so many, evenly spread; or parts."""
+def _in_turn(e: Experiment, seconds: float, of: int, parts: int, remembers: bool) -> list[Experiment]:
+    """Windows of one `of` so many recordings, of all of its samples where these are not too many; or their parts."""
     samples = len(e.measured)
     length = max(SAMPLES * PARTS, round(seconds / e.step), math.ceil(2 * PARTS * e.longest_delay / e.step))
     pairs, whole = _equal_spans(0, samples, max(1, samples // length)), piece(e, e.name, 0, samples)
+    most = max(math.ceil(FEWEST / of), min(MOST, LONG // length) // of)
     if len(pairs) > most:
         kept = set(np.linspace(0, len(pairs) - 1, most).astype(int).tolist())
         left = [pair for k, pair in enumerate(pairs) if k not in kept]

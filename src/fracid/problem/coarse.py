@@ -5,7 +5,7 @@ lost: so a sample of the coarser recording is the mean of those within half its 
 rule over k + 1 of them; the first stays as it is), and so is what is simulated.  Means are linear: the errors of the
 coarser recording are the means of the errors, those of the true values have none in the mean, and their white noise is
 as much smaller as there are fewer of them.  What is lost of the information is what a derivative
-:math:`\partial y/\partial x` varies within a step: with n steps a period :math:`(2π/n)^2/12` of it, 0.1 % for 64.
+:math:`\partial y/\partial x` varies within a step: with n steps a period :math:`(2π/n)^2/12` of it, 0.14 % for 48.
 
 Inputs keep the rate of the source: a run goes through them with `substeps` steps a coarse sample, and where these are
 fewer than the source's, a held input counts by its mean over each step, so that no impulse is lost.

@@ -195,10 +195,15 @@ class Experiment(CardDisplay):
         """The output that moves most, shape (n_samples,)."""
         return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
 
+    @cached_property
+    def period(self) -> float:
+        """Of the output that swings most often [samples]."""
+        return common_period(self.measured)
+
     @property
     def swings(self) -> float:
         """Periods of the output that swings most often, in the whole record; 0 where none does a whole swing."""
-        return (len(self.time) - 1) / common_period(self.measured)
+        return (len(self.time) - 1) / self.period
 
     @cached_property
     def standstill(self) -> float:
@@ -220,10 +225,10 @@ class Experiment(CardDisplay):
         late = max((s.latest for s in self.sensors.values()), default=0.0)
         if not self.mask and late == 0.0:
             return None
-        slack = 1e-6 * self.step
+        slack, clock = 1e-6 * self.step, self.start + self.time
         counts = self.time >= late - slack
         for first, last in self.mask:
-            counts &= ~((self.start + self.time >= first - slack) & (self.start + self.time <= last + slack))
+            counts[np.searchsorted(clock, first - slack) : np.searchsorted(clock, last + slack, "right")] = False
         return counts
 
     @property

@@ -66,26 +66,35 @@ class Past:
 
     def states(self, orders: FloatArray, parameters: FloatArray) -> FloatArray:
         """The states from the release to the start, `substeps` a sample, shape (n, n_states)."""
-        return self._states(tuple(orders.tolist()), time_scale(self.model, parameters))
+        signals, rise = self._columns
+        past, unit = np.zeros((len(signals[0]), len(orders))), time_scale(self.model, parameters)
+        for k, name in enumerate(self.outputs):
+            i = self.model.output_states[name]
+            past[:, i] = signals[k]
+            past[:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise(k, float(orders[i]))
+        for name, other in self.model.follows.items():
+            past[:, self.model.states.index(name)] = past[:, self.model.states.index(other)]
+        return past
 
     @cached_property
-    def _states(self) -> Callable[[tuple[float, ...], float], FloatArray]:
-        outputs, release = smooth_past(self.experiment, self.substeps)
-        step = self.experiment.step / self.substeps
+    def _columns(self) -> tuple[list[FloatArray], Callable[[int, float], FloatArray]]:
+        """The outputs, and D^q of one of them, on the grid of a run."""
+        outputs, release = smooth_past(self.experiment)
+        place = np.arange((len(outputs) - 1 - release) * self.substeps + 1) / self.substeps
 
-        @lru_cache(maxsize=32)  # the orders stay while a search tries the constants
-        def states(orders: tuple[float, ...], unit: float) -> FloatArray:
-            past = np.zeros((len(outputs), len(orders)))
-            for name, signal in zip(self.outputs, outputs.T, strict=True):
-                i = self.model.output_states[name]
-                past[:, i] = signal
-                rise = derivative(signal - signal[0], orders[i], step, kind="rl")  # at rest before
-                past[1:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise[1:]
-            for name, other in self.model.follows.items():
-                past[:, self.model.states.index(name)] = past[:, self.model.states.index(other)]
-            return past[release:]
+        def on_the_grid(values: FloatArray) -> FloatArray:
+            if self.substeps == 1:
+                return values[release:]
+            from scipy.interpolate import CubicSpline
 
-        return states
+            return np.asarray(CubicSpline(range(len(values)), values)(release + place))
+
+        @lru_cache(maxsize=12)  # the orders stay while a search tries the constants
+        def rise(k: int, order: float) -> FloatArray:
+            values = derivative(outputs[:, k] - outputs[0, k], order, self.experiment.step, kind="rl")
+            return on_the_grid(np.concatenate([[0.0], values[1:]]))  # at rest before
+
+        return [on_the_grid(y) for y in outputs.T], rise
 
 
 def release_in_past(e: Experiment) -> int:
@@ -113,15 +122,16 @@ def release_in_past(e: Experiment) -> int:
     return int(np.clip(round(-offset / slope), 0, len(e.past) - 1)) if slope > 0 else near
 
 
-def smooth_past(e: Experiment, substeps: int = 1) -> tuple[FloatArray, int]:
-    """The low-passed past and the start [rad], `substeps` rows a sample, and the row of the release.
+def smooth_past(e: Experiment) -> tuple[FloatArray, int]:
+    """The low-passed past and the start [rad], shape (n, n_outputs), and the row of the release.
 
     The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
     reaches is kept.
     """
     assert e.past is not None
     whole, n, release = np.vstack([e.past, e.measured]), len(e.past), release_in_past(e)
-    cutoff = CUTOFF / (e.step * min(common_period(whole), len(whole) / 3))
+    period = common_period(whole) if e.whole is None else e.whole.period
+    cutoff = CUTOFF / (e.step * min(period, len(whole) / 3))
     reach = math.ceil(2 / (cutoff * e.step))
     if cutoff < 0.4 / e.step:
         from scipy.signal import butter, sosfiltfilt
@@ -129,10 +139,4 @@ def smooth_past(e: Experiment, substeps: int = 1) -> tuple[FloatArray, int]:
         low_pass = butter(4, cutoff, fs=1 / e.step, output="sos")
         whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
     first = max(0, release - reach)
-    smooth, release = whole[first : n + 1], (release - first) * substeps
-    if substeps > 1:
-        from scipy.interpolate import CubicSpline
-
-        line = CubicSpline(np.arange(len(whole)), whole)
-        smooth = line(first + np.arange((n - first) * substeps + 1) / substeps)
-    return np.asarray(smooth), release
+    return np.asarray(whole[first : n + 1]), release - first

@@ -237,7 +237,7 @@ class Problem(Parametrisation, CardDisplay):
         """
         numbers: dict[str | None, int] = {e.name: k for k, e in enumerate(self.experiments)}
         recording = np.array([numbers.get(u.experiment, -1) for u in self.unknowns], dtype=np.int64)
-        if np.count_nonzero(recording >= 0) < MANY or len(self.experiments) < 2:
+        if len(self.experiments) < 2 or (np.count_nonzero(recording >= 0) < MANY and not self.in_windows):
             return None
         rows = np.cumsum([0, *(len(e.measured) * len(self.outputs) for e in self.experiments)])
         return Blocks(recording, rows, 0 if self.weights == "equal" else len(self.outputs))

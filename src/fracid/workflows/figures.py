@@ -56,9 +56,13 @@ class Drawing:
         return model if self.drawer.pool is None or (model.rhs.__module__ or "").startswith("fracid.") else None
 
     def begin(self, recordings: Mapping[str, RecordingFit]) -> None:
-        """Have recordings drawn beside a simulation that may be the last: the rest of a fit is examined meanwhile."""
-        if self.drawer.pool is not None:
-            self._of_recordings(recordings)
+        """Have recordings drawn beside a simulation that may be the last: the rest of a fit is examined meanwhile.
+
+        A very long one is handed over when that is done: both together would take much memory.
+        """
+        from fracid.validation.residual_analyses import ANALYSED
+
+        self._of_recordings({n: r for n, r in recordings.items() if r.time.size <= ANALYSED})
 
     def __call__(self, fit: Fit) -> tuple[Path, ...]:
         """Draw the rig, Figures 2 and 3 of each recording, and the cost over two free orders; write the report."""
@@ -87,14 +91,14 @@ class Drawing:
 
     def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
         """Ask for what each recording needs; what is asked of the same simulation already is not asked again."""
-        from fracid.validation.residual_analyses import analysed
+        from fracid.validation.residual_analyses import analysed, first_part
 
         begun, stems, resolutions = self._begun, file_stems(recordings), self.project.resolutions
         new = {n: r for n, r in recordings.items() if n not in begun or not _looks_alike(begun[n].recording, r)}
         for name in new.keys() & begun.keys():
             begun[name].drop()
         # What is tested first: the page waits for it.
-        tested = {n: self.drawer.asked(analysed, {n: r}, resolutions) for n, r in new.items()}
+        tested = {n: self.drawer.asked(analysed, {n: first_part(r)}, resolutions) for n, r in new.items()}
         for n, r in new.items():
             begun[n] = _Drawn(r, tested[n], self._asked(_of_recording(stems[n], r, resolutions.get(n, {}))))
         return [begun[name] for name in recordings]
