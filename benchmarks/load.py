@@ -75,7 +75,7 @@ def swings(samples: int, step: float, alpha: float = 0.6, seed: int = 1) -> dict
     t = step * np.arange(samples)
     volts = np.where((t % 10.0 < 0.2) & (t > 5), 3.0 * (-1.0) ** np.floor(t / 10.0), 0.0)
     run = fracid.simulate(rig, orders={"lambda": 1.0, "mu": 1.0}, initial={"alpha": alpha}, step=step, end=t[-1],
-                          inputs=volts[:, None])  # fmt: skip
+                          inputs=volts[:, None], between="hold")  # fmt: skip
     assert run.completed, run.fault
     count, rng = 2 * np.pi / 4096, np.random.default_rng(seed)
     angles = [count * np.rint((run.states[:, i] + 1e-3 * rng.standard_normal(samples)) / count) for i in (0, 2)]
@@ -107,6 +107,31 @@ def make_draft(folder: Path) -> None:
     theta, alpha = (count * np.rint((run.states[:, i] + 1e-3 * rng.standard_normal(HOUR)) / count) for i in (0, 2))
     np.savez(folder / "draft.npz", time=t, theta=theta, alpha=alpha, voltage=volts)
     write_draft(folder / "draft.npz", folder / "draft.toml", None)
+
+
+def make_tumbling(folder: Path) -> None:
+    """An hour at 1 kHz whose pendulum goes over the top again and again, by Runge and Kutta's method at 25 µs."""
+    import numba
+    from windows import COUNT, NOISE, TRUTH, moved
+
+    from fracid.workflows.draft import write_draft
+
+    @numba.njit
+    def recorded(gain: float) -> np.ndarray:
+        np.random.seed(7)  # noqa: NPY002 (Numba's own)
+        x, rows, push, volt = np.zeros(4), np.empty((HOUR, 3)), 0.0, 0.0
+        for k in range(HOUR):
+            for i in range(2):
+                rows[k, i] = COUNT * np.round((x[2 * i] + NOISE * np.random.standard_normal()) / COUNT)  # noqa: NPY002
+            push = 4.0 * np.random.standard_normal() if k % 100 == 0 else push  # noqa: NPY002
+            volt = min(10.0, max(-10.0, push - 2.0 * rows[k, 0])) if k % 20 == 0 else volt
+            rows[k, 2] = volt
+            x = moved(x, gain * volt, 1.0, 1e-3)
+        return rows
+
+    theta, alpha, volts = recorded(TRUTH["torque_per_volt"]).T
+    np.savez(folder / "tumbling.npz", time=1e-3 * np.arange(HOUR), theta=theta, alpha=alpha, voltage=volts)
+    write_draft(folder / "tumbling.npz", folder / "tumbling.toml", None, rig="qube-servo2")
 
 
 CELL = """\
@@ -286,6 +311,7 @@ STEPS: dict[str, tuple[Callable[[Path], None] | None, list[tuple[str, Callable[[
         ("report", report_run("hour"), 115.2, 1000),
     ]),
     "draft": (make_draft, [("fit, 20 free", fit_project("draft"), 115.2, 2000)]),
+    "tumbling": (make_tumbling, [("fit, 20 free", fit_project("tumbling"), 115.2, 2000)]),
     "day": (make_day, [("fit, 5 free", fit_project("day"), 103.7, 2000)]),
     "many": (make_many, [
         ("fit, 3 free", fit_project("many"), 6.4, 400),
@@ -348,6 +374,7 @@ def main(sections: list[str]) -> str:
 TITLES = {
     "hour": "an hour at 1 kHz, 3.6·10⁶ samples",
     "draft": "an hour at 1 kHz, what `init` writes",
+    "tumbling": "an hour at 1 kHz that tumbles, what `init` writes",
     "day": "twelve hours at 100 Hz, a battery cell",
     "many": "200 recordings, 1,001 samples each",
     "own": "500 recordings, 2,000 samples each",
