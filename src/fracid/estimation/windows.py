@@ -80,9 +80,6 @@ LONG = 50_000
 FEWEST = 4
 """Windows that say from each other how much more they scatter than their samples tell."""
 
-KEPT = 128 << 20
-"""Bytes of simulated outputs that are kept: a check of the step and the fit at its half begin alike."""
-
 PAST = 2
 """Windows before a window that are its past, where an order is no integer."""
 
@@ -211,7 +208,7 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     orders = problem.orders.values()
     remembers, of = any(not isinstance(v, float | int) or v != round(v) for v in orders), len(problem.experiments)
     windows = (w for e in problem.experiments for w in _in_turn(e, seconds, of, parts, remembers=remembers))
-    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent(KEPT))
+    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
 
 
 def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Problem:

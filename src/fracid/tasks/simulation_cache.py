@@ -190,7 +190,7 @@ class Recent:
     Parameters
     ----------
     most : int
-        Bytes.
+        Bytes: what a check of the step simulates, the fit at half the step begins with.
 
     Examples
     --------
@@ -199,7 +199,7 @@ class Recent:
     True
     """
 
-    def __init__(self, most: int = 64 << 20) -> None:
+    def __init__(self, most: int = 128 << 20) -> None:
         """Begin empty."""
         self._most, self._size, self._lock = most, 0, threading.Lock()
         self._outputs: OrderedDict[bytes, FloatArray | Failure] = OrderedDict()

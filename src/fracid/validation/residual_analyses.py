@@ -31,5 +31,6 @@ def first_part(r: RecordingFit, samples: int = ANALYSED) -> RecordingFit:
     """The first so many samples of a recording and its simulation, without a copy."""
     if r.time.size <= samples:
         return r
-    measured, fitted = ({n: y[:samples] for n, y in lines.items()} for lines in (r.measured, r.fitted))
-    return replace(r, time=r.time[:samples], measured=measured, fitted=fitted)
+    lines = [{n: y[:samples] for n, y in of.items()} for of in (r.measured, r.fitted, r.deviations)]
+    scored = None if r.scored is None else r.scored[:samples]
+    return replace(r, time=r.time[:samples], measured=lines[0], fitted=lines[1], deviations=lines[2], scored=scored)
