@@ -8,9 +8,7 @@ unknown: runs that agree to 1e-12 are divided by steps of 1e-6.  With --write th
 
 from __future__ import annotations
 
-import re
 import shutil
-import sys
 import tempfile
 import time
 from dataclasses import replace
@@ -18,7 +16,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-from stages import RECORDINGS, ROOT  # beside this file
+from stages import RECORDINGS, ROOT, put  # beside this file
 
 import fracid
 from fracid.estimation.derivatives import jacobian
@@ -75,10 +73,7 @@ def main() -> None:
         rows = [row(n, Path(project)) for n, project in projects.items()]
     shown = "\n".join(["| a Jacobian by central differences | one by one | together |", "| --- | --: | --: |", *rows])
     print(shown)
-    if "--write" in sys.argv:
-        marks = r"(<!-- jacobians: begin -->\n\n).*?(\n\n<!-- jacobians: end -->)"
-        text = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(re.sub(marks, lambda m: m[1] + shown + m[2], text, flags=re.DOTALL), encoding="utf-8")
+    put(PAGE, "jacobians", shown)
 
 
 if __name__ == "__main__":

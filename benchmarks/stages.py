@@ -85,15 +85,20 @@ def table(name: str, project: Project) -> str:
     return "\n".join([*lines, *(f"| {s} | {v:.2f} | {100 * v / whole:.0f} % | {v / unit:,.0f} |" for s, v in rows)])
 
 
+def put(page: Path, name: str, shown: str) -> None:
+    """With --write, what is shown between the marks of this name in a page."""
+    if "--write" in sys.argv:
+        marks = rf"(<!-- {name}: begin -->\n\n).*?(\n\n<!-- {name}: end -->)"
+        text = page.read_text(encoding="utf-8")
+        page.write_text(re.sub(marks, lambda m: m[1] + shown + m[2], text, flags=re.DOTALL), encoding="utf-8")
+
+
 def main() -> None:
     """Print the tables; with --write put them into the page, too."""
     with tempfile.TemporaryDirectory() as folder:
         shown = "\n\n".join(table(*item) for item in projects(Path(folder)).items())
     print(shown)
-    if "--write" in sys.argv:
-        marks = r"(<!-- stages: begin -->\n\n).*?(\n\n<!-- stages: end -->)"
-        text = PAGE.read_text(encoding="utf-8")
-        PAGE.write_text(re.sub(marks, lambda m: m[1] + shown + m[2], text, flags=re.DOTALL), encoding="utf-8")
+    put(PAGE, "stages", shown)
 
 
 if __name__ == "__main__":

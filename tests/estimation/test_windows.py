@@ -150,10 +150,13 @@ def test_windows_with_a_past_have_states_that_relax_or_follow_others():
     assert all(np.isfinite(pieces.errors(pieces.start)[k]).all() for k in range(len(pieces.experiments)))
 
 
-def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(stand, monkeypatch):
-    monkeypatch.setattr("fracid.estimation.windows.LONG", 650)
+@pytest.mark.parametrize(("limit", "most", "count"), [("MOST", 4, 4), ("LONG", 650, 6)])
+def test_windows_that_are_too_many_lie_apart_and_what_lies_between_counts_in_none(
+    stand, monkeypatch, limit, most, count
+):
+    monkeypatch.setattr(f"fracid.estimation.windows.{limit}", most)
     pieces = windowed(stand, 1.0)
-    assert len(pieces.experiments) == 6
+    assert len(pieces.experiments) == count
     whole, _ = pieces.recordings["stand"]
     inside = np.zeros(len(whole.measured), bool)
     for w in pieces.experiments:
