@@ -525,6 +525,16 @@ def test_a_trial_step_that_fails_is_taken_back():
     assert result.outcome is Outcome.CONVERGED
 
 
+@pytest.mark.parametrize("start", [0.1, 0.2, 0.3, 0.4, 0.6])
+def test_a_search_that_failing_runs_stopped_begins_again_with_a_wide_region(start):
+    # Before the wall each step that is twice as wide fails, until it is called converged there.
+    space = Space(("x",), np.zeros(1), np.full(1, 9.0), np.full(1, start))
+    walled = squares(lambda x: None if 1 < x[0] < 1.6 else x - 1.9)
+    result = search("least-squares", walled, space=space, tolerance=1e-3)
+    assert abs(result.best.point[0] - 1.9) < 1e-5
+    assert result.outcome is Outcome.CONVERGED
+
+
 @pytest.mark.parametrize("start", [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0])
 def test_a_search_from_zero_or_from_a_bound_gets_as_far_as_any_other(start):
     # With the unknowns unscaled SciPy called a step of 1e-10 converged.

@@ -3,7 +3,8 @@ r"""Bounded nonlinear least squares: SciPy's trust-region reflective method [1]_
 The engine for everything smooth.  The Jacobian is taken by differences, forward but at an upper bound,
 whose points are asked for as one batch, so that they run on all threads.  A trial step whose run fails has
 infinite rows: the method quarters its trust region and tries again.  An unknown whose difference fails
-stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum.
+stays where it is for that step.  Beside a cliff of failing runs it may therefore stop short of the minimum: where runs
+failed it begins again where it ended, with a wide region, until that gains nothing.
 
 The method is given the triangle R of :math:`[r\ J] = QR` in place of residuals and Jacobian (:mod:`fracid.qr`):
 the same steps, without its copies of what is as tall as the recordings.
@@ -38,6 +39,9 @@ from fracid.qr import BLOCK, triangle
 
 NO_ROWS = """This cost has no residuals for least squares: type optimiser = 'differential-evolution' or 'nelder-mead', \
 or one of the built-in costs."""
+
+GAINS = 1e-3
+"""Part of the cost that beginning again must gain, to begin once more."""
 
 LEAST = -100
 """Of a unit for the rows, the power of two."""
@@ -82,7 +86,7 @@ def least_squares(
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
-        unit = 0.0
+        unit, fails = 0.0, False
 
         def physical(y: FloatArray) -> FloatArray:
             x = space.start.copy()
@@ -94,11 +98,12 @@ def least_squares(
             return np.append(np.inf if rows is None else np.linalg.norm(rows), np.zeros(len(size)))
 
         def residuals(x: FloatArray) -> FloatArray | None:
-            nonlocal x_good, good, unit
+            nonlocal x_good, good, unit, fails
             e = evaluate(x)[0]
             if e.residuals is None and not good.size:
                 raise _StartFails(e)
             if e.residuals is None:
+                fails = True
                 return None
             unit = unit or _power_of_two(float(np.linalg.norm(e.residuals)))
             x_good, good = e.point, e.residuals / unit
@@ -116,11 +121,17 @@ def least_squares(
 
         if not len(moving):
             return Outcome.CONVERGED if evaluate(space.start)[0].cost < np.inf else Outcome.ALL_FAILED
+        y, cost, left = size, math.inf, budget
         try:
-            result = scipy_least_squares(
-                first_column, size, other_columns, bounds=bounds, x_scale=size,
-                ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=budget,
-            )  # fmt: skip
+            while True:
+                result = scipy_least_squares(
+                    first_column, y, other_columns, bounds=bounds, x_scale=size,
+                    ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=left,
+                )  # fmt: skip
+                left -= result.nfev
+                if not fails or left <= 0 or result.cost > (1 - GAINS) * cost:
+                    break
+                y, cost, fails = result.x, result.cost, False
         except _Flat:
             return Outcome.CONVERGED
         except _StartFails as failure:
