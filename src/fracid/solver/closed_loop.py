@@ -223,5 +223,5 @@ def _step(rhs, run, started, history, work, out):
 def step_closed(rhs: int, run: Run, loop: Loop, out: FloatArray) -> tuple[int, int]:
     """Fill `out` with the states, and `loop` with the inputs; gives the last good step and how the run ended."""
     run = run._replace(corrections=0, corrected=False, after=loop)
-    ended: tuple[int, int] = _step(rhs, run, begun(rhs, run, "pi"), *room_for(run), out)
+    ended: tuple[int, int] = _step(rhs, run, *begun(rhs, [run], "pi"), *room_for(run), out)
     return ended

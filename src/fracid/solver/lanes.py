@@ -500,7 +500,7 @@ def run_together(rhs: tuple[int, int], runs: Sequence[Run]) -> FloatArray | None
         None where they part or end early: they are to be run one by one.
     """
     one, states = runs[0], len(runs[0].orders)
-    starts = [begun(rhs[1], run, "pi") for run in runs]
+    starts = begun(rhs[1], runs, "pi")
     if any(start.together != starts[0].together for start in starts):
         return None
 

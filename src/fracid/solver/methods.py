@@ -70,7 +70,7 @@ def _step(row: Mapping[str, Any], rhs: int, run: Run, out: FloatArray) -> tuple[
     run = run._replace(**row.get("changed", {}))
     if row["family"] == "bdf":  # what relaxes dies in this scheme by itself
         run = run._replace(relaxing=run.relaxing[:0])
-    start = () if row["family"] == "gl" else (begun(rhs, run, row["family"]),)
+    start = [] if row["family"] == "gl" else begun(rhs, [run], row["family"])
     ended: tuple[int, int] = getattr(schemes, row["loop"])(rhs, run, *start, *schemes.room_for(run), *row["how"], out)
     return ended
 

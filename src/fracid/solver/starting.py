@@ -61,8 +61,10 @@ from __future__ import annotations
 
 import math
 from bisect import insort
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -338,35 +340,43 @@ def _evaluate(rhs, t, x, u, p, f):
         evaluate(rhs, t[k], x[k], u[k], p, f[k])
 
 
-def begun(rhs: int, run: Run, family: str) -> Start:
+def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
     """Solve the first steps together, and give what corrects the later ones; zeros where nothing is to be corrected.
 
-    `rhs` is the address of f.
+    `rhs` is the address of f.  The runs have their inputs and grid in common, and differ in orders, parameters and
+    initial states: all is done for all of them at once, along the first axis.
     """
-    past, states = run.past, len(run.orders)
-    steps = len(past) - 1 + run.steps
-    plain = Start(past, past[0].copy(), 0, np.array([0, 1, 2**62]), np.zeros((1, states, 3)))
-    if np.any(run.fading[:, 4::3]):
-        knots = knots_up_to(steps + 8)
-        plain = plain._replace(knots=knots, parabolas=_parabolas(knots, _held(run, knots)))
-    if not (run.corrected or family == PI3):
-        return plain
+    one = runs[0]
+    steps = len(one.past) - 1 + one.steps
+    if not (one.corrected or family == PI3):
+        return [*map(_uncorrected, runs)]
     with np.errstate(all="ignore"):  # f may be infinite anywhere
-        A, powers, moves = _look_around(rhs, run)
-        sigma: tuple[float, ...] = ()
-        if run.corrected:
-            sigma = exponents(tuple(run.orders[moves].tolist()), tuple(powers.tolist()), family == PI3)
-        s = _steps_together(family, sigma)
-        if s == 0 or (steps < s and len(run.u) > 1):  # no inputs are known beyond the end
-            return plain
-        tables = _uncorrected(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
-        solved = _solved_together(rhs, run, A, tables.together)
-    if solved is None:
-        return plain
-    x, f, base = solved
-    f[1:] -= f[0]
-    C = np.einsum("ei,ien->in", tables.fit @ f, tables.errors) + _held(run, tables.knots)
-    return Start(x, base, s, tables.knots, _parabolas(tables.knots, C))
+        A, powers, moves = _look_around(rhs, runs)
+        sigmas = [exponents((*run.orders[m].tolist(),), (*of_time.tolist(),), family == PI3) if one.corrected else ()
+                  for run, of_time, m in zip(runs, powers, moves, strict=True)]  # fmt: skip
+        if len({*map(len, sigmas)}) > 1:
+            return [start for run in runs for start in begun(rhs, [run], family)]
+        s = _steps_together(family, sigmas[0])
+        if s == 0 or (steps < s and len(one.u) > 1):  # no inputs are known beyond the end
+            return [*map(_uncorrected, runs)]
+        tables = [_with_fading(run, corrections(family, tuple(run.orders.tolist()), sigma, steps + 8))
+                  for run, sigma in zip(runs, sigmas, strict=True)]  # fmt: skip
+        fit, M, _, errors = (np.stack(part) for part in zip(*tables, strict=True))
+        settled, x, f, base = _solved_together(rhs, runs, A, M)
+    f[:, 1:] -= f[:, :1]
+    knots = tables[0].knots
+    C = np.einsum("rei,rien->rin", fit @ f, errors) + [_held(run, knots) for run in runs]
+    solved = map(Start, x, base, repeat(s), repeat(knots), _parabolas(knots, C))
+    return [start if good else _uncorrected(run) for start, good, run in zip(solved, settled, runs, strict=True)]
+
+
+def _uncorrected(run: Run) -> Start:
+    """A start with nothing to correct but what finite memories hold."""
+    knots, C = np.array([0, 1, 2**62]), np.zeros((len(run.orders), 3))
+    if np.any(run.fading[:, 4::3]):
+        knots = knots_up_to(len(run.past) + run.steps + 7)
+        C = _held(run, knots)
+    return Start(run.past, run.past[0].copy(), 0, knots, _parabolas(knots, C))
 
 
 def _held(run: Run, n: FloatArray | NDArray[np.int64]) -> FloatArray:
@@ -377,7 +387,7 @@ def _held(run: Run, n: FloatArray | NDArray[np.int64]) -> FloatArray:
     return C
 
 
-def _uncorrected(run: Run, tables: Corrections) -> Corrections:
+def _with_fading(run: Run, tables: Corrections) -> Corrections:
     """The same with the rule alone for states of a finite memory, whose kernel is no power."""
     if not len(run.fading):
         return tables
@@ -393,39 +403,40 @@ def _uncorrected(run: Run, tables: Corrections) -> Corrections:
 
 
 def _parabolas(knots: NDArray[np.int64], C: FloatArray) -> FloatArray:
-    """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (n_pieces, n_states, 3)."""
+    """Divided differences of C over knots 0, 1, 2, then 2, 3, 4, …: shape (…, n_pieces, n_states, 3)."""
     slope = np.diff(C) / np.diff(knots)
-    first = slope[:, ::2]
-    second = (slope[:, 1::2] - first) / (knots[2::2] - knots[:-2:2])
-    return np.ascontiguousarray(np.stack([C[:, :-2:2].T, first.T, second.T], axis=-1))
+    first = slope[..., ::2]
+    second = (slope[..., 1::2] - first) / (knots[2::2] - knots[:-2:2])
+    return np.ascontiguousarray(np.stack([C[..., :-2:2], first, second], axis=-1).swapaxes(-3, -2))
 
 
-def _look_around(rhs: int, run: Run) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Look at f about the start: h^q ∂f/∂x, with which powers of t it begins, and which states move.
+def _look_around(rhs: int, runs: Sequence[Run]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Look at f about the starts: h^q ∂f/∂x, with which powers of t it begins, and which states move.
 
     The powers are those of f(t, x_0 + t·slope), 0 where it does not depend on t.  A state moves by its own f or through
     others; those at rest say nothing of how a solution begins.
     """
-    x0, states, e = run.past[0], len(run.orders), 1e-6 * run.h
-    d = 1e-6 * (0.01 + np.abs(x0))
-    later = np.zeros((4, states))
-    later[1], later[2] = e * run.slope, 2 * e * run.slope
-    x = x0 + np.vstack([np.diag(d), np.diag(-d), later])
-    t = np.full(len(x), _first_time(run))
+    one, x0, slope = runs[0], np.array([run.past[0] for run in runs]), np.array([run.slope for run in runs])
+    states, e, d = x0.shape[1], 1e-6 * one.h, 1e-6 * (0.01 + np.abs(x0))
+    aside = d[:, None] * np.eye(states)
+    x = x0[:, None] + np.concatenate([aside, -aside, slope[:, None] * [[0.0], [e], [2 * e], [0.0]]], axis=1)
+    t = np.full(x.shape[1], _first_time(one))
     t[-3], t[-2] = t[-3] + e, t[-2] + 2 * e
-    u = np.repeat(run.u[:1], len(x), axis=0)
-    u[-1] = run.u[min(1, len(run.u) - 1)]
+    u = np.repeat(one.u[:1], len(t), axis=0)
+    u[-1] = one.u[min(1, len(one.u) - 1)]
     f = np.zeros(x.shape)
-    _evaluate(rhs, t, x, u, run.p, f)
-    A = run.gain[:, None] * (f[:states] - f[states : 2 * states]).T / (2 * d)
-    now, soon, twice_as_soon, then = f[2 * states :]
+    for run, x_run, f_run in zip(runs, x, f, strict=True):
+        _evaluate(rhs, t, x_run, u, run.p, f_run)
+    gain = np.array([run.gain for run in runs])
+    A = gain[..., None] * (f[:, :states] - f[:, states : 2 * states]).swapaxes(1, 2) / (2 * d)[:, None]
+    now, soon, twice_as_soon, then = f[:, 2 * states :].swapaxes(0, 1)
     once, twice = np.abs(soon - now), np.abs(twice_as_soon - now)
     with_time = (once > 1e-11 * np.abs(now)) & (twice > once)
-    powers = np.zeros(states)
+    powers = np.zeros(x0.shape)
     powers[with_time] = np.log2(twice[with_time] / once[with_time])
     moves = (now != 0) | (then != 0) | (powers > 0)
     for _ in range(0 if moves.all() else states):
-        moves |= (A != 0) @ moves
+        moves |= ((A != 0) @ moves[..., None])[..., 0]
     return A, powers, moves
 
 
@@ -435,23 +446,30 @@ def _first_time(run: Run) -> float:
 
 
 def _solved_together(
-    rhs: int, run: Run, A: FloatArray, M: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    rhs: int, runs: Sequence[Run], A: FloatArray, M: FloatArray
+) -> tuple[list[bool], FloatArray, FloatArray, FloatArray]:
     """Solve for x_{m+1} … x_s and f_0 … f_s by Newton's method, with the matrix of the start: x, f, and x(0).
 
-    None where it does not settle, or where a step leads further than the last: that would be another root.
+    And whether it settles; not where a step leads further than the last: that would be another root.
     """
-    m, s, states = len(run.past) - 1, M.shape[1] - 1, len(A)
-    if not _spectral_radius(A) <= 1.0:
-        return None
-    x, base = run.past[np.minimum(np.arange(max(m, s) + 1), m)], run.past[0].copy()
-    f, n = np.zeros((s + 1, states)), np.arange(s + 1.0)
-    t, u = _first_time(run) + n * run.h, run.u[: s + 1] if len(run.u) > 1 else np.repeat(run.u, s + 1, axis=0)
-    drift, weights = n[:, None] * run.h * run.slope + run.gain * _held(run, n).T, run.gain[:, None, None] * M
+    one, (count, states, _, end) = runs[0], M.shape
+    m, s = len(one.past) - 1, end - 1
+    calm = _spectral_radius(A) <= 1.0
+    past, gain, slope = (np.array([getattr(run, n) for run in runs]) for n in ("past", "gain", "slope"))
+    x, base = past.take(np.minimum(np.arange(max(m, s) + 1), m), axis=1), past[:, 0].copy()
+    f, n = np.zeros((count, s + 1, states)), np.arange(s + 1.0)
+    t, u = _first_time(one) + n * one.h, one.u[: s + 1] if len(one.u) > 1 else np.repeat(one.u, s + 1, axis=0)
+    held = np.array([_held(run, n).T for run in runs])
+    drift, weights = n[:, None] * one.h * slope[:, None] + gain[:, None] * held, gain[..., None, None] * M
     size = max(0, s - m) * states
-    inverse = _newton_matrix(A, M, m) if 0 < size <= LARGE else np.eye(size)
-    settles = _iterate(rhs, t, x, u, run.p, f, drift, weights, inverse, np.zeros(size), base, m, run.limit)
-    return (x, f, base) if settles else None
+    inverse = (_newton_matrices(np.where(calm[:, None, None], A, 0.0), M, m) if 0 < size <= LARGE
+               else np.tile(np.eye(size), (count, 1, 1)))  # fmt: skip
+    settled = [
+        bool(calm[k]) and _iterate(rhs, t, x[k], u, run.p, f[k], drift[k], weights[k], inverse[k], np.zeros(size),
+                                   base[k], m, run.limit)
+        for k, run in enumerate(runs)
+    ]  # fmt: skip
+    return settled, x, f, base
 
 
 @when_called(
@@ -487,16 +505,16 @@ def _iterate(rhs, t, x, u, p, f, drift, weights, inverse, left, base, m, limit):
     return move < 1e-11
 
 
-def _newton_matrix(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
-    """The inverse of 1 − (M_{nk} − M_{mk}) A for the steps beyond m."""
-    states, free = len(A), M.shape[1] - 1 - m
-    B = (M - M[:, m : m + 1])[:, m + 1 :, m + 1 :]
-    W = np.eye(free * states) - np.einsum("ink,ic->nikc", B, A).reshape(free * states, free * states)
-    return np.asarray(np.linalg.inv(W))
+def _newton_matrices(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
+    """The inverses of 1 − (M_{nk} − M_{mk}) A for the steps beyond m."""
+    count, size = len(A), (M.shape[2] - 1 - m) * A.shape[1]
+    B = (M - M[:, :, m : m + 1])[:, :, m + 1 :, m + 1 :]
+    W = np.eye(size) - np.einsum("rink,ric->rnikc", B, A).reshape(count, size, size)
+    return np.ascontiguousarray(np.linalg.inv(W))
 
 
-def _spectral_radius(A: FloatArray) -> float:
+def _spectral_radius(A: FloatArray) -> FloatArray:
     """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
     for _ in range(4):
         A = A @ A
-    return float(np.max(np.sum(np.abs(A), axis=1)) ** (1 / 16))
+    return np.asarray(np.max(np.sum(np.abs(A), axis=-1), axis=-1) ** (1 / 16))
