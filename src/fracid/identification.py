@@ -409,28 +409,30 @@ class _Findings:
     def walk(self) -> Evaluation | None:
         """Look off the tangent where intervals end; a point that is lower than the minimum, if one is seen."""
         self.show()
-        if self.near is None or isinstance(self.known, Failure) or self.asked.optimiser.keeps_its_own:
-            return None
-        while True:
-            most = self.allowed / self.problem.simulator.work
-            found = walked(self.near, self.known, most=most, jobs=self.asked.jobs)
-            bent = isinstance(found, Evaluation) or found.walked.any()
-            if not (bent and self._halve()):  # bumps that the step makes are no valley
-                break
+        while self._halve():  # bumps that the step makes are no valley
+            pass
+        found = self._walked(self.allowed / self.problem.simulator.work)
         if isinstance(found, Evaluation):
             return found
         self.known = found
-        if found.unwalked:
+        if not isinstance(found, Failure) and found.unwalked:
             self.warnings.append(SAYS("walk-cut", ends=found.unwalked))
         return None
 
+    def _walked(self, most: float) -> Uncertainty | Failure | Evaluation:
+        if self.near is None or isinstance(self.known, Failure) or self.asked.optimiser.keeps_its_own:
+            return self.known
+        return walked(self.near, self.known, most=most, jobs=self.asked.jobs)
+
     def _halve(self) -> bool:
-        """Halve the step where the fit may choose it and its errors may bend intervals; whether it was."""
+        """Halve a step that the fit may choose, whose errors may bend intervals, where a first look at each sees that.
+
+        Whether it was."""
         fixed = self.asked.fixed_step or self.asked.window is not None or is_coarse(self.problem)
-        if fixed or self.check is None or self.near is None:
+        if fixed or self.check is None or self.near is None or not is_rough(self.near, self.known):
             return False
-        rises = np.empty(0) if isinstance(self.known, Failure) else self.known.rise[self.known.rise > 0]
-        if not rises.size or not is_rough(self.near, float(rises.min())):
+        found = self._walked(1)
+        if isinstance(found, Uncertainty) and not (found.unwalked or found.walked.any()):
             return False
         finer = halved(Refined(self.problem, self.best, self.known, self.check, near=self.near), self.asked.jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):

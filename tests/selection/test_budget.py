@@ -1,12 +1,16 @@
 """What follows a search takes no more than twice its work, and says what it left out."""
 
 import json
+import math
 from collections import Counter
 
 import pytest
 
 from fracid import Free, Problem, Unfinished, compare, identification, identify
 from fracid.estimation import interval_walk
+from fracid.estimation.covariance import uncertainty
+from fracid.estimation.derivatives import jacobian
+from fracid.estimation.minimum import settled
 from fracid.problem.simulator import Simulator
 from fracid.selection import comparison, integer_alternatives
 from fracid.tasks.journal import Journal
@@ -114,6 +118,22 @@ def test_the_ends_of_intervals_get_twice_the_work_of_the_search_and_those_that_w
     fit = identify(swings(1, {}), fixed_step=True)
     assert 0 < allowed[0] <= identification.TIMES * fit.evaluations
     assert any("4 may lie elsewhere" in w for w in fit.warnings)
+
+
+@pytest.mark.parametrize(("most", "asked"), [(math.inf, True), (3, False)])
+def test_a_walk_asks_for_derivatives_of_its_own_only_where_they_fit_into_what_is_left(most, asked, monkeypatch):
+    problem, derivatives = swings(1, {}), []
+    here = settled(problem, problem.start)
+    known = uncertainty(problem, here.x, near=here)
+
+    def watched(*args, **options):
+        derivatives.append(args)
+        return jacobian(*args, **options)
+
+    monkeypatch.setattr(interval_walk, "EXACT", 0.0)  # so that no ground is low enough
+    monkeypatch.setattr(interval_walk, "jacobian", watched)
+    interval_walk.walked(here, known, most=2 * most)
+    assert bool(derivatives) is asked
 
 
 WIDE = FREE | {n: Free(v, 0.3 * v, 3 * v) for n in ("C3", "C4", "C6") if (v := RIG.parameter(n).value)} | {

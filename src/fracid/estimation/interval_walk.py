@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 
 import numpy as np
@@ -70,7 +70,8 @@ def walked(here: Tangent, known: Uncertainty, *, most: float = math.inf, jobs: i
     known : Uncertainty
         There.
     most : float
-        Runs, after which no further point is begun, half of them for what belongs to one recording.
+        Runs, after which no further point is begun, half of them for what belongs to one recording; derivatives that
+        take more than what is left are not asked.  With 1 each end is looked at once.
     jobs : int
         Threads.
 
@@ -105,27 +106,22 @@ def _walked(
     here: Tangent, known: Uncertainty, which: Sequence[int], most: float, jobs: int
 ) -> Uncertainty | Evaluation:
     """The same of some unknowns; those without an interval stay so."""
-    start = linearised(here)
-    ways = open_ = [
-        _Way(start, known, i, side) for i in which for side in (0, 1)
+    start, together = linearised(here), _Together(most)
+    ways = [
+        _Way(start, known, i, side, together) for i in which for side in (0, 1)
         if known.rise[i, side] > 0 and math.isfinite(known.ends[i, side]) and known.ends[i, side] != here.x[i]
     ]  # fmt: skip
-    for _ in range(POINTS):
-        side_by_side(here.problem, [way.look(jobs) for way in open_], jobs=jobs)
-        points = [point for way in ways for point in way.points]
-        if any(way.lower for way in ways):
-            return here.problem.evaluate(min(points, key=itemgetter(0))[1])
-        open_ = [way for way in open_ if way.goes_on]
-        spent = sum(way.runs for way in ways) > most
-        if spent or not open_:
-            break
+    side_by_side(here.problem, [way.followed(jobs) for way in ways], jobs=jobs)
+    if together.lower:
+        return here.problem.evaluate(min(together.points, key=itemgetter(0))[1])
     ends = known.ends.copy()
     for way in ways:
         if way.found is not None and way.distance != way.first:
             ends[way.i, way.side] = way.found
-    ends = _as_far_as_any(start, known, ends, points)
+    ends = _as_far_as_any(start, known, ends, together.points)
     moved = known.walked | np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
-    return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + spent * len(open_))
+    left = sum(way.goes_on for way in ways) if together.runs <= 0 else 0
+    return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + left)
 
 
 Seen = tuple[float, FloatArray]
@@ -149,22 +145,37 @@ def _as_far_as_any(here: Linearised, known: Uncertainty, ends: FloatArray, point
     return ends
 
 
+@dataclass
+class _Together:
+    """What all walks share."""
+
+    runs: float
+    """That are left to them."""
+    lower: bool = False
+    """Whether a point is lower than the minimum: then all end."""
+    points: list[Seen] = field(default_factory=list)
+
+
 class _Way:
     """To where the interval of unknown i ends on one side."""
 
-    def __init__(self, here: Linearised, known: Uncertainty, i: int, side: int) -> None:
-        self.here = self.last = here
+    def __init__(self, here: Linearised, known: Uncertainty, i: int, side: int, together: _Together) -> None:
+        self.here, self.last, self.together = here, here, together
         self.i, self.side, self.sign, self.limit = i, side, (1 if side else -1), float(known.rise[i, side])
         space, value = here.near.problem.space, float(here.x[i])
         self.room = abs(float((space.upper if side else space.lower)[i]) - value)
         self.distance = self.first = abs(float(known.ends[i, side]) - value)
         self.inside, self.outside = (0.0, 0.0), (math.inf, math.inf)  # (distance, height) on both sides of height 1
         self.seen, self.fresh, self.lost, self.goes_on, self.runs = False, False, False, True, 0
-        self.lower = False
-        """Whether a point is lower than the minimum."""
-        self.points: list[Seen] = []
         self.found: float | None = None
         """The end, where it is not the tangent's."""
+
+    def followed(self, jobs: int) -> Walk[None]:
+        """From point to point."""
+        for _ in range(POINTS):
+            if not self.goes_on or self.together.lower or self.together.runs <= 0:
+                break
+            yield from self.look(jobs)
 
     def look(self, jobs: int) -> Walk[None]:
         """At one point, and where the next one is."""
@@ -174,7 +185,7 @@ class _Way:
             return
         rise = there.value - self.here.value
         if rise < -LOWER * self.limit:
-            self.lower, self.goes_on = True, False
+            self.together.lower = True
             return
         height = math.sqrt(max(rise + there.foreseen(there.step([self.i])), 0.0) / self.limit)
         as_foreseen = not self.seen and max(abs(height - 1), abs(height * self.first / self.distance - 1)) <= OFF
@@ -198,23 +209,27 @@ class _Way:
         enough, moved = EXACT * self.limit, np.zeros(len(self.here.x))
         moved[self.i] = self.here.x[self.i] + self.sign * self.distance - self.last.x[self.i]
         begun = yield from self.last.at(self.last.x + self.last.step([self.i], moved))
-        self.runs += 1
+        self._took(1)
         if begun is None:
             return None
         there = yield from onward(begun, enough, held=[self.i])
-        self.runs += len(there.axes) - len(begun.axes)
-        near = self.distance - self.inside[0] <= SHORT * self.first
-        if near and not self.fresh and -there.foreseen(there.step([self.i])) > enough:
+        self._took(len(there.axes) - len(begun.axes))
+        near, derivatives = self.distance - self.inside[0] <= SHORT * self.first, 2 * len(there.x)
+        asked = near and not self.fresh and derivatives <= self.together.runs
+        if asked and -there.foreseen(there.step([self.i])) > enough:
             J, self.fresh = jacobian(there.near.problem, there.x, np.arange(len(there.x)), jobs=jobs), True
-            self.runs += 2 * len(there.x)
+            self._took(derivatives)
             if isinstance(J, Failure):
                 return None
             there = yield from onward(linearised(replace(there.tangent, derivatives=J)), enough, held=[self.i])
-            self.runs += len(there.axes) - 2
+            self._took(len(there.axes) - 2)
         arrived = -there.foreseen(there.step([self.i])) <= enough
         self.lost = self.lost or not arrived
-        self.points.append((there.value, there.x))
+        self.together.points.append((there.value, there.x))
         return there if arrived else None
+
+    def _took(self, runs: int) -> None:
+        self.runs, self.together.runs = self.runs + runs, self.together.runs - runs
 
 
 def _next(inside: tuple[float, float], outside: tuple[float, float]) -> float:

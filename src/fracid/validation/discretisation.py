@@ -225,16 +225,16 @@ def halved(at: Refined, jobs: int) -> Refined | None:
     return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near=near)
 
 
-def is_rough(near: Tangent, rise: float) -> bool:
+def is_rough(near: Tangent, known: Uncertainty | Failure) -> bool:
     """Whether what the step does wrong may raise the cost by half of what ends an interval: then it has bumps there.
 
     Half the step changes the rows r by c, and V by 2r·c, up or down as the samples that cross a steep friction fall.
     """
     finer = replace(near.problem, substeps=2 * near.problem.substeps).evaluate(near.x).residuals
-    if finer is None or near.evaluation.residuals is None:
+    if isinstance(known, Failure) or finer is None or near.evaluation.residuals is None:
         return False
-    change = finer - near.evaluation.residuals
-    return 2 * math.sqrt(near.unit * float(change @ change)) > BUMPS * rise
+    change, rises = finer - near.evaluation.residuals, known.rise[known.rise > 0]
+    return 2 * math.sqrt(near.unit * float(change @ change)) > BUMPS * float(np.min(rises, initial=math.inf))
 
 
 def _minimum_of(
