@@ -45,11 +45,14 @@ from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.space import ARMS, Candidate, by_motion
 from fracid.experiments.subject import Subject
+from fracid.findings import Words
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 from fracid.tasks.job import in_threads
+
+SAYS = Words("experiments/subject.toml")
 
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
@@ -141,8 +144,7 @@ class OrdersAlone:
             If no candidate has the alternatives of all orders.
         """
         if not self.allowed:
-            raise InputError("No candidate is reached to its end by the integer-order models of every order. Give "
-                             "--for one of them, or release from nearer.")  # fmt: skip
+            raise InputError(SAYS("no-candidate"))
         return tuple(self.allowed[i] for i in exchange(self.criteria, count))
 
     def short(self, most: int) -> list[int]:
@@ -201,8 +203,7 @@ def _one_order_off(subject: Subject, of: Sequence[str]) -> dict[str, Subject]:
     off = [n for n, v in integers.items()
            if n in orders and not (isinstance(v, float | int) and abs(v - orders[n]) < CLOSE)]  # fmt: skip
     if not off:
-        raise InputError("Every order is an integer, so that nothing is to be told from an integer-order model; give "
-                         "orders = {\"mu\": 0.95} of a model, or a run whose orders are free.")  # fmt: skip
+        raise InputError(SAYS("all-integer"))
     integer = {n: float(v) for n, v in integers.items() if n in off and isinstance(v, float | int)}
     told = [n for n in off if n in of] or off
     return {n: subject.at({m: v for m, v in integer.items() if m != n}) for n in told}

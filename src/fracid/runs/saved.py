@@ -32,6 +32,7 @@ from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
+from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
@@ -45,6 +46,8 @@ from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.units import with_unit
+
+SAYS = Words("runs/folder.toml")
 
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""
@@ -100,10 +103,7 @@ class SavedRun(Fit):
                 before = scores.get(output)
                 if before is not None and not abs(now - before) <= DIFFERENT * before:
                     again, found = (with_unit(v, r.unit(output), ".6g") for v in (now, before))
-                    yield (
-                        f"{name}: simulated again with the saved values, the RMSE of {output} is {again}; the run "
-                        f"found {found}. Another version of fracid wrote it, or a model's file has changed."
-                    )
+                    yield SAYS("other-errors", name=name, output=output, again=again, found=found)
 
 
 class _Recordings(UserDict[str, RecordingFit]):
@@ -261,8 +261,7 @@ def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:
             return project_from_text(text, path, preset=result["preset"], trust=True)
         except FracidError as error:
             reason = reason or str(error)
-    raise InputError(f"The project of {folder} cannot be read as the run read it: {reason} Put its recordings back, "
-                     "or fit again: fracid fit PROJECT.")  # fmt: skip
+    raise InputError(SAYS("not-as-read", folder=folder, reason=reason))
 
 
 def _places(folder: Path) -> Iterator[Path]:

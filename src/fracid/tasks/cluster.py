@@ -19,6 +19,9 @@ from typing import Any
 
 from fracid.errors import InputError
 from fracid.tasks.job import Ended, Job, Stopped, Task, Work, failure_of, perform_elsewhere, unpacked
+from fracid.words import Sentences
+
+SAYS = Sentences("tasks/tasks.toml")
 
 # --- a cluster -----------------------------------------------------------------------------------------
 
@@ -116,18 +119,12 @@ def _client(address: str) -> Iterator[Any]:
         from distributed import Client
         from distributed.utils import silence_logging_cmgr
     except ImportError:
-        raise InputError(
-            f"{address} is a Dask scheduler, for which the package distributed is missing: type "
-            "pip install 'fracid[cluster]'."
-        ) from None
+        raise InputError(SAYS("no-dask", address=address)) from None
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything
         reason = next(iter(str(error).splitlines()), type(error).__name__)
-        raise InputError(
-            f"No Dask scheduler answers at {address}: {reason}. Start one with dask scheduler --host and workers "
-            "with dask worker ADDRESS --host (docs/scale.md), or leave the cluster out: --executor processes."
-        ) from None
+        raise InputError(SAYS("no-answer", address=address, reason=reason)) from None
     with silence_logging_cmgr(logging.CRITICAL):  # what went wrong we say ourselves
         try:
             yield client
@@ -147,7 +144,4 @@ class _Alone:
         if self._client.nthreads():
             self._since = time.monotonic()
         elif time.monotonic() - self._since > PATIENCE:
-            raise Stopped(
-                f"The Dask scheduler at {self._address} has had no worker for {PATIENCE:.0f} s: start some with dask "
-                f"worker {self._address}."
-            )
+            raise Stopped(SAYS("no-worker", address=self._address, patience=PATIENCE))

@@ -25,6 +25,9 @@ from fracid.errors import InputError, writing
 from fracid.safety.door import appended
 from fracid.safety.json_files import object_of
 from fracid.safety.text import shortened
+from fracid.words import Sentences
+
+SAYS = Sentences("tasks/tasks.toml")
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
@@ -94,10 +97,7 @@ def refuse_links(folder: Path) -> None:
             raise InputError(f"{folder} holds more than {MOST_ENTRIES} files, which no run does; give another folder.")
         for entry in entries:
             if entry.is_symlink():
-                raise InputError(
-                    f"{entry.path} is a link, and what is written to a run folder stays in it: remove the link, or "
-                    "give another folder."
-                )
+                raise InputError(SAYS("link", path=entry.path))
             if entry.is_dir(follow_symlinks=False):
                 left.append(entry.path)
             elif not entry.is_file(follow_symlinks=False):
@@ -145,13 +145,10 @@ def _locked(path: Path) -> RawIOBase:
         file = appended(path)
     if not _lock(file):
         file.seek(0)
-        who = (object_of(file.read()) or {}) if sys.platform != "win32" else {}
+        who = {"pid": "?", "host": "?"} | ((object_of(file.read()) or {}) if sys.platform != "win32" else {})
         file.close()
         since = f", since {who['since']}" if "since" in who else ""
-        raise InputError(
-            f"Another process is at work in {path.parent}: number {who.get('pid', '?')} on {who.get('host', '?')}"
-            f"{since}. Wait for its end, or give another folder: --out DIR."
-        )
+        raise InputError(SAYS("at-work", folder=path.parent, who=who, since=since))
     file.truncate(0)
     who = {"pid": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
     with suppress(OSError):  # a full disk: the lock holds without the name

@@ -33,6 +33,9 @@ from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST, object_of
 from fracid.tasks.folder_lock import FolderLock, Json
+from fracid.words import Sentences
+
+SAYS = Sentences("tasks/tasks.toml")
 
 FORMAT = 1
 
@@ -252,10 +255,7 @@ def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Js
     differ = [name for name in {**was, **study} if was.get(name) != study.get(name)]
     if differ:
         changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
-        raise InputError(
-            f"{path.parent} holds the repetitions of another study: {changes}. Give this one another folder: --out "
-            f"DIR; or finish that one: fracid resume {resumable(path)}."
-        )
+        raise InputError(SAYS("other-study", folder=path.parent, changes=changes, resumable=resumable(path)))
 
 
 def _short(value: Json) -> str:

@@ -49,6 +49,9 @@ from fracid.tasks.job import (
     perform_elsewhere,
     unpacked,
 )
+from fracid.words import Sentences
+
+SAYS = Sentences("tasks/tasks.toml")
 
 LOG = logging.getLogger("fracid.tasks")
 """Where nobody listens, Python prints its warnings on standard error."""
@@ -118,10 +121,7 @@ def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tupl
     packed = job.packed()
     while orphans := (yield from _in_a_pool(job, packed, backlog, jobs, window=2 * jobs)):
         if killers := (yield from _in_a_pool(job, packed, iter(orphans), 1, window=1)):
-            raise Stopped(
-                f"The repetition {killers[0].key!r} was given up: a worker process died twice while it ran, the second "
-                "time with nothing beside it (killed from outside, out of memory, or a crash in compiled code)."
-            )
+            raise Stopped(SAYS("given-up", key=killers[0].key))
 
 
 def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:

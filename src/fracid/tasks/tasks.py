@@ -38,6 +38,9 @@ from fracid.tasks.folder_lock import Json
 from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
+from fracid.words import Sentences
+
+SAYS = Sentences("tasks/tasks.toml")
 
 
 @dataclass(frozen=True)
@@ -193,10 +196,7 @@ def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Itera
         return EXECUTORS[name]
     if "://" in str(name):
         return lambda work, tasks, _: on_cluster(work, tasks, name)
-    raise InputError(
-        f"There is no executor {name!r}; type one of {', '.join(EXECUTORS)}, or the address of a Dask scheduler, "
-        "tcp://HOST:8786."
-    )
+    raise InputError(SAYS("no-executor", name=name, executors=", ".join(EXECUTORS)))
 
 
 EXECUTORS: dict[str, Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]] = {
