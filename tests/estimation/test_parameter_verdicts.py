@@ -310,6 +310,15 @@ def test_the_speed_at_the_start_is_not_known_from_a_record_far_rougher_than_its_
     assert starts == {"smooth": "identifiable", "rough": "practically not"}
 
 
+def test_half_of_a_small_motion_remembers_half_of_its_past():
+    run = fracid.simulate(RIG, orders=[0.8, 0.8, 0.7, 0.7], initial={"alpha": 0.02}, step=5e-3, end=1.0)
+    y = run.states[:, [0, 2]]
+    p = Problem(RIG, (Experiment("swing", 5e-3, y[60:], np.zeros((1, 1)), past=y[:60]),), {"lambda": 0.8, "mu": 0.7})
+    ((smaller, x),) = _halved_angles(p, p.start)
+    whole, half = (q.simulator.all_outputs([at], q.experiments[0])[0] for q, at in ((p, p.start), (smaller, x)))
+    np.testing.assert_allclose(half, 0.5 * whole, atol=1e-3 * np.ptp(whole))
+
+
 @pytest.mark.broad
 def test_where_half_the_motion_has_another_start_no_power_is_told():
     t, free = 2e-2 * np.arange(100), {"presliding_theta": Free(1e-3, 1e-5, 2e-3)}

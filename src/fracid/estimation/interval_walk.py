@@ -120,7 +120,7 @@ def _walked(
             ends[way.i, way.side] = way.found
     ends = _as_far_as_any(start, known, ends, together.points)
     moved = known.walked | np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)
-    left = sum(way.goes_on for way in ways) if together.runs <= 0 else 0
+    left = (together.runs <= 0) * sum(way.goes_on for way in ways)
     return replace(known, ends=ends, walked=moved, unwalked=known.unwalked + left)
 
 
@@ -173,9 +173,8 @@ class _Way:
     def followed(self, jobs: int) -> Walk[None]:
         """From point to point."""
         for _ in range(POINTS):
-            if not self.goes_on or self.together.lower or self.together.runs <= 0:
-                break
-            yield from self.look(jobs)
+            if self.goes_on and not self.together.lower and self.together.runs > 0:
+                yield from self.look(jobs)
 
     def look(self, jobs: int) -> Walk[None]:
         """At one point, and where the next one is."""

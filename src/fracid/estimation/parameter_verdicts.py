@@ -245,7 +245,7 @@ def _effects(problem: Problem, x: FloatArray) -> FloatArray:
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
-    if problem.model.zero == "upright":  # rest is at π: half of it is nowhere
+    if problem.in_windows or problem.model.zero == "upright":  # a window remembers more; rest is at π: half is nowhere
         return
     smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
     if smaller.names != problem.names:  # half the motion begins otherwise: a joint that slid does not
@@ -255,7 +255,8 @@ def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, F
 
 
 def _halved(e: Experiment) -> Experiment:
-    return replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs,
+    past, past_inputs = (None if y is None else 0.5 * y for y in (e.past, e.past_inputs))
+    return replace(e, measured=0.5 * e.measured, inputs=0.5 * e.inputs, past=past, past_inputs=past_inputs,
                    initial={n: scaled(v, 0.5) for n, v in e.initial.items()},
                    source=None if e.source is None else _halved(e.source))  # fmt: skip
 
