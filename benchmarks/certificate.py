@@ -178,7 +178,7 @@ def _lower_error(family: str, q: float, steps: int, kernel: Kernel, spacing: flo
         moment = -spacing * s_J**a * (s_J * t) ** k / math.expm1(-spacing * (a + k))
         slope = kernel.ramp * t / _factor(family, q) if k == 1 else 0.0
         off += abs(float(omega @ (s * t) ** k) - slope - moment) / math.factorial(k)
-    norm = little_jacobi.py_func(r - 2 * LOW_NODES + a, spacing)
+    norm = little_jacobi(r - 2 * LOW_NODES + a, spacing)
     remainder = spacing * s_J**a * (s_J * t) ** r / math.factorial(r) * norm
     x = r / (2 * t)  # F is h^p e^(−st): Leibniz's formula, and Cauchy's for h^p in a circle of radius 2
     leibniz = 1 + (math.sinh(1 + s_J) / (1 + s_J)) ** p * x / (1 - x)

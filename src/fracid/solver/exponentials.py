@@ -52,15 +52,15 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 from numba import types
+from scipy.special import gammainc
 
 from fracid.arrays import FloatArray
 from fracid.solver.compilation import helper, when_called
-from fracid.solver.weights import Kernel, Real, Row, Whole, exact_kernel, exact_weights
+from fracid.solver.weights import Kernel, exact_kernel, exact_weights
 
 EXACT_LAGS = 8
 """Lags that the compressed memory keeps exactly; 16 need two exponentials fewer, and take 3 % longer to step."""
@@ -88,20 +88,20 @@ def compressed_kernel(family: str, q: float, steps: int, tolerance: float, lags:
     if family == "bdf":  # the exponentials of the root at ζ = 1, after lags enough for that at 3
         lags = max(lags, 8 * math.ceil(math.log(10 / tolerance) / math.log(3) / 8))
     sine = -sine_ratio(q) if family == "gl" else sine_ratio(1 - q)
-    exponentials = _exponentials(("gl", "pi", "bdf").index(family), q, sine, lags, steps, tolerance)
-    kernel = Kernel(*exact_weights(family, q, lags), *exponentials)
-    return replace(kernel, start_shift=0.5) if family == "bdf" else kernel
+    decay, amplitude, start_ratio, ramp = _exponentials(family, q, sine, lags, steps, tolerance)
+    return Kernel(*exact_weights(family, q, lags), decay, amplitude, start_ratio, ramp,
+                  start_shift=0.5 if family == "bdf" else 1 / 6)  # fmt: skip
 
 
 def _third_kernel(q: float, L: int, steps: int, tolerance: float) -> Kernel:
     """The exponentials of ``pi``, valid one lag earlier, less a twelfth of their second difference."""
-    pi = Kernel(*exact_weights("pi", q, L - 1), *_exponentials(PI, q, sine_ratio(1 - q), L - 1, steps + 1, tolerance))
-    rise = -np.expm1(-np.log1p(pi.decay))  # 1 − 1/z
-    share = 1 - (pi.decay - rise) / 12
-    amplitude = pi.amplitude * (1 + pi.decay) * share
-    amplitude[0] += pi.ramp
+    decay, amplitude, start_ratio, ramp = _exponentials("pi", q, sine_ratio(1 - q), L - 1, steps + 1, tolerance)
+    rise = -np.expm1(-np.log1p(decay))  # 1 − 1/z
+    share = 1 - (decay - rise) / 12
+    amplitude *= (1 + decay) * share
+    amplitude[0] += ramp
     w, start = exact_weights("pi3", q, L)
-    return Kernel(w, start, pi.decay, amplitude, (pi.start_ratio + rise / 12) / share, pi.ramp, 1 / 12)
+    return Kernel(w, start, decay, amplitude, (start_ratio + rise / 12) / share, ramp, 1 / 12)
 
 
 def sine_ratio(a: float) -> float:
@@ -110,18 +110,6 @@ def sine_ratio(a: float) -> float:
     return (1 - 2 * (whole % 2)) * math.sin(math.pi * (a - whole)) / math.pi
 
 
-@helper
-def _half_hat(s: float) -> float:
-    """(e^s − 1 − s)/s², by its series where the difference would cancel."""
-    if s >= 0.5:
-        return (math.expm1(s) - s) / s**2
-    series = 1.0
-    for j in range(14, 2, -1):
-        series = 1 + series * s / j
-    return series / 2
-
-
-@helper
 def _quadrature(
     a: float, sine: float, first: float, steps: int, tolerance: float, double: bool
 ) -> tuple[FloatArray, FloatArray, float]:
@@ -137,31 +125,24 @@ def _quadrature(
     s_J = _low_width(a, spacing, LOWER * tolerance * gamma, double) / steps
     s_J = min(s_J, s_end * math.exp(-4 * spacing))  # in a short run, or next to order 1
     count = math.ceil(math.log(s_end / s_J) / spacing - 1e-9) - 1
-    s, omega = np.zeros(1 + inner + count), np.zeros(1 + inner + count)
-    slope_weight = _low_end(a, sine, spacing, double, s, omega)
-    for m in range(1 + inner):
-        s[m], omega[m] = s_J * s[m], s_J**a * omega[m]
-    for m in range(1 + inner, len(s)):
-        s[m] = s_J * math.exp(spacing * (m - inner))
-        omega[m] = sine * spacing * s[m] ** a
+    s = s_J * np.exp(spacing * (np.arange(1.0 + inner + count) - inner))
+    omega, low = sine * spacing * s**a, slice(1 + inner)
+    slope_weight = _low_end(a, sine, spacing, double, s[low], omega[low], np.zeros(2 + inner), np.zeros(1 + inner))
+    s[low], omega[low] = s_J * s[low], s_J**a * omega[low]
     s[-1], mass = _mean_of_rest(a, s[-1], spacing, first, s_end)
     omega[-1] = sine * spacing * mass
     return s, omega, s_J ** (a + 1) * slope_weight
 
 
-@helper
 def _mean_of_rest(a: float, last: float, spacing: float, first: float, sigma: float) -> tuple[float, float]:
     """One node for `last` and all beyond: Gauss's rule in x = 1/(s + σ) for masses s^a e^(−s·first)."""
-    mass = mean = 0.0
-    for j in range(5):
-        s = last * math.exp(spacing * j)
-        share = s**a * math.exp((last - s) * first) / (s + sigma)
-        mass, mean = mass + share, mean + share / (s + sigma)
+    s = last * np.exp(spacing * np.arange(5.0))
+    share = s**a * np.exp((last - s) * first) / (s + sigma)
+    mass, mean = float(np.sum(share)), float(np.sum(share / (s + sigma)))
     node = mass / mean - sigma
     return node, mass**2 / mean * math.exp((node - last) * first)
 
 
-@helper
 def _spacing(a: float, tolerance: float) -> float:
     """Δ with 2·|Γ(a + 2πi/Δ)| = tolerance·|Γ(a)|, by Stirling: |Γ(a+iy)| ~ √(2π) y^(a−½) e^(−πy/2)."""
     scale = math.log(2 * math.sqrt(2 * math.pi) / tolerance) - math.lgamma(a)
@@ -171,7 +152,6 @@ def _spacing(a: float, tolerance: float) -> float:
     return 2 * math.pi / y
 
 
-@helper
 def _upper_end(a: float, weight: float) -> float:
     """y with y^a e^(−y) = weight."""
     y = 20.0
@@ -180,7 +160,6 @@ def _upper_end(a: float, weight: float) -> float:
     return y
 
 
-@helper
 def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
     r"""θ at which the rule of :func:`_low_end` is off by `error` (relative to t^(−a), for t = n) on e^(−st).
 
@@ -192,7 +171,6 @@ def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
     return math.exp(math.log(power) / (a + r))
 
 
-@helper
 def little_jacobi(b: float, spacing: float) -> float:
     """∫ π² dμ of the monic orthogonal polynomial of degree LOW_NODES for masses A^j at Q^j, [Koekoek] (14.12.2)."""
     n, Q, A = LOW_NODES, math.exp(-spacing), math.exp(-spacing * b)
@@ -202,17 +180,22 @@ def little_jacobi(b: float, spacing: float) -> float:
     return norm
 
 
-@helper
-def _low_end(a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray) -> float:
+_real, _vector = types.float64, types.float64[::1]
+
+
+@when_called(_real(_real, _real, _real, types.boolean, _vector, _vector, _vector, _vector), allocates=False)
+def _low_end(
+    a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray, M: FloatArray, c: FloatArray
+) -> float:
     """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
 
     It fills the first entries of s and ω.  p conditions are met by the node at 0; the other nodes are Gauss's
-    for masses A^j at Q^j, j = 0, 1, …: roots of the little q-Jacobi polynomial, whose coefficients are known.
+    for masses A^j at Q^j, j = 0, 1, …: roots of the little q-Jacobi polynomial, whose coefficients c are known.
+    M are the moments of the grid.
     """
     n, p = LOW_NODES, 2 if double else 1
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
-    M, c = np.zeros(2 + n), np.zeros(n + 1)
-    c[0] = 1.0
+    s[0], c[0] = 0.0, 1.0
     for k in range(n + 2):
         M[k] = -sine * spacing / math.expm1(-spacing * (a + k))
     for k in range(n):
@@ -248,31 +231,21 @@ def _next_root(c: FloatArray, roots: FloatArray, i: int) -> float:
     return x
 
 
-GL, PI = 0, 1
-"""Families, as compiled code has them; the other is ``bdf``."""
-
-
-@when_called(types.Tuple((Row, Row, Row, Real))(Whole, Real, Real, Whole, Whole, Real))
 def _exponentials(
-    family: int, q: float, sine: float, L: int, steps: int, tolerance: float
+    family: str, q: float, sine: float, L: int, steps: int, tolerance: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Decay, amplitude and start ratio of the exponentials of a kernel, and their ramp."""
-    a, first = (1 + q, L + 1 - 0.7 * q) if family == GL else (1 - q, L + (0.7 if family == PI else 1.0))
-    s, omega, ramp = _quadrature(a, sine, first, steps, tolerance, family != GL and q > 1)
-    decay, start = np.zeros(len(s)), np.zeros(len(s))
-    for m in range(len(s)):
-        decay[m] = math.expm1(-s[m])
-        if family == GL:
-            start[m] = 1.0
-            slope = -decay[m] / s[m] if s[m] > 0 else 1.0
-            omega[m] *= slope**q * math.exp(-s[m] * (L + 1 - q))
-        elif family == PI:
-            hat = (math.sinh(s[m] / 2) / (s[m] / 2)) ** 2 if s[m] > 0 else 1.0
-            start[m] = _half_hat(s[m]) / hat
-            omega[m] *= hat * math.exp(-s[m] * (L + 1))
-        else:  # the start's weights are half of those one lag earlier
-            smooth = math.expm1(s[m]) * (3 - math.exp(s[m])) / (2 * s[m]) if s[m] > 0 else 1.0
-            start[m] = math.exp(s[m]) / 2
-            omega[m] *= smooth**-q * math.exp(-s[m] * (L + 1))
+    a, first = (1 + q, L + 1 - 0.7 * q) if family == "gl" else (1 - q, L + (0.7 if family == "pi" else 1.0))
+    s, omega, ramp = _quadrature(a, sine, first, steps, tolerance, family != "gl" and q > 1)
+    decay, start, n = np.expm1(-s), np.ones(len(s)), s[1:]  # s_0 = 0
+    if family == "gl":
+        omega[1:] *= (-decay[1:] / n) ** q * np.exp(-n * (L + 1 - q))
+    elif family == "pi":
+        hat = (np.sinh(n / 2) / (n / 2)) ** 2
+        start[0], start[1:] = 0.5, np.exp(n) * gammainc(2, n) / n**2 / hat  # (e^s − 1 − s)/s² without cancellation
+        omega[1:] *= hat * np.exp(-n * (L + 1))
+    else:  # the start's weights are half of those one lag earlier
+        start = np.exp(s) / 2
+        omega[1:] *= (np.expm1(n) * (3 - np.exp(n)) / (2 * n)) ** -q * np.exp(-n * (L + 1))
     omega[0] -= ramp * (L + 1)
     return decay, omega, start, -ramp

@@ -21,8 +21,6 @@ them exact it is the full memory (:func:`exact_kernel`), with none after L the s
 :math:`k^{q+1}`) are taken from their series, so that every weight has full relative precision.
 """
 
-# mypy: disallow-untyped-decorators=False
-
 from __future__ import annotations
 
 import math
@@ -31,12 +29,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import types
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from scipy.special import zeta
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import when_called
 from fracid.solver.operators import gl_weights
 
 
@@ -144,33 +141,21 @@ def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatA
     return weights
 
 
-# What follows is compiled, since orders change, and kernels with them, at each evaluation of a fit.
-Real, Whole, Row = types.float64, types.int64, types.float64[::1]
-
-
-@when_called(types.Tuple((Row, Row))(Real, Whole))
 def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
     With the binomial series, :math:`b_k Γ(q+2) = 2 \sum_j \binom{q+1}{2j} k^{q+1-2j}` and
     :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 8 on, 20 terms are exact.
     """
-    b, a, binomial = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(20)
-    b[0] = binomial[0] = 1.0
-    for k in range(1, min(8, steps + 1)):
-        up, down = math.expm1(q * math.log1p(1 / k)), math.expm1(q * math.log1p(-1 / k))  # for orders next to 0
-        b[k], a[k] = k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
-    for j in range(19):
-        binomial[j + 1] = binomial[j] * (q - (j - 1)) / (j + 1)
-    for k in range(8, steps + 1):
-        even = odd = 0.0
-        for j in range(18, 1, -2):
-            even, odd = even / k / k + binomial[j], odd / k / k + binomial[j + 1]
-        b[k], a[k] = 2 * k ** (q - 1) * even, k ** (q - 1) * (even - odd / k)
-    gamma = math.gamma(q + 2)
-    for k in range(steps + 1):  # as an expression of arrays it would take Numba a second more to compile
-        b[k], a[k] = b[k] / gamma, a[k] / gamma
-    return b, a
+    b, a = np.zeros((2, steps + 1))
+    k, n, j = np.arange(1.0, min(8, steps + 1)), np.arange(8.0, steps + 1), np.arange(19)
+    with np.errstate(divide="ignore"):  # (k − 1)^q, for orders next to 0
+        up, down = np.expm1(q * np.log1p(1 / k)), np.expm1(q * np.log1p(-1 / k))
+    b[0], b[1:8], a[1:8] = 1.0, k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
+    binomial = np.cumprod(np.append(1.0, (q - (j - 1)) / (j + 1)))
+    even, odd = (polyval(n**-2, binomial[first::2]) for first in (2, 3))
+    b[8:], a[8:] = 2 * n ** (q - 1) * even, n ** (q - 1) * (even - odd / n)
+    return b / math.gamma(q + 2), a / math.gamma(q + 2)
 
 
 def third_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
@@ -215,6 +200,6 @@ def bdf_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
         w.append(-4 / 3 * ((1 - q) / k - 1) * w[-1] + (2 * (1 - q) / k - 1) * w[-2] / 3)
     later = np.arange(64.0, steps + 1)
     over_gamma = np.cumprod([1 / math.gamma(q), *(q - np.arange(1, SERIES))])  # 1 / Γ(q − j)
-    series = np.polynomial.polynomial.polyval(1 / later, bdf_series(q) * over_gamma)
+    series = polyval(1 / later, bdf_series(q) * over_gamma)
     all_of_them = np.concatenate([w[1:], series * later ** (q - 1)])
     return all_of_them, np.append(0.0, all_of_them[:-1] / 2)
