@@ -396,4 +396,4 @@ def test_the_end_of_an_order_in_a_bent_valley_is_where_a_refit_by_scipy_says(tmp
 
     assert low < 0.95 < high
     height = math.sqrt((least(low) - least(fit.x[i])) / known.rise[i, 0])  # not the root of what is below 0
-    assert height == pytest.approx(1, abs=0.2)
+    assert height == pytest.approx(1, abs=0.25)  # a seventh, and what bumps of the cost leave above its least

@@ -15,6 +15,7 @@ from fracid.solver.arguments import Equation, InitialCondition, Options, Relaxat
 from fracid.solver.memory import Memory, compressed, full, memory_from_name, short
 from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import integrate, solve_fde
+from fracid.solver.weights import trapezoidal_weights
 from scripts import module_of
 
 ORDERS = (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.8623, 0.9, 0.99, 0.999, 0.999999, 1.0,
@@ -332,3 +333,10 @@ def test_a_finite_memory_beside_an_order_begins_as_its_states_do():
     fine = integrate(as_states, InitialCondition(np.array([0.3, 0.1, *HELD])), 1 / 1280, 6400, how).states[::64, :2]
     run = integrate(remembers, InitialCondition(np.array([0.3, 0.1])), 1 / 80, 400, how).states[::4]
     assert np.max(np.abs(run - fine)) < 1e-4
+
+
+def test_the_integral_of_order_zero_is_the_sample_itself():
+    """A springpot at its bound is a spring."""
+    b, a = trapezoidal_weights(0.0, 12)
+    assert b.tolist() == [1.0] + 12 * [0.0]
+    assert not a.any()

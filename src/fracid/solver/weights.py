@@ -149,8 +149,7 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     """
     b, a = np.zeros((2, steps + 1))
     k, n, j = np.arange(1.0, min(8, steps + 1)), np.arange(8.0, steps + 1), np.arange(19)
-    with np.errstate(divide="ignore"):  # (k − 1)^q, for orders next to 0
-        up, down = np.expm1(q * np.log1p(1 / k)), np.expm1(q * np.log1p(-1 / k))
+    up, down = (np.expm1(q * np.log1p(1 / m)) for m in (k, -np.maximum(k, 2)))  # k = 1 has no down
     b[0], b[1:8], a[1:8] = 1.0, k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
     binomial = np.cumprod(np.append(1.0, (q - (j - 1)) / (j + 1)))
     even, odd = (polyval(n**-2, binomial[first::2]) for first in (2, 3))
