@@ -535,6 +535,22 @@ def test_a_search_that_failing_runs_stopped_begins_again_with_a_wide_region(star
     assert result.outcome is Outcome.CONVERGED
 
 
+def test_a_search_that_cannot_begin_again_where_it_ended_has_converged():
+    # Next to a cliff SciPy's move of a start off its bounds may be enough: here what was left is closed for good.
+    space, seen = Space(("x", "y"), np.zeros(2), np.full(2, 9.0), np.array([0.3, 1.0])), []
+
+    def walled(x):
+        if x[0] > 1 or any(np.array_equal(x, s) for s in seen):
+            return None
+        if all(np.abs(x - s).max() > 2e-6 for s in seen):  # no end of a difference
+            seen.append(x)
+        return np.array([x[0] - 1.9, x[1] - 1.01])
+
+    result = search("least-squares", squares(walled), space=space, tolerance=1e-3)
+    assert result.outcome is Outcome.CONVERGED
+    assert 0.9 < result.best.point[0] <= 1
+
+
 @pytest.mark.parametrize("start", [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 1.0])
 def test_a_search_from_zero_or_from_a_bound_gets_as_far_as_any_other(start):
     # With the unknowns unscaled SciPy called a step of 1e-10 converged.

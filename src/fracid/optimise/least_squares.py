@@ -86,7 +86,7 @@ def least_squares(
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
-        unit, fails = 0.0, False
+        unit, fails = 0.0, None  # whether a run failed since it began; None before the first
 
         def physical(y: FloatArray) -> FloatArray:
             x = space.start.copy()
@@ -103,8 +103,11 @@ def least_squares(
             if e.residuals is None and not good.size:
                 raise _StartFails(e)
             if e.residuals is None:
+                if fails is None:  # where it begins again: SciPy moves a start off its bounds
+                    raise _Flat
                 fails = True
                 return None
+            fails = bool(fails)
             unit = unit or _power_of_two(float(np.linalg.norm(e.residuals)))
             x_good, good = e.point, e.residuals / unit
             return good
@@ -131,7 +134,7 @@ def least_squares(
                 left -= result.nfev
                 if not fails or left <= 0 or result.cost > (1 - GAINS) * cost:
                     break
-                y, cost, fails = result.x, result.cost, False
+                y, cost, fails = result.x, result.cost, None
         except _Flat:
             return Outcome.CONVERGED
         except _StartFails as failure:
@@ -163,7 +166,7 @@ def _rows(
 
 
 class _Flat(Exception):
-    """No unknown changes the rows, or there is nothing left of them."""
+    """No unknown changes the rows, or there is nothing left of them, or it cannot begin again where it ended."""
 
 
 class _StartFails(Exception):
