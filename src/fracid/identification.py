@@ -425,9 +425,10 @@ class _Findings:
         return walked(self.near, self.known, most=most, jobs=self.asked.jobs)
 
     def _halve(self) -> bool:
-        """Halve a step that the fit may choose, whose errors may bend intervals, where a first look at each sees that.
+        """Halve the step where the fit may choose it and a first look at the intervals sees its errors bend one.
 
-        Whether it was."""
+        Gives whether it was halved.
+        """
         fixed = self.asked.fixed_step or self.asked.window is not None or is_coarse(self.problem)
         if fixed or self.check is None or self.near is None or not is_rough(self.near, self.known):
             return False
