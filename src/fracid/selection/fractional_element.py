@@ -46,6 +46,9 @@ ORDERS = (0.2, 0.5, 0.8)
 SMALL, LARGE = 1e-3, 0.3
 """The effect of the strength at which it is asked for, in parts of the residual: a derivative, yet no rounding."""
 
+WEAK, TRACE = 1e-5, 1e-12
+"""Of the largest strength: where it begins to ask, and what the other joints have meanwhile."""
+
 SAME_DIRECTION = 1e-8
 """Directions of the Jacobian below this part of its largest singular value are none."""
 
@@ -191,15 +194,19 @@ def _effect(
     """∂e/∂c at a small c; None where no strength gives one.
 
     Between two strengths, neither of them 0: without the state of a springpot the same model is solved by another
-    method, whose error differs by more than what a weak springpot does.
+    method, whose error differs by more than what a weak springpot does.  All joints have one, if of next to nothing,
+    so that one right-hand side is compiled for all of them.
     """
+    reach = {n: free.upper for n, free in freed_friction(problem, _names(problem)).items()}
+    present = {n: TRACE * upper for n, upper in reach.items()}
 
     def errors(strength: float) -> FloatArray | None:
-        there = replace(problem, parameters={**problem.parameters, name: strength, _order_of(name): order})
+        own = {**present, name: strength, _order_of(name): order}
+        there = replace(problem, parameters={**problem.parameters, **own})
         result = there.errors(embedded(there, problem.named(x)))
         return None if isinstance(result, Failure) else joined(result)[scored]
 
-    strength = 1e-5 * freed_friction(problem, [name])[name].upper
+    strength = WEAK * reach[name]
     for _ in range(8):
         weak, strong = errors(0.1 * strength), errors(strength)
         change = None if weak is None or strong is None else strong - weak

@@ -43,11 +43,10 @@ References
    SIAM J. Sci. Comput. 24 (2002): history by exponentials.
 .. [McLean] W. McLean, *Exponential sum approximations for* :math:`t^{-\beta}`, 2018: the substitution
    :math:`s = e^u` and its Poisson error.
+.. [Golub] G. H. Golub, J. H. Welsch, *Calculation of Gauss quadrature rules*, Math. Comp. 23 (1969) 221.
 .. [Koekoek] R. Koekoek, P. A. Lesky, R. F. Swarttouw, *Hypergeometric Orthogonal Polynomials and Their
    q-Analogues*, 2010, section 14.12: the little q-Jacobi polynomials.
 """
-
-# mypy: disallow-untyped-decorators=False
 
 from __future__ import annotations
 
@@ -55,11 +54,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import types
 from scipy.special import gammainc
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import helper, when_called
 from fracid.solver.weights import Kernel, exact_kernel, exact_weights
 
 EXACT_LAGS = 8
@@ -127,8 +124,8 @@ def _quadrature(
     count = math.ceil(math.log(s_end / s_J) / spacing - 1e-9) - 1
     s = s_J * np.exp(spacing * (np.arange(1.0 + inner + count) - inner))
     omega, low = sine * spacing * s**a, slice(1 + inner)
-    slope_weight = _low_end(a, sine, spacing, double, s[low], omega[low], np.zeros(2 + inner), np.zeros(1 + inner))
-    s[low], omega[low] = s_J * s[low], s_J**a * omega[low]
+    s_low, omega_low, slope_weight = _low_end(a, sine, spacing, double)
+    s[low], omega[low] = s_J * s_low, s_J**a * omega_low
     s[-1], mass = _mean_of_rest(a, s[-1], spacing, first, s_end)
     omega[-1] = sine * spacing * mass
     return s, omega, s_J ** (a + 1) * slope_weight
@@ -180,55 +177,21 @@ def little_jacobi(b: float, spacing: float) -> float:
     return norm
 
 
-_real, _vector = types.float64, types.float64[::1]
-
-
-@when_called(_real(_real, _real, _real, types.boolean, _vector, _vector, _vector, _vector), allocates=False)
-def _low_end(
-    a: float, sine: float, spacing: float, double: bool, s: FloatArray, omega: FloatArray, M: FloatArray, c: FloatArray
-) -> float:
+def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[FloatArray, FloatArray, float]:
     """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
 
-    It fills the first entries of s and ω.  p conditions are met by the node at 0; the other nodes are Gauss's
-    for masses A^j at Q^j, j = 0, 1, …: roots of the little q-Jacobi polynomial, whose coefficients c are known.
-    M are the moments of the grid.
+    p conditions are met by the node at 0; the other nodes are Gauss's for masses A^j at Q^j, j = 0, 1, …: eigenvalues
+    of the recurrence of the little q-Jacobi polynomials, [Koekoek] (14.12.4) with its b = 1 [Golub].
     """
-    n, p = LOW_NODES, 2 if double else 1
+    n, p = np.arange(LOW_NODES), 2 if double else 1
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
-    s[0], c[0] = 0.0, 1.0
-    for k in range(n + 2):
-        M[k] = -sine * spacing / math.expm1(-spacing * (a + k))
-    for k in range(n):
-        c[k + 1] = c[k] * Q * (1 - Q ** (k - n)) * (1 - A * Q ** (n + k)) / ((1 - A * Q**k) * (1 - Q ** (k + 1)))
-    omega[0], slope_weight = M[0], M[1] if double else 0.0
-    for i in range(1, n + 1):
-        s[i] = _next_root(c, s, i)
-        quotient = mass = value = 0.0  # Π/(s − s_i): its coefficients, its integral, its value at s_i
-        for k in range(n - 1, -1, -1):
-            quotient = c[k + 1] + quotient * s[i]
-            mass, value = mass + quotient * M[p + k], value + quotient * s[i] ** k
-        omega[i] = mass / value / s[i] ** p
-        omega[0] -= omega[i]
-        if double:
-            slope_weight -= omega[i] * s[i]
-    return slope_weight
-
-
-@helper
-def _next_root(c: FloatArray, roots: FloatArray, i: int) -> float:
-    """The largest root of Σ c_k x^k beside `roots` 1 … i − 1, all being in (0, 1): Newton's method, from above."""
-    x = 1.1
-    for _ in range(60):
-        value = derivative = 0.0
-        for k in range(len(c) - 1, -1, -1):
-            derivative, value = derivative * x + value, value * x + c[k]
-        for k in range(1, i):
-            derivative -= value / (x - roots[k])
-        change = value / derivative
-        x -= change
-        if abs(change) <= 4e-16 * x:
-            break
-    return x
+    up = Q**n * (1 - A * Q**n) ** 2 / ((1 - A * Q ** (2 * n)) * (1 - A * Q ** (2 * n + 1)))
+    down = A * Q ** (n - 1) * (1 - Q**n) ** 2 / ((1 - A * Q ** (2 * n - 1)) * (1 - A * Q ** (2 * n)))
+    s, vectors = np.linalg.eigh(np.diag(up + down) + np.diag(np.sqrt(up[:-1] * down[1:]), -1))
+    moments = -sine * spacing / np.expm1(-spacing * (a + np.arange(3)))
+    omega = moments[p] * vectors[0] ** 2 / s**p
+    slope_weight = moments[1] - omega @ s if double else 0.0
+    return np.append(0.0, s), np.append(moments[0] - np.sum(omega), omega), slope_weight
 
 
 def _exponentials(

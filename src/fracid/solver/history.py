@@ -75,7 +75,7 @@ def stack(kernels: list[Kernel]) -> Kernels:
     own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
     stacked = Kernels(_zeros(len(rows), 2 * (L + 16) + 18 * M), L, M, of, sizes, own)
     for r, k in enumerate(rows):
-        _fill(r, k.weights, k.start, k.decay, k.amplitude, k.start_ratio, k.ramp, k.start_shift, stacked)
+        _fill(stacked.table[r], k, sizes[r, 0], stacked)
     return stacked
 
 
@@ -103,37 +103,28 @@ _vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.in
 KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
 
 
-@when_called(types.void(types.int64, *[_vector] * 5, types.float64, types.float64, KERNELS), allocates=False)
-def _fill(r, exact, first, decay, amplitude, first_ratio, ramp, shift, stacked):
-    """Fill one row.  Lags beyond the exact ones up to L + 7 take their weights from the exponentials.
+def _fill(row: FloatArray, k: Kernel, size: int, stacked: Kernels) -> None:
+    """Fill one row.  Lags beyond the exact ones up to `size` + 7 take their weights from the exponentials.
 
     A linear part of the weights is one sum more, :math:`Y_0 = \\sum_s (n-L-1-s) v_s`; the constant's is Y_1 then.
     """
-    row, M = stacked.table[r], stacked.modes
+    M, exact, linear = stacked.modes, len(k.weights), int(k.ramp != 0.0)
     start, forget, enter, collect, foresee = _columns(stacked.lags, M)
-    offset, m0 = 8 + len(exact) - 1, 1 if ramp != 0.0 else 0
-    more = 8 + stacked.sizes[r, 0] - offset  # lags to make of the exponentials, for L to be a multiple of 8
-    for j in range(1, len(exact)):  # an assignment of slices would take Numba two seconds more to compile
-        row[7 + j], row[start + 7 + j] = exact[j], first[j]
-    for m in range(len(decay)):
-        s = np.log1p(decay[m])
-        row[forget + m0 + m], row[enter + m0 + m] = np.expm1(BLOCK * s), first_ratio[m]
-        for j in range(more + BLOCK - 1):
-            weight = amplitude[m] * np.exp(j * s)
-            row[offset + j] += weight
-            row[start + offset + j] += weight * first_ratio[m]
-        for j in range(BLOCK):
-            row[collect + j * M + m0 + m] = np.exp((BLOCK - 1 - j) * s)
-            row[foresee + BLOCK * (m0 + m) + j] = amplitude[m] * np.exp((more + j) * s)
-    if ramp != 0.0:
-        row[enter] = -shift  # the first sample's panel is half a hat, whose centre is later
-        for j in range(more + BLOCK - 1):
-            row[offset + j] += ramp * j
-            row[start + offset + j] += ramp * (j / 2 - shift)
-        for j in range(BLOCK):
-            row[collect + j * M] = BLOCK - 1 - j
-            row[foresee + j] = ramp
-            row[foresee + BLOCK + j] += ramp * (more + j)
+    more = size + 1 - exact  # lags to make of the exponentials, for L to be a multiple of 8
+    s, lag, last = np.log1p(k.decay), np.arange(more + BLOCK), np.arange(BLOCK)[::-1]
+    weights = k.amplitude[:, None] * np.exp(np.outer(s, lag))
+    modes, beyond = slice(linear, linear + len(s)), slice(7 + exact, 6 + exact + len(lag))
+    of_block, of_mode = row[collect:foresee].reshape(BLOCK, M), row[foresee:].reshape(M, BLOCK)
+    row[8 : 7 + exact], row[start + 8 : start + 7 + exact] = k.weights[1:], k.start[1:]
+    row[beyond], row[start:][beyond] = np.sum(weights[:, :-1], axis=0), k.start_ratio @ weights[:, :-1]
+    row[forget:enter][modes], row[enter:collect][modes] = np.expm1(BLOCK * s), k.start_ratio
+    of_block[:, modes], of_mode[modes] = np.exp(np.outer(last, s)), weights[:, more:]
+    if linear:
+        row[enter] = -k.start_shift  # the first sample's panel is half a hat, whose centre is later
+        row[beyond] += k.ramp * lag[:-1]
+        row[start:][beyond] += k.ramp * (lag[:-1] / 2 - k.start_shift)
+        of_block[:, 0], of_mode[0] = last, k.ramp
+        of_mode[1] += k.ramp * lag[more:]
 
 
 # --- eight numbers in a register -------------------------------------------------------------------

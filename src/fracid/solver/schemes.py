@@ -60,6 +60,7 @@ is stored.
 from __future__ import annotations
 
 import math
+from functools import cache
 from types import FunctionType
 from typing import Any
 
@@ -554,7 +555,8 @@ def step_pi2(rhs, run, started, history, work, third, out):
         before[i] = f[i]
         _first(i, f[i], window)
     _keep_relaxing(relaxing, x, f, start)
-    how, state, head, row, k = COMPLETED, WORN, np.int64(1), np.int64(1), np.int64(0)
+    how, head, row, k = COMPLETED, np.int64(1), np.int64(1), np.int64(0)
+    state = WORN * run.gain[0]  # of lanes where the run is of lanes, or Numba compiles Newton's method for both
     if not _finite(f):
         how, end = NOT_FINITE, 0
     for n in range(1, end + 1):
@@ -664,6 +666,7 @@ def step_bdf2(rhs, run, started, history, work, out):
 # --- the same loops of something else --------------------------------------------------------------
 
 
+@cache
 def adapted(function: Any, **own: Any) -> Any:
     """A loop and its parts, compiled with functions of one's own in the place of those of the same names."""
     code = getattr(function, "py_func", None) or function.__wrapped__
