@@ -167,13 +167,14 @@ def parts(node: object) -> Iterator[object]:
     >>> sum(isinstance(e, Name) for e in parts(Operation("+", (Name("a"), Name("b")))))
     2
     """
-    if isinstance(node, tuple):
-        for part in node:
-            yield from parts(part)
-    elif hasattr(node, "__dataclass_fields__"):
-        yield node
-        for part in vars(node).values():
-            yield from parts(part)
+    left = [node]
+    while left:
+        node = left.pop()
+        if isinstance(node, tuple):
+            left.extend(reversed(node))
+        elif hasattr(node, "__dataclass_fields__"):
+            yield node
+            left.extend(reversed(vars(node).values()))
 
 
 def mentioned(node: object) -> list[str]:
