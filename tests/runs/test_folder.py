@@ -14,8 +14,8 @@ import fracid.cli
 from fracid.errors import InputError, Unfinished
 from fracid.problem.project import load_project
 from fracid.runs.environment import versions
+from fracid.runs.evaluations import EVALUATIONS
 from fracid.runs.folder import (
-    EVALUATIONS,
     FIGURE,
     FIGURES,
     JOURNAL,

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.runs.folder import EVALUATIONS
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import EvaluationLine
+
+EVALUATIONS = "evaluations.jsonl"
 
 
 def tried(folder: Path, names: tuple[str, str]) -> FloatArray:

@@ -39,6 +39,7 @@ from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
+from fracid.runs.evaluations import EVALUATIONS
 from fracid.safety.door import bytes_of, text_if_any, write_files, write_whole
 from fracid.safety.schema import Record, as_json, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
@@ -49,8 +50,6 @@ SAYS = Words("runs/folder.toml")
 RUN = "run.json"
 
 JOURNAL = "journal.jsonl"
-
-EVALUATIONS = "evaluations.jsonl"
 
 MEMO = ".memo"
 

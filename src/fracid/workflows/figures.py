@@ -55,6 +55,13 @@ class Drawing:
         model = self.project.problem.model
         return model if self.drawer.pool is None or (model.rhs.__module__ or "").startswith("fracid.") else None
 
+    @property
+    def figures(self) -> Path:
+        """The folder that they are written into."""
+        from fracid.runs.folder import FIGURES  # not above: the other process has no need of all that this imports
+
+        return self.folder / FIGURES
+
     def begin(self, recordings: Mapping[str, RecordingFit]) -> None:
         """Have recordings drawn beside a simulation that may be the last: the rest of a fit is examined meanwhile.
 
@@ -73,7 +80,7 @@ class Drawing:
         recordings = self._of_recordings(fit.recordings)
         of_the_rig = of_rig(rig_as_found(model, fit.parameters)) if model is not None else ()
         pieces = [*self._asked(of_the_rig), *chain.from_iterable(r.figures for r in recordings)]
-        of_starts = saved(of_search(fit), folder)
+        of_starts = saved(of_search(fit), self.figures)
         if len(fit.problem.order_indices) >= 2:
             self.observer.stage("cost over the orders")
         plane = plane_of(fit, self.jobs)
@@ -87,7 +94,7 @@ class Drawing:
         return (*chain.from_iterable(reversed(written)), *of_starts, page)
 
     def _asked(self, pictures: Pictures) -> list[Asked[tuple[Path, ...]]]:
-        return [self.drawer.asked(saved, [picture], self.folder) for picture in pictures]
+        return [self.drawer.asked(saved, [picture], self.figures) for picture in pictures]
 
     def _of_recordings(self, recordings: Mapping[str, RecordingFit]) -> list[_Drawn]:
         """Ask for what each recording needs; what is asked of the same simulation already is not asked again."""
@@ -126,16 +133,15 @@ def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
     )
 
 
-def saved(pictures: Pictures, folder: Path, formats: tuple[str, ...] = ("svg", "png"), where: Path | None = None,
-          style: str = "screen") -> tuple[Path, ...]:  # fmt: skip
-    """Draw and write figures one by one, into the folder of a run or where it is said."""
-    from fracid.runs.folder import FIGURES
-
+def saved(
+    pictures: Pictures, folder: Path, formats: tuple[str, ...] = ("svg", "png"), style: str = "screen"
+) -> tuple[Path, ...]:
+    """Draw figures and write them into a folder one by one."""
     written: list[Path] = []
     for stem, picture in pictures:
         from fracid.plots import save  # where there is something to draw: it takes a quarter of a second
 
-        written += save(picture(style=style), where or folder / FIGURES, stem, formats)
+        written += save(picture(style=style), folder, stem, formats)
     return tuple(written)
 
 

@@ -27,8 +27,8 @@ from fracid.findings import Finding, Words
 from fracid.fit import Fit
 from fracid.optimise import MOST_STARTS, EvaluationLog, Outcome, optimiser_from_name
 from fracid.problem.project import Project, load_project
+from fracid.runs.evaluations import EVALUATIONS
 from fracid.runs.folder import (
-    EVALUATIONS,
     MEMO,
     STARTS,
     Run,

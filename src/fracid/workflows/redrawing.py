@@ -90,7 +90,7 @@ def redraw(
     with one_blas_thread():
         named = _of_named_rig(source, zero or "hanging", trust)
         pictures = _of_folder(folder, trust, jobs) if folder.is_dir() else named
-        return saved(pictures, folder, tuple(dict.fromkeys(formats)), where, style=style)
+        return saved(pictures, where, tuple(dict.fromkeys(formats)), style)
 
 
 def _of_named_rig(name: str, zero: str, trust: bool) -> Pictures:

@@ -16,7 +16,7 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
 from fracid.problem.project import Project, load_project
 from fracid.report.index import write_study_page
-from fracid.runs.folder import JOURNAL, inputs_of, open_folder
+from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import write_files
 from fracid.safety.paths import default_folder, refuse_mistaken
@@ -54,7 +54,7 @@ class Written(CardDisplay):
         """Write what was found: the JSON file and `contents` beside it, the figures, the page if it has one."""
         observer.stage("figures")
         write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
-        drawn = saved(pictures, folder)
+        drawn = saved(pictures, folder / FIGURES)
         if cls.PAGED:
             write_study_page(folder, cls.FILE)
         observer.stage("")
