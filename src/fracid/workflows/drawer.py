@@ -1,9 +1,9 @@
 """A process beside a fit, which draws: matplotlib holds the interpreter's lock, so threads would wait for each other.
 
 It is started first of all.  While this process imports what a fit needs, it imports what drawing needs; while this one
-searches, it draws the rig; while this one examines a minimum, simulates the plane of the orders and writes the page, it
-tests the residuals and draws the recordings.  Of what it has not begun when this one is done with that, this one draws
-from the last, too, where it is more than a few.  Where it dies, or where there is none, this process does its work.
+examines a minimum, simulates the plane of the orders and writes the page, it tests the residuals and draws the
+recordings.  Of what it has not begun when this one is done with that, this one draws from the last, too, where it is
+more than a few.  Where it dies, or where there is none, this process does its work.
 """
 
 from __future__ import annotations
