@@ -183,11 +183,14 @@ def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[Float
     p conditions are met by the node at 0; the other nodes are Gauss's for masses A^j at Q^j, j = 0, 1, …: eigenvalues
     of the recurrence of the little q-Jacobi polynomials, [Koekoek] (14.12.4) with its b = 1 [Golub].
     """
-    n, p = np.arange(LOW_NODES), 2 if double else 1
+    p, T = 2 if double else 1, np.zeros((LOW_NODES, LOW_NODES))
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
-    up = Q**n * (1 - A * Q**n) ** 2 / ((1 - A * Q ** (2 * n)) * (1 - A * Q ** (2 * n + 1)))
-    down = A * Q ** (n - 1) * (1 - Q**n) ** 2 / ((1 - A * Q ** (2 * n - 1)) * (1 - A * Q ** (2 * n)))
-    s, vectors = np.linalg.eigh(np.diag(up + down) + np.diag(np.sqrt(up[:-1] * down[1:]), -1))
+    power = Q ** np.arange(2 * LOW_NODES + 1)
+    Q_n, rest = power[:LOW_NODES], 1 - A / Q * power  # 1 − A Q^(k−1)
+    up = Q_n * rest[1 : LOW_NODES + 1] ** 2 / (rest[1::2] * rest[2::2])
+    down = A / Q * Q_n * (1 - Q_n) ** 2 / (rest[:-1:2] * rest[1::2])
+    T.flat[:: LOW_NODES + 1], T.flat[LOW_NODES :: LOW_NODES + 1] = up + down, np.sqrt(up[:-1] * down[1:])
+    s, vectors = np.linalg.eigh(T)
     moments = -sine * spacing / np.expm1(-spacing * (a + np.arange(3)))
     omega = moments[p] * vectors[0] ** 2 / s**p
     slope_weight = moments[1] - omega @ s if double else 0.0
