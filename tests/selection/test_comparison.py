@@ -340,9 +340,25 @@ def test_a_bound_that_stops_the_fit_of_the_project_is_opened_for_every_structure
     row = found["viscous + Coulomb, orders free"]
     assert row.cost <= (1 + 1e-3) * fit.cost
     assert row.values["b_alpha"] == pytest.approx(fit.parameters["b_alpha"].value, rel=0.02)
+    assert row.values["b_alpha"] < found.problems[row.name].parameters["b_alpha"].upper
     assert any(
         note.startswith("b_alpha was stopped by its upper bound, 2e-06 N m s/rad: opened to") for note in found.notes
     )
+
+
+def test_at_a_finer_step_the_structures_are_the_same_whatever_the_recordings_see_there(monkeypatch):
+    def there(problem, threshold):
+        return unseen(problem, threshold) | ({"coulomb_alpha"} if problem.substeps > 1 else set())
+
+    monkeypatch.setattr("fracid.selection.ladder.unseen", there)
+    monkeypatch.setattr("fracid.selection.comparison.is_coarse", lambda _: True)  # its step may be chosen
+    monkeypatch.setattr("fracid.selection.comparison.quiet_substeps", lambda *_, **__: 2)
+    found = compare(problem(swing(dry=5e-5)), rungs=["viscous", "Coulomb"])
+    assert [*found.problems] == [row.name for row in found.rows]
+    assert {row.friction for row in found.rows} == {"viscous", "viscous + Coulomb"}
+    for row in found.rows:
+        assert found.problems[row.name].substeps == 2
+        assert found.problems[row.name].names == (*row.values,)
 
 
 @pytest.mark.broad

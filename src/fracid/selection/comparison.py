@@ -200,6 +200,8 @@ def compare(
     comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, effective_samples=samples,
                             leave_one_out=leave_one_out, cost_name=base.cost_function.name, seed=seed, starts=starts,
                             units=units)  # fmt: skip
+    problems = {s.name: s.problem for s in study.ladder(WHOLE).structures}
+    comparison = replace(comparison, problems=problems)
     if amplitude:
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))
@@ -293,8 +295,7 @@ class _Place:
 @lru_cache(maxsize=128)
 def _made(place: _Place) -> _Fold:
     given = place.given
-    substeps = place.substeps or given.problem.substeps
-    problem = reopened(replace(given.problem, substeps=substeps), place.opened)
+    problem = reopened(given.problem, place.opened)
     every = (*problem.experiments, *given.validation)
     fitted = tuple(e for e in (every if place.leave_one_out else problem.experiments) if e.name not in place.held_out)
     others = tuple(e for e in every if e.name in place.held_out)
@@ -304,7 +305,7 @@ def _made(place: _Place) -> _Fold:
     fitted_problem = windowed(fitted_problem, window) if window else fitted_problem
     beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in given.alternatives.items()}
     every_structure = ladder(fitted_problem, keep=place.keep, rungs=place.rungs, others=others, alternatives=beside)
-    return _Fold(others, every_structure, window)
+    return _Fold(others, every_structure.solved_with(place.substeps or problem.substeps), window)
 
 
 # --- one structure -------------------------------------------------------------------------------------

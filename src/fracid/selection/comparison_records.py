@@ -164,6 +164,8 @@ class Comparison(CardDisplay, Record):
     """What of integer order comes nearest to the best fractional structure, where the claim needs it."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
+    problems: Beside[Mapping[str, Any]] = field(default_factory=dict, compare=False)
+    """Structure → its problem, as it was fitted: with its bounds, and at its step."""
 
     def __getitem__(self, name: str) -> Row:
         """The row of that structure; an InputError names those that there are."""

@@ -153,6 +153,15 @@ class Ladder:
         """The structure of that name; an InputError names those that there are."""
         return entry_of("structure", {s.name: s for s in self.structures}, name)
 
+    def solved_with(self, substeps: int) -> Ladder:
+        """The same at other steps a sample; made anew there, what an unknown hardly does might leave it out, or not."""
+
+        def at(problem: Problem) -> Problem:
+            return replace(problem, substeps=substeps)
+
+        structures = tuple(replace(s, problem=at(s.problem), whole=at(s.whole)) for s in self.structures)
+        return replace(self, structures=structures, given=at(self.given))
+
     @property
     def frictions(self) -> tuple[str, ...]:
         """The rungs."""

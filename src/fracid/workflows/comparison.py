@@ -38,7 +38,7 @@ from fracid.selection.comparison_records import (
     fault_of_fitted,
 )
 from fracid.selection.integer_rival import Alternative
-from fracid.selection.ladder import Ladder, ladder
+from fracid.selection.ladder import ladder
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import FolderLock
 from fracid.tasks.job import one_blas_thread
@@ -156,8 +156,8 @@ def run_comparison(
     executor_from_name(executor)  # what is mistyped is refused before an earlier comparison gives way
     base, others = to_compare(project.problem, project.validation)
     beside = {n: alternative_of(base, p.model, p.orders, p.parameters) for n, p in project.alternatives.items()}
-    hierarchy = ladder(base, keep=options["keep"], rungs=options["rungs"], others=others, alternatives=beside)
-    for structure in hierarchy.structures if evidence else ():
+    asked = ladder(base, keep=options["keep"], rungs=options["rungs"], others=others, alternatives=beside)
+    for structure in asked.structures if evidence else ():
         require_evidence(structure.problem)
     same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
     study = study_of("compare", project, preset=project.preset, **same)
@@ -170,7 +170,7 @@ def run_comparison(
     return FinishedComparison.written(folder, record, of_comparison(comparison), watching, contents={
         "project.toml": project.text, TABLE: csv_text(comparison.lines()),
         CURVES: json.dumps(_curves(base, others, comparison), separators=(",", ":")),
-        **_best(project, hierarchy, comparison, folder),
+        **_best(project, comparison, folder),
     }, project=project, comparison=comparison)  # fmt: skip
 
 
@@ -189,10 +189,10 @@ def _curves(base: Problem, others: Sequence[Experiment], comparison: Comparison)
     })  # fmt: skip
 
 
-def _best(project: Project, hierarchy: Ladder, comparison: Comparison, folder: Path) -> dict[str, str]:
+def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, str]:
     """The project with the structure that the claim is for, its search to begin at what was found."""
     row = comparison.best(fractional=comparison.claim == "fractional")
-    found = hierarchy[row.name].problem
+    found = comparison.problems[row.name]
     if found.model.name != project.problem.model.name or not isfinite(row.cost):
         return {}
     tables = tomllib.loads(project.text)
