@@ -123,9 +123,10 @@ def _quadrature(
     s_J = min(s_J, s_end * math.exp(-4 * spacing))  # in a short run, or next to order 1
     count = math.ceil(math.log(s_end / s_J) / spacing - 1e-9) - 1
     s = s_J * np.exp(spacing * (np.arange(1.0 + inner + count) - inner))
-    omega, low = sine * spacing * s**a, slice(1 + inner)
-    s_low, omega_low, slope_weight = _low_end(a, sine, spacing, double)
-    s[low], omega[low] = s_J * s_low, s_J**a * omega_low
+    omega, low = sine * spacing * s**a, slice(1, 1 + inner)
+    nodes, weights, constant, slope_weight = _low_end(a, sine, spacing, double)
+    s[0], s[low] = 0.0, s_J * nodes
+    omega[0], omega[low] = s_J**a * constant, s_J**a * weights
     s[-1], mass = _mean_of_rest(a, s[-1], spacing, first, s_end)
     omega[-1] = sine * spacing * mass
     return s, omega, s_J ** (a + 1) * slope_weight
@@ -133,9 +134,10 @@ def _quadrature(
 
 def _mean_of_rest(a: float, last: float, spacing: float, first: float, sigma: float) -> tuple[float, float]:
     """One node for `last` and all beyond: Gauss's rule in x = 1/(s + σ) for masses s^a e^(−s·first)."""
-    s = last * np.exp(spacing * np.arange(5.0))
-    share = s**a * np.exp((last - s) * first) / (s + sigma)
-    mass, mean = float(np.sum(share)), float(np.sum(share / (s + sigma)))
+    mass = mean = 0.0
+    for s in (last * math.exp(spacing * k) for k in range(5)):
+        share = s**a * math.exp((last - s) * first) / (s + sigma)
+        mass, mean = mass + share, mean + share / (s + sigma)
     node = mass / mean - sigma
     return node, mass**2 / mean * math.exp((node - last) * first)
 
@@ -177,11 +179,12 @@ def little_jacobi(b: float, spacing: float) -> float:
     return norm
 
 
-def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[FloatArray, FloatArray, float]:
+def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[FloatArray, FloatArray, float, float]:
     """Gauss–Radau rule in [0, 1], times sin(πa)/π, for the grid at and below s_J = 1; see :func:`_quadrature`.
 
     p conditions are met by the node at 0; the other nodes are Gauss's for masses A^j at Q^j, j = 0, 1, …: eigenvalues
-    of the recurrence of the little q-Jacobi polynomials, [Koekoek] (14.12.4) with its b = 1 [Golub].
+    of the recurrence of the little q-Jacobi polynomials, [Koekoek] (14.12.4) with its b = 1 [Golub].  Gives nodes and
+    weights, and those of F(0) and F'(0).
     """
     p, T = 2 if double else 1, np.zeros((LOW_NODES, LOW_NODES))
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
@@ -191,10 +194,9 @@ def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[Float
     down = A / Q * Q_n * (1 - Q_n) ** 2 / (rest[:-1:2] * rest[1::2])
     T.flat[:: LOW_NODES + 1], T.flat[LOW_NODES :: LOW_NODES + 1] = up + down, np.sqrt(up[:-1] * down[1:])
     s, vectors = np.linalg.eigh(T)
-    moments = -sine * spacing / np.expm1(-spacing * (a + np.arange(3)))
+    moments = [-sine * spacing / math.expm1(-spacing * (a + k)) for k in range(3)]
     omega = moments[p] * vectors[0] ** 2 / s**p
-    slope_weight = moments[1] - omega @ s if double else 0.0
-    return np.append(0.0, s), np.append(moments[0] - np.sum(omega), omega), slope_weight
+    return s, omega, moments[0] - sum(omega.tolist()), moments[1] - float(omega @ s) if double else 0.0
 
 
 def _exponentials(

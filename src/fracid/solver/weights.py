@@ -145,15 +145,19 @@ def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
     r"""b_k and a_k for k = 0 … steps, free of the cancellation of their second differences.
 
     With the binomial series, :math:`b_k Γ(q+2) = 2 \sum_j \binom{q+1}{2j} k^{q+1-2j}` and
-    :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 8 on, 20 terms are exact.
+    :math:`a_k Γ(q+2) = \sum_{j≥2} (-1)^j \binom{q+1}{j} k^{q+1-j}`; from k = 9 on, 20 terms are exact.
     """
     b, a = np.zeros((2, steps + 1))
-    k, n, j = np.arange(1.0, min(8, steps + 1)), np.arange(8.0, steps + 1), np.arange(19)
-    up, down = (np.expm1(q * np.log1p(1 / m)) for m in (k, -np.maximum(k, 2)))  # k = 1 has no down
-    b[0], b[1:8], a[1:8] = 1.0, k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
-    binomial = np.cumprod(np.append(1.0, (q - (j - 1)) / (j + 1)))
-    even, odd = (polyval(n**-2, binomial[first::2]) for first in (2, 3))
-    b[8:], a[8:] = 2 * n ** (q - 1) * even, n ** (q - 1) * (even - odd / n)
+    b[0] = 1.0
+    for k in range(1, min(9, steps + 1)):  # so few take NumPy longer
+        up, down = (math.expm1(q * math.log1p(1 / m)) for m in (k, -max(k, 2)))  # k = 1 has no down
+        b[k], a[k] = k**q * ((k + 1) * up + (k - 1) * down), k**q * ((k - 1) * down + q)
+    if steps > 8:
+        n, binomial = np.arange(9.0, steps + 1), [1.0]
+        for j in range(1, 20):
+            binomial.append(binomial[-1] * (q - (j - 2)) / j)
+        even, odd = (np.vander(n**-2, 9, increasing=True) @ np.reshape(binomial[2:], (9, 2))).T
+        b[9:], a[9:] = 2 * n ** (q - 1) * even, n ** (q - 1) * (even - odd / n)
     return b / math.gamma(q + 2), a / math.gamma(q + 2)
 
 
