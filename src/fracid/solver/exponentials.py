@@ -54,6 +54,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg.lapack import dstev
 from scipy.special import gammainc
 
 from fracid.arrays import FloatArray
@@ -186,14 +187,13 @@ def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[Float
     of the recurrence of the little q-Jacobi polynomials, [Koekoek] (14.12.4) with its b = 1 [Golub].  Gives nodes and
     weights, and those of F(0) and F'(0).
     """
-    p, T = 2 if double else 1, np.zeros((LOW_NODES, LOW_NODES))
+    p = 2 if double else 1
     Q, A = math.exp(-spacing), math.exp(-spacing * (a + p))
     power = Q ** np.arange(2 * LOW_NODES + 1)
     Q_n, rest = power[:LOW_NODES], 1 - A / Q * power  # 1 − A Q^(k−1)
     up = Q_n * rest[1 : LOW_NODES + 1] ** 2 / (rest[1::2] * rest[2::2])
     down = A / Q * Q_n * (1 - Q_n) ** 2 / (rest[:-1:2] * rest[1::2])
-    T.flat[:: LOW_NODES + 1], T.flat[LOW_NODES :: LOW_NODES + 1] = up + down, np.sqrt(up[:-1] * down[1:])
-    s, vectors = np.linalg.eigh(T)
+    s, vectors, _ = dstev(up + down, np.sqrt(up[:-1] * down[1:]))
     moments = [-sine * spacing / math.expm1(-spacing * (a + k)) for k in range(3)]
     omega = moments[p] * vectors[0] ** 2 / s**p
     return s, omega, moments[0] - sum(omega.tolist()), moments[1] - float(omega @ s) if double else 0.0
