@@ -10,6 +10,7 @@ import pytest
 
 import fracid
 from fracid import InputError
+from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.search import search
 from fracid.optimise import OPTIMISERS
 from fracid.problem import Experiment, Free, Problem
@@ -106,6 +107,23 @@ def test_an_order_that_is_real_does_not_drift(case):
     assert "mu does not drift with amplitude within 0.7 rad" in test.sentences[0]
     true = HONEST[case].get("mu", 1.0)
     assert test.drifts[0].values[0] == pytest.approx(true, abs=1e-3)
+
+
+def test_a_window_whose_search_is_stuck_is_searched_from_the_start_of_the_problem_too(monkeypatch):
+    problem, pieces = model(swing(0.7, dry=1e-4, end=8.0), order=0.97), []
+    x = refined(problem, problem.start, Watch()).best.point
+
+    def stuck_at_first(piece, start, *more, **options):
+        found = refined(piece, start, *more, **options)
+        first = not any(piece is one for one in pieces)
+        pieces.append(piece)
+        return replace(found, best=piece.evaluate(start)) if first else found
+
+    expected = [w.orders["mu"] for w in amplitude_test(problem, x).windows]
+    monkeypatch.setattr("fracid.selection.amplitude.refined", stuck_at_first)
+    windows = amplitude_test(problem, x).windows
+    assert len(windows) > 3
+    assert [w.orders["mu"] for w in windows] == pytest.approx(expected, abs=2e-4)
 
 
 @pytest.mark.broad

@@ -11,7 +11,13 @@ from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.windows import in_parts
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.sensors import Sensor
-from fracid.selection.integer_alternatives import ELEMENTS, _inputs, _on_the_same_samples, integer_alternatives
+from fracid.selection.integer_alternatives import (
+    ELEMENTS,
+    _inputs,
+    _on_the_same_samples,
+    fitted_with,
+    integer_alternatives,
+)
 from fracid.selection.integer_rival import claimable, integer_rival
 from twins import release
 
@@ -50,6 +56,16 @@ def test_a_signal_that_comes_late_is_found_in_place_of_the_orders():
     assert (nearest.trials[-1].name, nearest.trials[-1].as_well) == ("a delay of alpha", True)
     assert nearest.parameters["delay_alpha"] == pytest.approx(8e-3, rel=0.1)
     assert "The integer-order model with a delay of alpha (delay_alpha = 0.0" in nearest.warning
+
+
+@pytest.mark.broad
+def test_no_element_makes_a_model_worse_than_it_was_without():
+    problem, best = fitted(swing((0.9, 0.95)))
+    here = integer_rival(problem, best, SURE)
+    elements = [e for change in ELEMENTS for e in change(here.problem) if e.off]
+    assert len(elements) > 8
+    worse = {e.name: fitted_with(e, here, 0.0).evaluation.cost / here.evaluation.cost for e in elements}
+    assert {name: ratio for name, ratio in worse.items() if ratio > 1 + 1e-3} == {}
 
 
 @pytest.mark.broad

@@ -353,7 +353,7 @@ def _elements(problem: Problem, *, slow: bool = False) -> Iterator[Element]:
     """What costs no further state, one at a time; or what does."""
     for change in ELEMENTS:
         for element in change(problem):
-            if element.possible and element.slow == slow and element.whole is None and (slow or element.names):
+            if element.possible and element.slow == slow and element.whole is None and (slow or element.off):
                 yield element
 
 

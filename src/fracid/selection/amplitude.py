@@ -38,7 +38,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -52,6 +52,7 @@ from fracid.estimation.horizons import Watch, from_start, refined
 from fracid.estimation.windows import piece
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
+from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Prior, Problem, Tied
 from fracid.problem.coarse import as_samples
 from fracid.problem.unknowns import Value
@@ -71,6 +72,12 @@ EXPLAINED = 0.5
 
 CHANGE = 2e-3
 """An order that changes by less does not matter."""
+
+SEARCH: Mapping[str, Any] = {"tolerance": 1e-5, "budget": 40}
+"""Least squares of a window from the minimum of the whole."""
+
+STUCK = 0.5
+"""Where that leaves so much of the cost it may be stuck beside runs that fail: from the problem's start, too."""
 
 FLOOR = 0.03
 """Below this part of the largest amplitude the swing has died."""
@@ -354,7 +361,13 @@ def _window(
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
     start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
-    best = refined(piece, start, Watch(jobs), tolerance=1e-5, budget=40).best
+    found, whole = refined(piece, start, Watch(jobs), **SEARCH), span == (0, len(e.measured))
+    best = found.best
+    if not whole and (found.outcome is not Outcome.CONVERGED or best.cost > STUCK * piece.cost(start)):
+        own = problem.named(problem.start)
+        shared = ((u.experiment is None, u.name) for u in piece.unknowns)
+        again = [own.get(n, v) if of_all else v for (of_all, n), v in zip(shared, start.tolist(), strict=True)]
+        best = min(best, refined(piece, np.array(again), Watch(jobs), **SEARCH).best, key=lambda end: end.cost)
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")
@@ -369,7 +382,6 @@ def _window(
     standard_errors = {
         n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
     }
-    whole = span == (0, len(e.measured))
     return Window(e.name, float(times[0]), float(times[1]), whole, amplitude=sizes, orders=orders,
                   standard_errors=standard_errors, units=units)  # fmt: skip
 

@@ -98,8 +98,8 @@ class Element:
     """``a delay of alpha``."""
     problem: Problem
     """The integer-order problem with it free."""
-    names: tuple[str, ...]
-    """What it frees."""
+    off: dict[str, float]
+    """What it frees, and where that does nothing."""
     slow: bool = False
     """Whether it adds states to the model, or unknowns by the dozen."""
     whole: Problem | None = None
@@ -123,9 +123,10 @@ def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = Fal
         return
     rests = freed_rests(problem, ranges)
     if slow and _has_past(problem):
-        yield Element(name, problem, (), possible=False)
+        yield Element(name, problem, {}, possible=False)
         return
-    yield Element(name, replace(problem, parameters={**problem.parameters, **ranges, **rests}), (*ranges, *rests), slow)
+    off = {n: kinds[n].off for n in ranges} | {n: rest.start for n, rest in rests.items()}
+    yield Element(name, replace(problem, parameters={**problem.parameters, **ranges, **rests}), off, slow)
 
 
 def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> Iterator[Element]:
@@ -133,17 +134,18 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
     together = not _driven(problem) and quantity != "lowpass"
     for output in problem.outputs[together:]:
         tables = [e.sensors.get(output, Sensor()) for e in problem.experiments]
-        if any(getattr(s, quantity) != getattr(Sensor(), quantity) for s in tables):
+        off = getattr(Sensor(), quantity)
+        if any(getattr(s, quantity) != off for s in tables):
             continue
         if _has_past(problem):
-            yield Element(name.format(output), problem, (), possible=False)
+            yield Element(name.format(output), problem, {}, possible=False)
             continue
         experiments = tuple(
             replace(e, sensors={**e.sensors, output: replace(s, **{quantity: value})})
             for e, s in zip(problem.experiments, tables, strict=True)
         )
         changed = replace(problem, experiments=experiments, memo=None)
-        yield Element(name.format(output), changed, (f"{quantity}_{output}",))
+        yield Element(name.format(output), changed, {f"{quantity}_{output}": off})
 
 
 def _inputs(problem: Problem) -> Iterator[Element]:
@@ -158,7 +160,7 @@ def _inputs(problem: Problem) -> Iterator[Element]:
         experiments = tuple(replace(e, between=dict.fromkeys(problem.model.inputs, between))
                             for e in problem.experiments)  # fmt: skip
         if now != {between}:
-            yield Element(words, replace(problem, experiments=experiments, memo=None), ())
+            yield Element(words, replace(problem, experiments=experiments, memo=None), {})
 
 
 def _changing(problem: Problem) -> Iterator[Element]:
@@ -167,7 +169,7 @@ def _changing(problem: Problem) -> Iterator[Element]:
     names = [n for n, v in problem.parameters.items() if n in kinds and kinds[n].damps_like_an_order
              and isinstance(v, Free) and n not in problem.per_recording]  # fmt: skip
     if names and not _has_past(problem) and len(problem.recordings) == len(problem.experiments):
-        yield Element("friction that changes with time", in_parts(problem, PARTS, names), (), slow=True,
+        yield Element("friction that changes with time", in_parts(problem, PARTS, names), {}, slow=True,
                       whole=problem)  # fmt: skip
 
 
@@ -308,7 +310,7 @@ def _tried(name: str, rival: Rival, problem: Problem, best: Evaluation) -> tuple
 
 
 def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | None = None) -> Rival | None:
-    """Least squares from the best integer-order model so far, with the element at each of its entries.
+    """Least squares from the best integer-order model so far, with the element at each of its entries, or left off.
 
     Parameters
     ----------
@@ -326,19 +328,22 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
         None where its run fails.
     """
     problem, watch = element.problem, watch or Watch()
-    kinds = [n for n in element.names if n in problem.model.friction] if element.slow else []
+    kinds = [n for n in element.off if n in problem.model.friction] if element.slow else []
     values = {**shared_values(here.problem, here.evaluation.point), **here.values}
     starts = [embedded(problem, values | entry) for entry in entries(problem, kinds)]
     if not problem.names:
         end = problem.evaluate(problem.start)
     else:
         ends = [uninterrupted(refined(problem, x, watch, **ROUGH)).best for x in starts]
+        ends += (
+            [problem.evaluate(embedded(problem, values | element.off))] if element.off else []
+        )  # it holds that model
         end = min(ends, key=lambda e: e.cost)
         if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
             end = uninterrupted(refined(problem, end.point, watch, **FINE)).best
     if end.residuals is None:
         return None
-    return Rival(problem, end, here.integers, here.off, own=(*here.own, *element.names),
+    return Rival(problem, end, here.integers, here.off, own=(*here.own, *element.off),
                  elements=(*here.elements, element.name))  # fmt: skip
 
 
