@@ -43,7 +43,7 @@ from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, start_of
 from fracid.solver.memory import Memory, compressed
-from fracid.solver.solve import MOST, RUNS, alike, go_together
+from fracid.solver.solve import MOST, RUNS, go_together
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.job import in_threads
 from fracid.tasks.simulation_cache import Memo, Recent
@@ -189,10 +189,8 @@ class Problem(Parametrisation, CardDisplay):
 
     def _on_threads(self, work: Callable[[list[FloatArray]], list[_Found]], points: Points, jobs: int) -> list[_Found]:
         """What it gives for as many points at once as go together."""
-        parts = alike([x[list(self.order_indices)] for x in points], self.abreast)
-        found = in_threads(jobs, lambda few: work([points[k] for k in few]), parts)
-        results = dict(zip(chain(*parts), chain(*found), strict=True))
-        return [results[k] for k in range(len(points))]
+        parts = [list(points[k : k + self.abreast]) for k in range(0, len(points), self.abreast)]
+        return list(chain.from_iterable(in_threads(jobs, work, parts)))
 
     def levels(self, x: FloatArray) -> dict[str, float]:
         """The level of each output's residual, rms [rad]; infinite where a run fails."""

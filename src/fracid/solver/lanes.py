@@ -484,6 +484,29 @@ def for_lanes(function: Any) -> Any:
         return None
 
 
+def _started(rhs: int, runs: Sequence[Run]) -> list[Start]:
+    """How runs begin that step together: what solves fewer first steps than another takes more from its own loop.
+
+    Nothing where those fail.
+    """
+    starts = begun(rhs, runs, "pi")
+    most = max(starts, key=lambda start: start.together)
+    for k, (run, start) in enumerate(zip(runs, starts, strict=True)):
+        if start.together == most.together:
+            continue
+        kernels = run.kernels._replace(of=run.kernels.of[k::COUNT].copy())
+        few = run._replace(steps=most.together, every=1, kernels=kernels)
+        known = np.empty((few.steps + 1, len(run.orders)))
+        known[0] = run.past[0]
+        _, how = schemes.step_pi2(rhs, few, start, *room_for(few), False, known)
+        if how != COMPLETED:
+            return []
+        nothing = np.zeros_like(most.parabolas)
+        parabolas = start.parabolas if start.parabolas.shape == nothing.shape else nothing
+        starts[k] = start._replace(known=known, together=few.steps, knots=most.knots, parabolas=parabolas)
+    return starts
+
+
 def run_together(rhs: tuple[int, int], runs: Sequence[Run]) -> FloatArray | None:
     """The states of COUNT runs of ``pi2`` that differ in orders, parameters and initial states.
 
@@ -500,8 +523,8 @@ def run_together(rhs: tuple[int, int], runs: Sequence[Run]) -> FloatArray | None
         None where they part or end early: they are to be run one by one.
     """
     one, states = runs[0], len(runs[0].orders)
-    starts = begun(rhs[1], runs, "pi")
-    if any(start.together != starts[0].together for start in starts):
+    starts = _started(rhs[1], runs)
+    if not starts:
         return None
 
     def stacked(records: Sequence[Any], *names: str) -> dict[str, Any]:

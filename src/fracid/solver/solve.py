@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, groupby
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -316,19 +316,13 @@ def integrate_all(
     Together where that can be: by ``pi2``, with the same inputs for all, and no history (:mod:`fracid.solver.lanes`).
     """
     found = dict[int, Trajectory]()
-    for few in alike([equation.orders for equation, _ in posed], RUNS):
+    for first in range(0, len(posed), RUNS):
+        few = range(first, min(first + RUNS, len(posed)))
         chosen = [k for k in few if k in wanted]
         if chosen and len(few) >= FEW and go_together(posed[0][0].rhs, options.method):
             runs = _together([posed[k] for k in chosen], step, steps, options=options)
             found |= zip(chosen, runs or (), strict=False)
     return {k: found.get(k) or integrate(*posed[k], step, steps, options=options) for k in wanted}
-
-
-def alike(orders: Sequence[FloatArray], most: int) -> list[list[int]]:
-    """Which go together, by number, `most` at once: where orders lie on the same side of 1 they begin alike."""
-    kind = [(q < 1).tolist() for q in orders].__getitem__
-    groups = [[*group] for _, group in groupby(sorted(range(len(orders)), key=kind), kind)]
-    return [group[k : k + most] for group in groups for k in range(0, len(group), most)]
 
 
 FEW, RUNS = 3, 8

@@ -64,7 +64,7 @@ from bisect import insort
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import repeat
+from itertools import chain, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -355,7 +355,10 @@ def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
         sigmas = [exponents((*run.orders[m].tolist(),), (*of_time.tolist(),), family == PI3) if one.corrected else ()
                   for run, of_time, m in zip(runs, powers, moves, strict=True)]  # fmt: skip
         if len({*map(len, sigmas)}) > 1:
-            return [start for run in runs for start in begun(rhs, [run], family)]
+            alike = [[k for k, sigma in enumerate(sigmas) if len(sigma) == count] for count in {*map(len, sigmas)}]
+            found = [begun(rhs, [runs[k] for k in few], family) for few in alike]
+            of = dict(zip(chain(*alike), chain(*found), strict=True))
+            return [of[k] for k in range(len(runs))]
         s = _steps_together(family, sigmas[0])
         if s == 0 or (steps < s and len(one.u) > 1):  # no inputs are known beyond the end
             return [*map(_uncorrected, runs)]
