@@ -12,6 +12,7 @@ from program import run
 
 @pytest.mark.parametrize(("columns", "model", "roles"), [
     (["q", "qd", "tau"], "joint", {"angle": "q", "torque": "tau"}),
+    (["q/rad", "tau/mNm"], "joint", {"angle": "q/rad", "torque": "tau/mNm"}),
     (["joint0/position", "joint0/velocity", "joint0/effort"], "joint",
      {"angle": "joint0/position", "torque": "joint0/effort"}),
     (["force", "position"], "oscillator", {"displacement": "position", "force": "force"}),
@@ -65,6 +66,17 @@ def test_a_draft_begins_near_and_loads(tmp_path):
         assert free.start == pytest.approx(true, rel=0.1)
         assert free.lower < true < free.upper
     assert "slip_speed" not in problem.names
+
+
+def test_a_unit_of_a_header_that_is_not_known_is_told(tmp_path):
+    draft = draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [lbf]"), folder=tmp_path)
+    assert draft.columns["force"] == {"column": "force [lbf]", "unit": "N"}
+    assert any("which is not what its header says" in note and "scale=FACTOR" in note for note in draft.notes)
+
+
+def test_a_column_of_another_dimension_is_refused(tmp_path):
+    with pytest.raises(fracid.InputError, match=r"'force \[MPa\]' is in Pa, as the header says, and force in N"):
+        draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [MPa]"), folder=tmp_path)
 
 
 def test_init_writes_the_project_of_the_model_that_it_found_and_says_which(tmp_path, capsys, monkeypatch):

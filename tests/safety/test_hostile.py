@@ -96,8 +96,6 @@ COUNTS = np.rint(4096 / (2 * np.pi) * ALPHA)
         ("t,alpha [counts]", T, COUNTS, {"alpha": 1}, "alpha is in counts, as the header says; type counts_per_turn ="),
         ("t,alpha", T, COUNTS, {"alpha": {"column": 1, "counts_per_turn": 4096}}, 'type unit = "counts", or leave'),
         ("t,alpha", T, ALPHA, {"alpha": {"column": 1, "unit": "deg", "counts_per_turn": 4}}, "and its unit is deg"),
-        ("t,alpha [mrad]", T, 1e3 * ALPHA, {"alpha": 1}, 'type unit = "rad", scale = 0.001.'),
-        ("t,alpha [gon]", T, np.degrees(ALPHA) / 0.9, {"alpha": 1}, 'type unit = "deg", scale = 0.9.'),
         ("t,alpha", T, ALPHA, {"alpha": 0}, "alpha and time are both column 0, 't', of swing.csv; give each its own."),
         ("t,alpha", T, ALPHA, {"theta": 1, "alpha": 1}, "alpha and theta are both column 1"),
     ],
@@ -122,6 +120,12 @@ def test_what_a_header_says_of_time_and_counts_is_taken(tmp_path, header, factor
     assert found.step == pytest.approx(0.004, rel=1e-6)
     assert np.ptp(found.signals["alpha"]) == pytest.approx(np.ptp(ALPHA), abs=1e-9)
     assert found.report.findings == ()
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("mrad", 1e3), ("gon", 200 / np.pi), ("\u00b5rad", 1e6), ("rev", 0.5 / np.pi)])
+def test_a_unit_of_a_header_is_the_units_own_factor(tmp_path, unit, factor):
+    found = load_recording(written(tmp_path, f"t,alpha [{unit}]", T, factor * ALPHA), {"alpha": 1})
+    np.testing.assert_allclose(found.signals["alpha"], ALPHA, rtol=1e-8, atol=1e-12)
 
 
 def test_a_rate_that_the_files_own_clock_denies_is_told_however_the_recording_is_cut(tmp_path):

@@ -19,7 +19,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
-from fracid.findings import Words
+from fracid.findings import Words, with_code
 from fracid.models import Model, Parameter, model
 from fracid.models.base import ZEROS
 from fracid.models.library import table_of
@@ -104,6 +104,10 @@ def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[di
         fields, why = {"unit": unit}, f"in {unit}, the model's unit"
     if column in raw.assumed and unit == "rad":
         fields, why = unit_of(raw, column, "angle")
+    if column not in raw.assumed and raw.units[column] != unit:
+        raise InputError(SAYS("other-unit", name=name, column=column, model=model, unit=unit, own=raw.units[column]))
+    if any(note.where == column for note in with_code(raw.report.reading, "header-taken-as")):
+        why += SAYS("other-header", name=name, column=column)
     return {"column": int(place) if place.isdigit() else column} | fields, why
 
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.library import MODEL, table_of
+from fracid.recording.channel import without_unit
 
 SAYS = Words("problem/roles.toml")
 
@@ -31,19 +32,19 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
 
     Examples
     --------
-    >>> roles_of("joint", ["q", "qd", "tau"])
-    {'angle': 'q', 'torque': 'tau'}
+    >>> roles_of("joint", ["q", "qd", "tau"]), roles_of("joint", ["q/rad", "u [V]"])
+    ({'angle': 'q', 'torque': 'tau'}, {'angle': 'q/rad', 'voltage': 'u [V]'})
     >>> roles_of("cart-pole", ["cart_pos", "cart_vel", "pole_angle", "force"])
     {'position': 'cart_pos', 'angle': 'pole_angle', 'force': 'force'}
     """
     patterns: dict[str, str] = table_of(model)["columns"]
-    roles: dict[str, str] = {}
+    called, roles = {c: without_unit(c).lower() for c in columns}, dict[str, str]()
     for signal, pattern in patterns.items():
         free = [c for c in columns if c not in roles.values()]
-        exact = [c for c in free if re.sub(r"\s*[\[(].*", "", c.lower()) == signal]  # "angle [rad]"
-        found = exact or [c for c in free if re.search(pattern, c.lower()) and not re.search(RATE, c.lower())]
+        exact = [c for c in free if called[c] == signal]
+        found = exact or [c for c in free if re.search(pattern, called[c]) and not re.search(RATE, called[c])]
         own = {s: p for s, p in patterns.items() if s != signal}  # "pole_pos" is the cart's only where no other is
-        found.sort(key=lambda c: sum(bool(re.search(p, c.lower())) for p in own.values()))
+        found.sort(key=lambda c: sum(bool(re.search(p, called[c])) for p in own.values()))
         if found:
             roles[signal] = found[0]
     return roles

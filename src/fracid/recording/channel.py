@@ -11,6 +11,7 @@ as they are.  ``zero = "rest"`` is the mean of the recording's tail, which must 
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -38,9 +39,6 @@ SPELLINGS = {other: n for n, row in TABLES["signal"].items() for other in row.ge
 
 COUNTING = frozenset({"counts", "count", "cnt", "cnts", "ticks", "tick", "pulses", "increments", "inc"})
 """Units of headers that are counts of an encoder."""
-
-ELSEWHERE: dict[str, tuple[str, str]] = {n: (row["unit"], row["scale"]) for n, row in TABLES["elsewhere"].items()}
-"""Units of headers that are none of ``UNITS``: the unit and the scale to type for them."""
 
 
 @dataclass(frozen=True)
@@ -176,16 +174,29 @@ def header_unit(word: str) -> str | None:
 
 
 def unit_in_name(name: str) -> str:
-    """The unit that a column's name ends in, ``force_N`` or ``gyro_rad_s``; "" for none: one small letter is an index.
+    """The unit that a column's name ends in, ``force_N``, ``tau/mNm``; "" for none: one small letter is an index.
 
     Examples
     --------
-    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "theta_m", "phi")]
-    ['mm', 'deg_s', '', '']
+    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "tau/mNm", "theta_m", "phi")]
+    ['mm', 'deg_s', 'mNm', '', '']
     """
-    words = name.split("_")[1:]
+    words = re.split("[_/]", name)[1:]
     ends = ("_".join(words[k:]) for k in range(len(words)))
     return next((end for end in ends if header_unit(end) and (len(end) > 1 or end.isupper())), "")
+
+
+def without_unit(name: str) -> str:
+    """A column's name without the unit behind it.
+
+    Examples
+    --------
+    >>> [without_unit(n) for n in ("u [V]", "u_V", "q/rad", "theta_m")]
+    ['u', 'u', 'q', 'theta_m']
+    """
+    name = re.sub(r"\s*[\[(].*", "", name)
+    unit = unit_in_name(name)
+    return name[: -len(unit) - 1] if unit else name
 
 
 def _rest(value: NDArray[np.float64], name: str) -> float:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Note, Words
-from fracid.recording.channel import COUNTING, ELSEWHERE, Channel, Specs, header_unit, unit_in_name
+from fracid.recording.channel import COUNTING, Channel, Specs, header_unit, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -106,11 +106,9 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
         return replace(channel, unit=unit), Note(f"{name} has no unit: taken as {unit}.", f"taken-as-{unit}", name)
     if not guessed and counting:
         raise InputError(SAYS("counts-of-header", name=name))
-    if not guessed and header.lower() in ELSEWHERE:
-        base_unit, scale = ELSEWHERE[header.lower()]
-        raise InputError(f'{name} is in {header}, as the header says; type unit = "{base_unit}", scale = {scale}.')
     unit = "1" if re.search(r"[/^²³%]", header) else unit  # a quotient, a power or a share is no angle
-    return replace(channel, unit=unit), SAYS("header-taken-as", name=name, header=short_text(header), unit=unit)
+    said = SAYS("header-taken-as", name=name, header=short_text(header), unit=unit)
+    return replace(channel, unit=unit), Note(said, said.code, name)
 
 
 def hold_blanks(raw: FloatArray, name: str, channel: Channel) -> tuple[FloatArray, str]:
