@@ -212,7 +212,7 @@ def test_a_run_is_the_same_to_the_bit_whatever_is_kept(tmp_path):
     together = [ended(process) for process in [begun(tmp_path / "cache"), begun(tmp_path / "cache")]]
     warm = ended(begun(tmp_path / "cache"))
     kept_files = files(tmp_path)
-    assert len(kept_files) > 5
+    assert len(kept_files) > 3
     for place, file in enumerate(kept_files):
         content = file.read_bytes()
         file.write_bytes(content[: place * 1000] + b"broken" * 1000)

@@ -40,7 +40,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import rounded
-from fracid.errors import Failure
+from fracid.errors import Failure, InputError
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.derivatives import by_blocks
@@ -247,7 +247,10 @@ def _effects(problem: Problem, x: FloatArray) -> FloatArray:
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
     if problem.in_windows or problem.model.zero == "upright":  # a window remembers more; rest is at π: half is nowhere
         return
-    smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
+    try:
+        smaller = replace(problem, experiments=tuple(map(_halved, problem.experiments)))
+    except InputError:  # an output that is more than its states, such as a voltage at rest, is not halved with them
+        return
     if smaller.names != problem.names:  # half the motion begins otherwise: a joint that slid does not
         return
     angles = np.array([_is_angle(problem, u) or (u.kind == "initial" and not u.complete) for u in problem.unknowns])

@@ -256,12 +256,13 @@ def chosen_window(problem: Problem) -> float | None:
         if not can_be_windowed(problem) or all(map(dies, problem.experiments)):
             return None
         found = prediction(problem, problem.start)
-        return PARTS * found.window if math.isfinite(found.seconds) else None
+        return PARTS * found.window if found.window > 0 and math.isfinite(found.seconds) else None
     if problem.windows == "none":
         return None
-    seconds = problem.windows
-    if isinstance(seconds, bool | str) or not 0 < seconds < math.inf:
-        raise InputError(f'windows = {brief(seconds)}; expected "auto", "none", or the seconds of a window, above 0.')
+    seconds, least = problem.windows, 2 * max(e.step for e in problem.experiments)
+    if isinstance(seconds, bool | str) or not least <= seconds < math.inf:
+        raise InputError(f'windows = {brief(seconds)}; expected "auto", "none", or the seconds of a window, '
+                         f"{least:g} or more: two samples.")  # fmt: skip
     if not can_be_windowed(problem):
         raise InputError("windows: a window begins anew, and not all states of this model can be read from what was "
                          'measured. Type windows = "none".')  # fmt: skip

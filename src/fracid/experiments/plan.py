@@ -299,7 +299,7 @@ def _sheet(plan: Plan) -> str:
 def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
     """A project for recordings that are not there yet."""
     p, table = subject.problem, subject.table.get("model", {})
-    own = {k: table[k] for k in ("name", "rig", "zero", "actuation") if k in table}
+    own = {k: v for k, v in table.items() if k not in ("parameters", "orders")}
     actuation = {"actuation": p.model.inputs[0]} if p.model.name == "rotary-pendulum" and p.model.inputs else {}
     head = own or {"name": p.model.name, **({"zero": p.model.zero} if p.model.zero else {}), **actuation}
     values: dict[str, Given] = {} if own.get("rig") else {q.name: q.value for q in p.model.parameters}
@@ -334,6 +334,7 @@ def _recording(subject: Subject, number: int, c: Candidate) -> dict[str, Any]:
         name = driven(p)
         column = known.get(name, {"column": name, "unit": p.model.input_unit(name)})
         between = "line" if name in p.model.input_rates.values() else "hold"
+        column = column if isinstance(column, Mapping) else {"column": column}
         entries |= {name: {**column, "between": between}, "amplifier": known.get("amplifier", {})}
     else:
         moment = subject.space.moment

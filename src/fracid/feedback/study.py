@@ -38,7 +38,7 @@ from fracid.safety.schema import as_json, record_of
 from fracid.schemas.feedback import SECONDS, Conditions, Controller, ControlRecord, Design, Trial, margin_text
 from fracid.signals.noise import noise_floor
 from fracid.signals.resolution import resolution
-from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.arguments import Equation, InitialCondition, Options, check_above_0
 from fracid.solver.closed_loop import Loop, step_closed
 from fracid.solver.memory import compressed
 from fracid.solver.right_hand_side import compile_rhs
@@ -236,6 +236,11 @@ def conditions_of(
     """The loop as the recordings have it, but for what is given; as of :func:`control`."""
     at, within = at or {}, within or {}
     model, e = problem.model, problem.experiments[0]
+    for given, value in {"limit": limit, "rate": rate}.items():
+        if value is not None:
+            check_above_0(given, value)
+    if delay is not None and not 0 <= delay < math.inf:
+        raise InputError(f"delay = {delay!r}: expected a number of seconds, 0 or more.")
     if not model.inputs:
         raise InputError(f"{model.name} has no input: there is nothing to control it with.")
     for channel, s in {**e.sensors, **e.actuators}.items():
@@ -261,8 +266,6 @@ def conditions_of(
     refuse_unknown("output", outputs, *away, *within)
     far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
-    if not 0 < period < math.inf:
-        raise InputError(f"rate = {rate!r}: expected a number of samples a second above 0.")
     conditions = Conditions(
         there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name, model.input_units.get(name, "1"),
         at_rest=float(there.inputs[model.inputs.index(name)]), least=-most, most=most,

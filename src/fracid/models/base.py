@@ -699,6 +699,8 @@ def _check_names(model: Model) -> None:
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise InputError(f"model {model.name}: {twice[0]!r} stands twice in {what}; names must differ")
+    for order in {*model.orders}.intersection((*model.states, *model.inputs, *model.parameter_names)):
+        raise InputError(SAYS("order-taken", model=model, order=order))
     if model.zero not in ZEROS:
         raise InputError(f"model {model.name}: zero = {model.zero!r}; expected one of {ZEROS}")
 

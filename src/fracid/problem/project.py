@@ -44,6 +44,7 @@ import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -95,7 +96,7 @@ CHANNEL = tuple(field.name for field in fields(Channel))
 ORDER_RANGE = Free(1.0, 0.5, 1.2)
 """Where an order is looked for when nothing is said: hanging motion is stable only below 1 + (2/π)·asin ζ."""
 
-SPRINGPOT_RANGE = Free(0.5, 0.02, 0.98)
+SPRINGPOT_RANGE = Free(0.5, 0.02, 1.0)
 """The same of a springpot's."""
 
 ALTERNATIVE = "alternative"
@@ -670,10 +671,14 @@ def _load(
         raise InputError(f"{name}: from = {spec.start:g} is not before to = {spec.stop:g}.")
     if whence and not (folder / spec.file).exists():
         raise InputError(f"no file {folder / spec.file}. The project says: {whence}")
-    recording = load_recording(
-        folder / spec.file, columns, time=spec.time, start=None if past else spec.start, stop=spec.stop, name=name,
-        variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
+    load = partial(
+        load_recording, folder / spec.file, time=spec.time, start=None if past else spec.start, stop=spec.stop,
+        name=name, variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
+    recording = load(columns)
+    numbers = [n for n in recording.assumed if model.output_units.get(n) == "1"]  # the model says it, no file
+    if numbers:
+        recording = load(columns | {n: replace(Channel.of(columns[n]), unit="1") for n in numbers})
     held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
     constants = {n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()}

@@ -48,6 +48,7 @@ def choose_channels(
     still = {j for j in others if j not in blank and np.all(table.values[rows, j] == table.values[rows, j][0])}
     late = [j for j in others if time is not None and table.values[0, j] > CLOCK_STAMP]
     clocks = {j for j in late if unevenness(table.values[:, j]) is not None}  # dates that increase
+    clocks |= {j for j in others if len(rows) > 2 and np.all(np.diff(table.values[:, j]) == 1.0)}  # numbers of rows
     if not (indices := [j for j in others if j not in blank | still | clocks] or [*still]):
         names = ", ".join(table.names[j] for j in [*blank][:20]) or ", ".join(table.names[:20])
         reason = " ".join(_left_out(table)) or f"{'Blank throughout' if blank else 'Its columns'}: {names}."

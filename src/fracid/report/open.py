@@ -142,7 +142,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
 
 def _order(m: Model, name: str) -> dict[str, Any]:
     springpot = name in m.springpot_orders.values()
-    low, start, high = (0.02, 0.5, 0.98) if springpot else (0.6, 1.0, 1.2)
+    low, start, high = (0.02, 0.5, 1.0) if springpot else (0.6, 1.0, 1.2)
     return {"name": name, "letter": letter(name), "low": low, "start": start, "high": high,
             "integer": m.integer_orders.get(name, 1.0)}  # fmt: skip
 

@@ -34,6 +34,7 @@ from fracid.arrays import joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
+from fracid.models.base import NEAR_0
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
@@ -196,7 +197,8 @@ class Rival:
             return {}
         orders = {n: v for n, v in integer_values(problem).items() if isinstance(v, float | int)}
         off = {n: problem.model.friction[n].off for n in springpots(problem)}
-        return {**self.values, **orders, **off}
+        ends = {n: self.problem.parameter_starts[n] for n in complements(problem) if n not in off}
+        return {**self.values, **orders, **off, **ends}
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -247,16 +249,27 @@ def integer_rival(
         return None
     whole = without(problem, springpots(problem))
     ranges = _seen(whole, best, freed_friction(whole)) if whole.names == problem.names else freed_friction(whole)
-    rival = replace(whole, parameters={**whole.parameters, **ranges}, method="pi2", orders=integer_values(whole))
-    as_found = embedded(rival, problem.named(best.point))
-    if rival.names:
-        integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
-    else:
-        integer = rival.evaluate(rival.start)
-    if integer.residuals is None:
-        return None
-    orders = _in_words(problem)
-    return Rival(rival, integer, orders, off, own=tuple(ranges))
+    rivals = []
+    for end in (0.0, 1.0 - NEAR_0) if complements(whole) else (0.0,):  # a spring or a dashpot, if they are springpots
+        fixed = dict.fromkeys(complements(whole), end)
+        rival = replace(whole, parameters={**whole.parameters, **ranges, **fixed}, method="pi2",
+                        orders=integer_values(whole),
+                        per_recording=tuple(n for n in whole.per_recording if n not in fixed))  # fmt: skip
+        as_found = embedded(rival, problem.named(best.point))
+        if rival.names:
+            integer = uninterrupted(growing(rival, rival.start, watch or Watch(), also=(as_found,))).best
+        else:
+            integer = rival.evaluate(rival.start)
+        in_words = "; ".join([f"{n} = {end:.0f}" for n in fixed] or [_in_words(problem)])
+        rivals.append(Rival(rival, integer, in_words, off, own=tuple(ranges)))
+    nearest = min(rivals, key=lambda r: r.evaluation.cost)
+    return None if nearest.evaluation.residuals is None else nearest
+
+
+def complements(problem: Problem) -> tuple[str, ...]:
+    """The free parameters ν of orders 1 − ν."""
+    names = (problem.model.parameter_names[k] for _, k in problem.model.complements)
+    return tuple(n for n in names if isinstance(problem.parameters.get(n), Free))
 
 
 def springpots(problem: Problem) -> tuple[str, ...]:
@@ -289,7 +302,7 @@ def claimable(problem: Problem) -> tuple[int, ...]:
     """
     kinds = problem.model.friction
     own = [n for n in springpots(problem) if kinds[n].off > 0.0]
-    own += [problem.model.parameter_names[k] for _, k in problem.model.complements]
+    own += complements(problem)
     return tuple(i for i, u in enumerate(problem.unknowns) if i in problem.order_indices or u.target in own)
 
 

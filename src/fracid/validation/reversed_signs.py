@@ -100,10 +100,11 @@ def _two_swings(problem: Problem) -> Problem | None:
     period, begins = min(((swing_period(y), swing_start(y)) for y in moving), default=(math.inf, 0))
     if not math.isfinite(period) or e.past is not None:
         return None
-    every = max(1, round(period / SAMPLES))
-    n = min(len(e.measured), begins + round((SWINGS + 0.25) * period))
-    inputs = e.inputs if len(e.inputs) == 1 else np.ascontiguousarray(e.inputs[:n:every])
-    short = replace(e, step=every * e.step, measured=np.ascontiguousarray(e.measured[:n:every]), inputs=inputs)
+    every = max(1, round(period / SAMPLES)) if e.times is None else 1
+    early = e.until(float(e.time[min(len(e.measured), begins + round((SWINGS + 0.25) * period)) - 1]))
+    inputs = early.inputs if len(early.inputs) == 1 else np.ascontiguousarray(early.inputs[::every])
+    short = replace(early, step=every * e.step, measured=np.ascontiguousarray(early.measured[::every]), inputs=inputs,
+                    deviation=None)  # fmt: skip
     return replace(problem, experiments=(short,), cost_function=COSTS["rmse"], weights="equal", memo=None,
                    substeps=max(1, round(SAMPLES * every / period)), method="pi2")  # fmt: skip
 

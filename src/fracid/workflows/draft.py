@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from fracid.errors import InputError, writing
+from fracid.errors import InputError, refuse_unknown, writing
 from fracid.estimation.horizons import horizons
+from fracid.models.base import ZEROS
+from fracid.models.library import MODEL
 from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
 from fracid.problem.model_draft import draft_of_model
@@ -61,6 +63,10 @@ def write_draft(
     True
     """
     name = model or chosen_model(file, columns, **options)
+    refuse_unknown("model", (ROTARY, *MODEL), name)
+    refuse_unknown("--zero", ZEROS[:2], *filter(None, [zero]))
+    if name == ROTARY and zero:
+        raise InputError(f"--zero is none of a {ROTARY}, whose motion shows it; leave it out, and see the draft's zero.")
     if name != ROTARY:
         rig = options.pop("rig", None)
         if rig is not None:
