@@ -2,8 +2,8 @@
 
 The equations are solved again at half the step, and there with ``pi2``, of second order; all free parameters are then
 re-estimated from x.  One that shifts by more than its CI half-width is in part an artefact of the scheme: explicit
-Euler's anti-damping, for one, shifts the orders.  A cost of ``pi2`` that changes by more than 5 % at half the step
-means that the step is too coarse (steep dry friction).
+Euler's anti-damping, for one, shifts the orders.  A cost that changes by more than 5 % at half the step of a scheme
+of second order means that the step is too coarse (steep dry friction).
 
 Where the step is the fit's to choose, :func:`finer_step` halves it, and refines the minimum there, until no parameter
 shifts by more than a fifth of its half-width, which costs a 95 % interval less than one of its hundredths: as long as
@@ -33,6 +33,7 @@ from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
+from fracid.solver.methods import METHODS
 from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
 
@@ -254,7 +255,7 @@ def _minimum_of(
 
 def _costs_differ(method: str, check: Discretisation) -> bool:
     """Whether half the step changes the cost by too much."""
-    return method == "pi2" and abs(check.cost_half_step - check.cost) > COARSE * check.cost
+    return METHODS[method].convergence_order >= 2 and abs(check.cost_half_step - check.cost) > COARSE * check.cost
 
 
 def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:

@@ -74,7 +74,8 @@ class Table:
         """
         if isinstance(key, int) and 0 <= key < len(self.names):
             return key
-        for names in (self.names, tuple(map(_bare, self.names))):  # "theta [deg]", or "theta" for short
+        numbered = tuple(f"{name} ({j})" for j, name in enumerate(self.names))  # as columns of one name are called
+        for names in (self.names, tuple(map(_bare, self.names)), numbered):  # "theta [deg]", or "theta" for short
             if names.count(str(key)) > 1:
                 many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
                 raise InputError(f"{self.source} has {many}: give its position.")
