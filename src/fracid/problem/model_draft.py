@@ -139,7 +139,9 @@ class _Page:
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.recordings = [self._recording_of(file) for file in files]
         moves = {s.name for s in self.recordings[0].report.signals if s.range > 0}
-        self.driven = bool(moves & {*self.model.inputs})
+        self.driven = moves & {*self.model.inputs}
+        gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
+        self.scaled = bool(self.driven - gains)  # by what drives it, whose own gain is known
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
@@ -263,7 +265,11 @@ class _Page:
     def sought(self, name: str) -> bool:
         """Whether a parameter is to be found from the recording."""
         row = self.table["model"]["parameters"][name]
-        return not row.get("known") and not (row.get("gauge") and not self.driven) and not row.get("needs")
+        return not row.get("known") and not self.is_gauge(name) and not row.get("needs")
+
+    def is_gauge(self, name: str) -> bool:
+        """Whether a parameter must be known, for the recording tells all others as multiples of it."""
+        return not self.scaled and self.table["model"]["parameters"][name].get("gauge", False)
 
     def _slides(self, name: str) -> bool:
         """Whether it is a dry friction, which every rig has: too small to be seen in the equations, it ends a swing."""

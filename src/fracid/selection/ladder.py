@@ -60,6 +60,7 @@ from fracid.models.friction import BY_NAME, LOAD, RUNGS
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.unknowns import Value
 from fracid.selection.integer_rival import freed_friction, freed_rests, moving
+from fracid.signals.noise import noise_floor
 from fracid.solver.methods import METHODS
 
 SAYS = Words("selection/ladder.toml")
@@ -83,8 +84,9 @@ ORDER = Free(1.0, 0.5, 1.2)
 MOVE = 1e-2
 """An unknown is moved by this part of its range to see whether the recordings see it."""
 
-SEEN = 1e-4
-"""They do if that changes an output by this part of its scatter."""
+SEEN, OF_NOISE = 1e-4, 1e-2
+"""They do if that changes an output by this part of its scatter, or by this one of its noise: as much as the noise over
+the whole range."""
 
 
 @dataclass(frozen=True)
@@ -456,7 +458,7 @@ def _together(problem: Problem, parameters: Mapping[str, Value]) -> dict[str, Va
 
 
 def unseen(problem: Problem, threshold: float) -> set[str]:
-    """Free orders and parameters whose move changes no output by more than `threshold` of its scatter.
+    """Free orders and parameters whose move changes no output by more than `threshold` of its scatter, or the noise.
 
     Examples
     --------
@@ -473,15 +475,17 @@ def unseen(problem: Problem, threshold: float) -> set[str]:
     here = problem.errors(x)
     if isinstance(here, Failure):
         return set()
-    scatter = [np.std(e.measured, axis=0) for e in problem.experiments]
-    floors = [np.maximum(s, 1e-3 * max(float(np.max(s)), 1e-300)) for s in scatter]  # an arm that stands still
+    least = []
+    for y in (e.measured for e in problem.experiments):
+        scatter, noise = np.std(y, axis=0), OF_NOISE * np.array([noise_floor(column) for column in y.T])
+        floor = threshold * np.maximum(scatter, 1e-3 * np.max(scatter))  # an arm that stands still
+        least.append(np.minimum(floor, np.where(noise > 0, noise, math.inf)))
 
-    def change(target: str) -> float:
+    def is_seen(target: str) -> bool:
         there = problem.errors(x + step * np.array([u.target == target for u in problem.unknowns]))
-        if isinstance(there, Failure):
-            return np.inf
-        return max(float(np.max(np.sqrt(np.mean((a - b) ** 2, axis=0)) / f))
-                   for a, b, f in zip(here, there, floors, strict=True))  # fmt: skip
+        return isinstance(there, Failure) or any(
+            np.any(np.sqrt(np.mean((a - b) ** 2, axis=0)) > c) for a, b, c in zip(here, there, least, strict=True)
+        )
 
     targets = dict.fromkeys(u.target for u in problem.unknowns if u.kind in ("order", "parameter"))
-    return {target for target in targets if change(target) <= threshold}
+    return {target for target in targets if not is_seen(target)}

@@ -17,7 +17,8 @@ functions of t.  ``[model]`` is a project's; what it has beside is
 ``begins``          state → the output near whose first sample it begins
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
-                    ``gauge = true`` for what must be, where nothing drives the model, ``rung`` of the ladder,
+                    ``gauge = true`` for what must be, where nothing of its unit drives the model, ``scales`` for
+                    the input that a gain makes into that unit, ``rung`` of the ladder,
                     ``corner = true`` for what linear models are without, ``between``, bounds that do not follow from
                     a value, and ``free``, ``"always"`` or ``"driven"``, where the rest of the row does not say it
 ``symbols`` …       input or definition → how it is printed, and ``drive``, ``seen_in``, ``paper`` of a model
