@@ -50,7 +50,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import GREEK, half_of, with_unit
+from fracid.units import GREEK, half_of, with_interval, with_unit
 
 SAYS = Words("estimation/parameter_verdicts.toml")
 
@@ -160,9 +160,15 @@ class _View:
         self.names = problem.names
 
     def half(self, i: int) -> float:
-        """The longer side of the interval, were no bound to cut it; infinite where there is none."""
-        tangent = NORMAL_95 * float(np.nan_to_num(self.known.standard_error[i]))
-        return max(half_width(self.known, self.x, i), tangent) or math.inf
+        """The longer side of the interval, were its own bound not to cut it; infinite where there is none."""
+        own, tangent = half_width(self.known, self.x, i), NORMAL_95 * float(np.nan_to_num(self.known.standard_error[i]))
+        reach, (low, high) = self.problem.unknowns[i].range, self.known.ends[i]
+        return (own if reach.lower < low and high < reach.upper else max(own, tangent)) or math.inf
+
+    def shown(self, i: int) -> str:
+        """Its interval in words."""
+        ends, x = self.known.interval(self.x, i), float(self.x[i])
+        return rounded(x, self.half(i)) if ends is None else re.sub(r"(?<!e)-", "−", with_interval(x, *ends))
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
         u, half = self.problem.unknowns[i], self.half(i) if half is None else half
@@ -369,8 +375,9 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    text = f"its interval is {rounded(float(view.x[i]), view.half(i))}"
-    if view.problem.unknowns[i].kind == "parameter" and abs(view.x[i]) < view.half(i):
+    text = f"its interval is {view.shown(i)}"
+    low, high = view.known.interval(view.x, i) or view.x[i] + view.half(i) * np.array((-1.0, 1.0))
+    if view.problem.unknowns[i].kind == "parameter" and low <= 0 <= high:
         text += ", which includes 0"
     if view.half(i) > reach.upper - reach.lower:
         bounds = re.sub(r"(?<!e)-", "−", f"{reach.lower:.3g} … {reach.upper:.3g}")
