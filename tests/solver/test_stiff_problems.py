@@ -81,8 +81,21 @@ def test_at_other_orders_two_schemes_meet_or_one_says_that_it_does_not_settle(pr
             assert run.states[-1] == pytest.approx(fine.states[-1], rel=5e-3, abs=1e-9)
 
 
-@pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "pi3"])
-def test_a_step_that_has_no_solution_ends_the_run_and_names_what_to_type(method):
+@pytest.mark.parametrize("order", [1.0, 0.9, 0.7])
+@pytest.mark.parametrize(("drag", "weight", "step"), [(100.0, 9.81, 0.1), (10.0, 100.0, 0.3), (30.0, 9.81, 0.3)])
+@pytest.mark.parametrize("method", ["bdf2", "pi2-implicit"])
+def test_newtons_method_stays_with_the_root_that_the_last_step_had(method, drag, weight, step, order):
+    def drops(t, x, u, p, out):
+        out[0] = p[1] - p[0] * x[0] * x[0]
+
+    run = solve_fde(drops, order, [0.0], step=step, end=30 * step, parameters=[drag, weight], method=method)
+    assert run.completed
+    assert run.states.min() >= 0
+    assert run.states[-1, 0] == pytest.approx(np.sqrt(weight / drag), rel=0.02)
+
+
+@pytest.mark.parametrize("method", ["pi2", "pi3"])
+def test_a_step_that_sweeps_lead_astray_ends_the_run_and_names_what_to_type(method):
     run = solve_fde(falls, 1.0, [0.0], step=0.1, end=5.0, method=method)
     assert run.outcome is Outcome.UNSETTLED
     assert run.time[-1] < 0.5

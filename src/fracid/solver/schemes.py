@@ -501,7 +501,10 @@ def _jump(rhs, n, t, x, u, after, p, f, before, jump, entered, trial):
 
 @inline
 def _predict(n, j, run, started, rows, f, ahead, curve):
-    """Fill in what is known of step n, and x: f goes on in a straight line, or in a parabola where `curve` is 1."""
+    """Fill in what is known of step n, and x: f goes on in a straight line, or in a parabola where `curve` is 1.
+
+    Where Newton's method takes every step it begins at the last x: a steep f that goes on leads to another root.
+    """
     x, before, earlier, _, known, newest, _, jump, _, share = rows
     free = n >= max(len(run.past) - 1, started.together + 1)
     for i in range(len(x)):
@@ -509,7 +512,10 @@ def _predict(n, j, run, started, rows, f, ahead, curve):
         if len(run.after) > 0:
             known[i] += share[i] * jump[i]
         bend = curve * (f[i] - 2 * before[i] + earlier[i])
-        x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend) if free else started.known[n, i]
+        if not free:
+            x[i] = started.known[n, i]
+        elif run.corrections > 0:
+            x[i] = known[i] + newest[i] * (2 * f[i] - before[i] + bend)
         earlier[i], before[i] = before[i], f[i]
     return free
 
