@@ -375,6 +375,9 @@ def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | Non
     return deviation
 
 
+OF_AN_INPUT = 8
+"""Steps of the grid from sample to sample of an input that always moves: its corners lie between the grid's points."""
+
 ODD = 1e-3
 """Share of uneven samples that may lie nearer to the next than a step: a stamp that is off does not set it."""
 
@@ -387,6 +390,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
     """The step with which a model goes through uneven samples, and the inputs on its grid."""
     step = float(np.quantile(np.diff(times), ODD, method="lower"))
     step /= math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step))
+    drives = np.mean(np.any(np.diff(inputs, axis=0) != 0.0, axis=1)) > 0.5 if len(inputs) > 1 else False
+    step /= OF_AN_INPUT if drives else 1
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
         raise InputError(SAYS("uneven-step", recording=recording, step=step, length=times[-1], count=count,

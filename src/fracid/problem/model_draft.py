@@ -43,6 +43,9 @@ FEWEST = 50
 CROWDED = 3.0
 """Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
 
+JITTER, FEW = 0.02, 20_000
+"""Of half of the steps, relative, from which on they are no grid; in so few samples: more are fitted on one, faster."""
+
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
 
@@ -314,7 +317,11 @@ class _Page:
             yield state, float(y[0]), float(np.ptp(y))
 
     @staticmethod
-    def crowded(recording: Recording) -> bool:
-        """Whether samples lie much closer in one quarter of the record than in another."""
-        steps = [np.median(part) for part in np.array_split(np.diff(recording.time), 4)]
-        return bool(max(steps) > CROWDED * min(steps))
+    def uneven(recording: Recording) -> str:
+        """Why samples are to stay where they are: they crowd in a quarter of the record, or jitter; else nothing."""
+        dt = np.diff(recording.time)
+        steps = [np.median(part) for part in np.array_split(dt, 4)]
+        if max(steps) > CROWDED * min(steps):
+            return "its samples crowd where much happens"
+        jitters = len(dt) < FEW and np.median(np.abs(dt / np.median(dt) - 1.0)) > JITTER
+        return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
