@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -146,6 +147,44 @@ def test_json_is_alone_on_standard_output_and_the_same_as_the_file(capsys, folde
 
 
 # --- going on -----------------------------------------------------------------------------------------------
+
+
+LAGS = """
+[model]
+name = "lag"
+inputs = { u = "1" }
+[model.equations]
+x = { equals = "b*u - a*x", order = "q" }
+[model.outputs]
+x = { equals = "x", unit = "1" }
+[model.parameters]
+a = { start = 1.0, lower = 0.01, upper = 50.0 }
+b = { start = 1.0, lower = 0.01, upper = 50.0 }
+[[recording]]
+file = "lag.csv"
+u = 1
+x = 2
+[[alternative]]
+name = "integer lag"
+[alternative.equations]
+x = "b*u - a*x"
+[alternative.outputs]
+x = { equals = "x", unit = "1" }
+[alternative.parameters]
+a = { start = 1.0, lower = 0.01, upper = 50.0 }
+b = { start = 1.0, lower = 0.01, upper = 50.0 }
+"""
+
+
+@pytest.mark.broad
+def test_an_alternative_without_orders_stands_in_the_table(capsys, tmp_path):
+    t = np.arange(0, 5, 0.05)
+    x = 1 - np.exp(-t) + 1e-2 * np.random.default_rng(1).standard_normal(100)
+    np.savetxt(tmp_path / "lag.csv", np.c_[t, t >= 0, x], delimiter=",", header="t,u,x", comments="")
+    (tmp_path / "lag.toml").write_text(LAGS, encoding="utf-8")
+    code, out, err = run(capsys, "compare", tmp_path / "lag.toml", "--out", tmp_path / "run")
+    assert (code, err) == (0, "")
+    assert re.search(r"integer lag +1 +3 ", out)
 
 
 @pytest.mark.broad

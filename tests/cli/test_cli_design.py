@@ -102,10 +102,28 @@ initial_state = "rest"
 """
 
 
+WRITTEN = LAG_PROJECT.replace("""name = "lag.py:model"
+""", """name = "cell"
+inputs = { current = "A" }
+[model.equations]
+cell = { equals = "gain*current - rate*cell", order = "q" }
+[model.outputs]
+volts = { equals = "cell", unit = "V" }
+""").replace('{ column = "current", unit = "A", between = "line" }', '"current"')  # fmt: skip
+
+
 @pytest.mark.broad
-def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (LAG_PROJECT, 'current = { column = "current", unit = "A", between = "hold" }'),
+        (WRITTEN, 'cell = { equals = "gain*current - rate*cell", order = "q" }'),
+        (WRITTEN, 'current = { column = "current", between = "hold" }'),
+    ],
+)
+def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path, text, says):
     (tmp_path / "lag.py").write_text(LAG, encoding="utf-8")
-    (tmp_path / "rig.toml").write_text(LAG_PROJECT, encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     time = np.linspace(0, 4, 81)
     volts = 1.5 * (1 - np.exp(-time)) + 1e-2 * np.random.default_rng(1).standard_normal(81)
     table = np.column_stack([time, time > 0, volts])
@@ -118,7 +136,7 @@ def test_a_model_of_ones_own_is_driven_and_not_released(capsys, tmp_path):
     assert "from rest, pulses" in out
     project = (tmp_path / "next" / "next.toml").read_text(encoding="utf-8")
     assert "initial = { cell = 0.0 }" in project
-    assert 'current = { column = "current", unit = "A", between = "hold" }' in project
+    assert says in project
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,9 @@ from fracid.estimation.profile_walk import refit
 from fracid.estimation.records import Estimate
 from fracid.models import Model, Parameter
 from fracid.models.joints import presliding
+from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem
+from fracid.units import with_interval
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -280,6 +282,29 @@ def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
     wide = verdicts(p, x=p.start)
     assert {v.kind for v in wide.values()} == {"only in a ratio"}
     assert "with C1, nearly: C4/C1 is known to" in wide["C4"].reason
+
+
+def test_a_voltage_at_rest_is_not_halved_with_the_states_and_ends_no_fit():
+    cell = Equations({"v": Equation("i/C - v/R")}, {"u": Equation("E + v")}, inputs={"i": "A"})
+    model = cell.model("cell", [Parameter(n, "", v, "") for n, v in {"C": 100.0, "R": 1e4, "E": 3.7}.items()])
+    current = np.ones((99, 1))
+    measured = 3.7 + np.arange(99.0)[:, None] * 1e-2 / 100
+    p = Problem(model, (Experiment("cell", 1e-2, measured, current),), {}, {"R": Free(1e4, 1.0, 1e6)})
+    assert [*_halved_angles(p, p.start)] == []
+    assert identifiability(p, p.start)["R"].kind != "identifiable"
+
+
+def test_a_verdict_says_the_interval_that_is_printed():
+    p = twin(parameters={"b_theta": Free(2e-3, 0.0, 1.0), "coulomb_theta": Free(1e-9, 0.0, 1.0)}, sd=3e-2)
+    x = settled(p, refit(p, p.start).point).x
+    known = uncertainty(p, x)
+    for cut in ((0.2, 3.0), (-3.0, 3.0)):  # in half-widths: other bounds cut it above 0, or not
+        ends = known.ends.copy()
+        ends[0] = np.clip(x[0] * (1.0 + 0.3 * np.array(cut)), 0.0, None)
+        wide = replace(known, ends=ends, standard_error=np.maximum(known.standard_error, abs(x)))
+        said = identifiability(p, x, wide)["b_theta"].reason
+        assert ("which includes 0" in said) == (ends[0, 0] == 0.0)
+        assert not said or with_interval(float(x[0]), *ends[0].tolist()) in said
 
 
 def test_without_intervals_nothing_is_said_but_why():

@@ -192,7 +192,7 @@ def test_the_search_on_windows_begins_where_that_on_their_parts_ends(stand):
         assert first == own[f"angle(0) [stand, window {PARTS * k + 1}]"]
 
 
-@pytest.mark.parametrize("seconds", [0, -1.0, math.inf, math.nan, "long", True])
+@pytest.mark.parametrize("seconds", [0, -1.0, 1e-9, math.inf, math.nan, "long", True])
 def test_a_length_of_windows_that_is_none_is_refused(stand, seconds):
     with pytest.raises(InputError, match='expected "auto", "none", or the seconds of a window'):
         chosen_window(replace(stand, windows=seconds))

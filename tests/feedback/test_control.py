@@ -236,6 +236,9 @@ UNDRIVEN = replace(fracid.model("pendulum"), inputs=(), input_units={})
         (twin(), {"posture": "sideways"}, "unknown posture"),
         (twin(fracid.model("cart-pole"), 2, {"lambda": 1.0, "mu": 1.0}), {"at": {"angle": 1.0}}, "does not rest"),
         (twin(), {"off": {"theta": 0.1}}, "theta"),
+        (twin(), {"rate": 0}, "rate = 0: expected a number above 0"),
+        (twin(), {"limit": -5.0}, "limit = -5.0: expected a number above 0"),
+        (twin(), {"delay": -1.0}, "delay = -1.0: expected a number of seconds, 0 or more"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_controlled_is_refused_in_a_sentence(problem, how, words):

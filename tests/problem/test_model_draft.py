@@ -121,6 +121,54 @@ def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_i
     assert "spring_angle" not in free
 
 
+def drafted(folder, model, header, *columns):
+    """The draft of a table, and its project."""
+    np.savetxt(folder / "log.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    text = draft_of_model(model, folder / "log.csv", folder=folder).text
+    (folder / "log.toml").write_text(text, encoding="utf-8")
+    return text, fracid.load_project(folder / "log.toml").problem
+
+
+def test_a_draft_begins_where_a_hand_lets_go(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    swing = np.where(t < 0.5, 1.0, np.exp(-0.1 * (t - 0.5)) * np.cos(6 * (t - 0.5)))
+    text, problem = drafted(tmp_path, "pendulum", "t,angle [rad]", t, np.round(swing, 3))
+    assert 'from = "release"' in text
+    assert problem.experiments[0].start == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_draft_takes_as_known_what_a_voltage_cannot_tell(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    angle, torque = 0.3 * np.sin(3 * t) + 1e-3 * np.sin(99 * t), np.sin(3 * t)
+    text, by_volts = drafted(tmp_path, "joint", "t,angle [rad],u [V]", t, angle, torque)
+    assert "all else scales with it" in text
+    assert ("J" in by_volts.names, "torque_per_volt" in by_volts.names) == (False, True)
+    text, by_torque = drafted(tmp_path, "joint", "t,angle [rad],tau [N m]", t, angle, torque)
+    assert ("J" in by_torque.names, "torque_per_volt" in by_torque.names) == (True, False)
+
+
+@pytest.mark.parametrize(("jitter", "uneven"), [(0.0, False), (0.05, True)])
+def test_samples_whose_stamps_jitter_stay_where_they_are_and_so_do_the_corners_of_an_input(tmp_path, jitter, uneven):
+    t = np.arange(0, 8, 0.01)
+    t[1:] += 0.01 * jitter * np.random.default_rng(1).uniform(-1, 1, len(t) - 1)
+    text, problem = drafted(tmp_path, "joint", "t,angle [rad],tau [N m]", t, 0.3 * np.sin(3 * t), np.sin(20 * t))
+    (e,) = problem.experiments
+    assert ('resample = "uneven"' in text, e.times is not None) == (uneven, uneven)
+    if uneven:  # straight lines between the grid's points miss the corners by little
+        grid = np.interp(t, np.arange(len(e.inputs)) * e.step, e.inputs[:, 0])
+        assert np.max(np.abs(grid - np.sin(20 * t))) < 2e-3
+
+
+@pytest.mark.parametrize(("options", "says"), [
+    (("--model", "pendulm"), "unknown model 'pendulm': did you mean pendulum"),
+    (("--model", "pendulum", "--zero", "foo"), "unknown --zero 'foo'"),
+    (("--model", "rotary-pendulum", "--zero", "upright"), "--zero is none of a rotary-pendulum"),
+])  # fmt: skip
+def test_init_refuses_what_it_cannot_follow(tmp_path, capsys, options, says):
+    code, _, err = run(capsys, "init", mass(tmp_path), "--out", tmp_path / "x.toml", *options)
+    assert (code, says in err) == (2, True)
+
+
 @pytest.mark.broad
 @pytest.mark.parametrize("name", ["cart-pole", "joint", "tanks", "capacitor", "relaxation", "two-mass"])
 def test_the_draft_of_a_twin_begins_within_its_bounds_of_the_truth(name, tmp_path):

@@ -222,6 +222,37 @@ def test_the_paper_preset_takes_the_rigs_constants_fixes_what_else_is_free_and_s
     assert "drag" not in says
 
 
+POPULATION = """
+[model]
+name = "rabbits"
+[model.equations]
+rabbits = { equals = "-a*rabbits", order = "q" }
+[model.outputs]
+rabbits = { equals = "rabbits", unit = "1" }
+[model.parameters]
+a = { start = 1.0, lower = 0.0, upper = 9.0 }
+[[recording]]
+file = "rabbits.csv"
+rabbits = HOW
+"""
+
+
+@pytest.mark.parametrize("header", ["rabbits", "rabbits [1]"])
+@pytest.mark.parametrize("how", ["1", "{ column = 1 }"])
+def test_an_output_that_is_a_pure_number_is_none_of_counts_nor_an_angle(project, tmp_path, header, how):
+    table = np.column_stack([T, np.rint(500 * np.exp(-T))])
+    np.savetxt(tmp_path / "rabbits.csv", table, delimiter=",", header=f"t,{header}", comments="")
+    (e,) = project(POPULATION.replace("HOW", how)).problem.experiments
+    (recording,) = project(POPULATION.replace("HOW", how)).recordings
+    assert (e.units, recording.units) == ({"rabbits": "1"}, {"rabbits": "1"})
+    assert recording.report.findings == ()
+
+
+def test_an_order_that_has_the_name_of_a_parameter_is_refused_with_what_to_type(project):
+    with pytest.raises(InputError, match=r"'a' is the name of an order and of a state, .* order = \"1 - nu\""):
+        project(POPULATION.replace('"q"', '"a"').replace("HOW", "1"))
+
+
 def test_a_users_cost_and_model_stand_beside_the_file(project, tmp_path):
     (tmp_path / "my.py").write_text("def worst(time, residual):\n    return float(abs(residual).max())\n")
     (tmp_path / "my_rig.py").write_text(
@@ -341,6 +372,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE + "from = 99.0", "holds 0 samples; it spans 0 to 1.99 s"),
         (ONE + "initial = { alfa = 0.1 }", "unknown state in initial of swing 'alfa': did you mean alpha"),
         (ONE + 'initial = { alpha = "10 deg" }', "initial: alpha = '10 deg'; expected a number"),
+        (ONE + "resample = 0", "step = 0"),
         (ONE + 'resample = "yes"', "resample = 'yes'; expected true or false or a number or 'needed'"),
         (ONE + ONE, "2 recordings are named 'swing'"),
         ('[[recording]]\nfile = "swing.csv"\nvoltage = { column = "volts" }', "share none of the outputs theta, alpha"),

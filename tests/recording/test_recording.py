@@ -95,6 +95,15 @@ def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_pa
     assert not any("header" in sentence for sentence in same.report.reading)
 
 
+def test_the_numbers_of_rows_are_no_signal_and_columns_of_one_name_are_found_as_they_are_called(tmp_path):
+    rows = "".join(f"{k},{k / 100},{k % 7},{k % 5}\n" for k in range(99))
+    (tmp_path / "frame.csv").write_text(",time,alpha,alpha\n" + rows)
+    read = load_recording(tmp_path / "frame.csv")
+    assert [*read.signals] == ["alpha (2)", "alpha (3)"]
+    both = load_recording(tmp_path / "frame.csv", {"alpha": "alpha (3)", "theta": "alpha (2)"})
+    assert both.signals["alpha"].max() == 4.0
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_other_encodings_are_read(tmp_path, encoding):
     file = tmp_path / "log.csv"

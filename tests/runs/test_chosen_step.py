@@ -8,7 +8,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.runs.saved import load_run
-from fracid.validation.discretisation import Discretisation, _helps
+from fracid.validation.discretisation import Discretisation, _costs_differ, _helps
 from program import fit_in
 from twins import write_release
 
@@ -104,3 +104,8 @@ def test_half_a_step_helps_where_values_move_by_less_whether_an_order_is_free_or
     coarse, finer, alike = (Discretisation(1.0, 1.0, 1.0, orders, orders, largest) for largest in (0.4, 0.1, 0.39))
     assert _helps("pi2", coarse, finer)
     assert not _helps("pi2", coarse, alike)
+
+
+@pytest.mark.parametrize(("method", "complains"), [("pi2", True), ("bdf2", True), ("pi3", True), ("gl", False)])
+def test_a_cost_that_half_a_step_changes_is_told_of_every_scheme_of_second_order(method, complains):
+    assert _costs_differ(method, Discretisation(1.0, 0.6, 0.6, {}, {})) == complains

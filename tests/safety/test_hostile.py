@@ -122,7 +122,9 @@ def test_what_a_header_says_of_time_and_counts_is_taken(tmp_path, header, factor
     assert found.report.findings == ()
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("mrad", 1e3), ("gon", 200 / np.pi), ("\u00b5rad", 1e6), ("rev", 0.5 / np.pi)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("mrad", 1e3), ("gon", 200 / np.pi), ("\u00b5rad", 1e6), ("rev", 0.5 / np.pi)]
+)
 def test_a_unit_of_a_header_is_the_units_own_factor(tmp_path, unit, factor):
     found = load_recording(written(tmp_path, f"t,alpha [{unit}]", T, factor * ALPHA), {"alpha": 1})
     np.testing.assert_allclose(found.signals["alpha"], ALPHA, rtol=1e-8, atol=1e-12)

@@ -241,6 +241,17 @@ def test_what_is_held_and_what_is_unseen():
     assert unseen(replace(p, parameters={"b_theta": Free(0.0, 0.0, 1e-3)}), 1e-4) == {"b_theta"}
 
 
+def test_what_moves_far_sees_an_unknown_that_its_noise_does_not_hide():
+    model, force = fracid.model("oscillator", m=1.0, k=0.0), 3.0 * np.ones((400, 1))
+    run = fracid.simulate(model, initial={}, orders={"mu": 1.0}, step=1e-2, end=3.99, inputs=force)
+    noise = np.random.default_rng(1).standard_normal((400, 1))
+    for size, blind in ((0.1, {"coulomb_displacement"}), (1e-4, set())):
+        e = Experiment("far", 1e-2, run.states[:, :1] + size * noise, force, initial={})
+        free = {"coulomb_displacement": Free(0.0, 0.0, 5e-3)}
+        p = Problem(model, (e,), {"mu": 1.0}, free, initial_state="rest")
+        assert unseen(p, 1e-4) == blind
+
+
 # --- fits and scores ----------------------------------------------------------------------------------------
 
 

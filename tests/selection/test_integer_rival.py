@@ -8,6 +8,8 @@ import pytest
 
 import fracid
 from fracid.identification import identify
+from fracid.models import Parameter
+from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
 from fracid.selection.integer_rival import gain_over, integer_rival, integer_values, warning_of
@@ -43,6 +45,26 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.orders[name].identifiable == "may stand in for friction that the model lacks"
     for name, true in friction.items():
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
+
+
+MASS = {"x": Equation("v"), "v": Equation("-k*x - c*z"), "z": Equation("v", "1 - nu")}
+
+
+@pytest.mark.parametrize("own", [("nu",), ("nu", "k", "c")])
+def test_the_rival_of_an_order_that_is_a_parameter_has_a_spring_or_a_dashpot(own):
+    constants = [Parameter(n, "", v, "", lower=0.0) for n, v in {"k": 30.0, "c": 1.0, "nu": 0.5}.items()]
+    model = Equations(MASS, {"x": Equation("x")}).model("mass", constants)
+    run = fracid.simulate(model, initial={"x": 0.01}, step=5e-3, end=4.0)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(len(run.time))
+    twin = Experiment("twin", 5e-3, run.states[:, :1] + noise[:, None], np.zeros((1, 0)), initial={"x": 0.01})
+    ranges = {"nu": Free(0.5, 0.02, 1.0), "k": Free(30.0, 0.0, 90.0), "c": Free(1.0, 0.0, 9.0)}
+    problem = Problem(model, (twin,), {}, {n: ranges[n] for n in own}, initial_state="rest")
+    best = problem.evaluate(problem.start)
+    rival = integer_rival(problem, best, {"nu": 0.01})
+    assert "nu" not in rival.problem.names
+    assert rival.integers in ("nu = 0", "nu = 1")
+    assert rival.nested_in(problem)["nu"] == pytest.approx(float(rival.integers[-1]), abs=1e-6)
+    assert gain_over(rival, problem, best)[1] > 10
 
 
 @pytest.mark.broad

@@ -280,6 +280,14 @@ def test_a_sign_is_wrong_in_any_of_several_recordings(signals, where):
     assert codes(before(several(GOOD, OTHER))) == []
 
 
+def test_a_sign_is_looked_for_in_samples_that_lie_unevenly():
+    p = problem(turned(GOOD, 0))
+    uneven = replace(p.experiments[0], times=p.experiments[0].time)
+    assert (
+        "the sign of theta or alpha reversed" in sole(before(replace(p, experiments=(uneven,))), "wrong-sign").sentence
+    )
+
+
 @pytest.mark.broad
 def test_a_sign_is_found_from_a_start_that_lacks_most_of_the_friction_and_is_no_delay():
     damped = RIG.with_parameters(b_theta=0.05, coulomb_theta=0.02, b_alpha=1e-3)

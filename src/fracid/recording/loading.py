@@ -115,7 +115,8 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     demand_fitness(recording)
     if not (isinstance(resample, Real | None) or (isinstance(resample, str) and resample in ("needed", "uneven"))):
         raise InputError(SAYS("other-resample", resample=brief(resample)))
-    if resample is False or resample in (None, "uneven") or (resample == "needed" and recording.step is not None):
+    off = isinstance(resample, bool) and not resample
+    if off or resample in (None, "uneven") or (resample == "needed" and recording.step is not None):
         return recording
     return recording.resample(None if resample in (True, "needed") else float(resample))
 

@@ -478,8 +478,8 @@ def unseen(problem: Problem, threshold: float) -> set[str]:
     least = []
     for y in (e.measured for e in problem.experiments):
         scatter, noise = np.std(y, axis=0), OF_NOISE * np.array([noise_floor(column) for column in y.T])
-        floor = threshold * np.maximum(scatter, 1e-3 * np.max(scatter))  # an arm that stands still
-        least.append(np.minimum(floor, np.where(noise > 0, noise, math.inf)))
+        most = threshold * np.maximum(scatter, 1e-3 * np.max(scatter))  # an arm that stands still
+        least.append(np.where(noise > 0, np.clip(noise, OF_NOISE * most, most), most))
 
     def is_seen(target: str) -> bool:
         there = problem.errors(x + step * np.array([u.target == target for u in problem.unknowns]))

@@ -66,7 +66,7 @@ def write_draft(
     refuse_unknown("model", (ROTARY, *MODEL), name)
     refuse_unknown("--zero", ZEROS[:2], *filter(None, [zero]))
     if name == ROTARY and zero:
-        raise InputError(f"--zero is none of a {ROTARY}, whose motion shows it; leave it out, and see the draft's zero.")
+        raise InputError(f"--zero is none of a {ROTARY}, whose motion shows it: leave it out.")
     if name != ROTARY:
         rig = options.pop("rig", None)
         if rig is not None:
