@@ -18,6 +18,7 @@ from fracid.errors import InputError
 from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
 from fracid.export.javascript import javascript_model
+from fracid.export.markup import literal
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
 from fracid.export.state_space import integer_model
@@ -116,7 +117,8 @@ def in_octave(tmp_path_factory):
         (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
         savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
         lines.append(
-            f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 't', 'x');"
+            f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); "
+            "[~, alone] = model(); save('-v6', 'out.mat', 't', 'x', 'alone');"
         )
     run_octave(folder, "\n".join(lines))
     return {name: loadmat(folder / str(i) / "out.mat") for i, name in enumerate(VARIANTS)}
@@ -171,8 +173,8 @@ def in_c(folder, problem, real="double"):
     for name, text in {**texts, "main.c": MAIN.replace("double", real)}.items():
         (folder / name).write_text(text, encoding="utf-8")
     strict = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
-    done = subprocess.run([*strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder, capture_output=True,
-                          text=True, check=False)  # fmt: skip
+    done = subprocess.run([*strict, "-O2", "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder,
+                          capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     kind = {"double": "f8", "float": "f4"}[real]
     inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1))
@@ -387,6 +389,19 @@ def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(wr
     monkeypatch.setattr(fracid.Model, "program", replace(whole, body=(whole.body[0], lacking)))
     with pytest.raises(InputError, match=r"of .door. lacks lip = 0.003 1/s\^2, which it runs with"):
         program(door(seal=3e-3))
+
+
+@octave
+@pytest.mark.parametrize("name", ["pi2, driven", "gl-sequential, driven", "pi2, a measured past"])
+def test_model_m_without_arguments_has_the_recordings_inputs_and_past(in_octave, name):
+    np.testing.assert_array_equal(in_octave[name]["alone"], in_octave[name]["x"])
+
+
+def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
+    for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
+        tables, case = tables_and_case(VARIANTS[name])
+        text = matlab_model(tables, case, "a test")
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.inputs)};" in text
 
 
 def test_the_integer_order_model_is_made_of_the_right_hand_side_itself():
