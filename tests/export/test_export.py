@@ -391,6 +391,19 @@ def test_a_springpot_of_another_order_in_each_recording_has_no_program():
         Recursion.of(own, own.start)
 
 
+@octave
+@pytest.mark.parametrize("name", ["pi2, driven", "gl-sequential, driven", "pi2, a measured past"])
+def test_model_m_without_arguments_has_the_recordings_inputs_and_past(in_octave, name):
+    np.testing.assert_array_equal(in_octave[name]["alone"], in_octave[name]["x"])
+
+
+def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
+    for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
+        tables, case = tables_and_case(VARIANTS[name])
+        text = matlab_model(tables, case, "a test")
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.inputs)};" in text
+
+
 def door(seal):
     """A door with a seal."""
 
@@ -456,6 +469,13 @@ def test_a_callers_mistake_is_told_and_ends_with_2(capsys, fitted, tmp_path, opt
     assert (code, out) == (2, "")
     assert words in err
     assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_written_keeps_nothing_else_from_being_written(fitted, tmp_path, monkeypatch):
+    monkeypatch.setattr("fracid.export.javascript.no_javascript", lambda _: "There is no JavaScript today.")
+    with pytest.raises(InputError, match=r"no JavaScript today.*All else is in"):
+        export_run(load_run(fitted), tmp_path, ["javascript", "csv"])
+    assert list(tmp_path.glob("*.csv"))
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):
