@@ -18,10 +18,13 @@ from fracid.errors import InputError
 from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
 from fracid.export.javascript import javascript_model
+from fracid.export.markup import literal
 from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
-from fracid.export.state_space import integer_model
+from fracid.export.state_space import integer_model, linear_sentences
+from fracid.export.whole import written
 from fracid.models import Parameter
+from fracid.models.written.equations import Equation, Equations
 from fracid.runs.saved import load_run
 from fracid.solver.memory import compressed, full, short
 from program import run
@@ -98,7 +101,22 @@ ELEMENTS = {
     "a tilted axis, an elastic arm": problem_of((1.0, 1.0), zero="upright", arm_stiffness=50.0, tilt_x=0.03, C3=-4e-3),
     "a motor as it is": problem_of(drive=True, back_emf=0.01, dead_zone=0.3, saturation=2.0),
 }
-VARIANTS |= ELEMENTS
+
+
+def one_state(level, **outputs):
+    constants = [Parameter("a", "1", 2e-3, ""), Parameter("area", "1", 0.02, "")]
+    outputs = {n: Equation(e) for n, e in {"level": "level", **outputs}.items()}
+    model = Equations({"level": level}, outputs, {"pump": "1"}).model("tank", constants)
+    e = fracid.Experiment("filling", 0.1, np.zeros((101, len(outputs))), 2e-3 * driven(100), initial={"level": 0.3})
+    orders = dict.fromkeys(model.order_names, 0.95)
+    return fracid.Problem(model, (e,), orders, outputs=tuple(outputs), initial_state="held")
+
+
+ONE_STATE = {
+    "one state": one_state(Equation("(pump - a*sqrt(level))/area", "mu"), outflow="a*sqrt(level)"),
+    "one state, which relaxes": one_state(Equation("pump/area - a*level", forgets="a", size="area")),
+}
+VARIANTS |= ELEMENTS | ONE_STATE
 
 
 def tables_and_case(problem):
@@ -116,7 +134,8 @@ def in_octave(tmp_path_factory):
         (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
         savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
         lines.append(
-            f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 't', 'x');"
+            f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); "
+            "[~, alone] = model(); save('-v6', 'out.mat', 't', 'x', 'alone');"
         )
     run_octave(folder, "\n".join(lines))
     return {name: loadmat(folder / str(i) / "out.mat") for i, name in enumerate(VARIANTS)}
@@ -135,7 +154,7 @@ def test_model_m_simulates_what_fracid_simulates(in_octave, name):
     problem, found = VARIANTS[name], in_octave[name]
     ours = problem.simulate(problem.start, problem.experiments[0])
     assert ours.completed
-    assert np.ptp(ours.states[:, 2]) > 1e-3
+    assert np.ptp(ours.states[:, -2:]) > 1e-3
     np.testing.assert_allclose(found["t"][:, 0], ours.time - ours.time[0], atol=1e-12)
     np.testing.assert_allclose(found["x"], ours.states, atol=1e-6)
 
@@ -171,8 +190,8 @@ def in_c(folder, problem, real="double"):
     for name, text in {**texts, "main.c": MAIN.replace("double", real)}.items():
         (folder / name).write_text(text, encoding="utf-8")
     strict = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
-    done = subprocess.run([*strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder, capture_output=True,
-                          text=True, check=False)  # fmt: skip
+    done = subprocess.run([*strict, "-O2", "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder,
+                          capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     kind = {"double": "f8", "float": "f4"}[real]
     inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1))
@@ -254,6 +273,19 @@ def exported(two_recordings, tmp_path_factory):
         [name for name in FORMATS if name not in (*ON_REQUEST, "state-space")],
     )
     return folder, export_run(load_run(two_recordings / "run"), folder, without_figures)
+
+
+def test_equations_without_a_value_everywhere_have_programs_and_say_that_they_have_no_linear_model():
+    tank, e = ONE_STATE["one state"], ONE_STATE["one state"].experiments[0]
+    assert 'OUTPUTS = ["level", "outflow"]' in javascript_model(tank, tank.start, e, "run")
+    assert "fracid_output" in c_model(*tables_and_case(tank), "run")["fracid_model.c"]
+    system = integer_model(tank)
+    assert system.linear == {}
+    assert any("no linear model" in said for said in linear_sentences(system))
+    with pytest.raises(InputError, match="About empty there is no linear model"):
+        system.linearised("empty", np.zeros(1), system.parameters)
+    assert system.linearised("half full", np.full(1, 0.5), system.parameters).F < 0
+    assert one_state(Equation("pump/area", "mu"), above="log(level - 1)").model.shown
 
 
 def test_results_mat_holds_values_intervals_and_curves(fitted, exported):
@@ -359,6 +391,19 @@ def test_a_springpot_of_another_order_in_each_recording_has_no_program():
         Recursion.of(own, own.start)
 
 
+@octave
+@pytest.mark.parametrize("name", ["pi2, driven", "gl-sequential, driven", "pi2, a measured past"])
+def test_model_m_without_arguments_has_the_recordings_inputs_and_past(in_octave, name):
+    np.testing.assert_array_equal(in_octave[name]["alone"], in_octave[name]["x"])
+
+
+def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
+    for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
+        tables, case = tables_and_case(VARIANTS[name])
+        text = matlab_model(tables, case, "a test")
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.inputs)};" in text
+
+
 def door(seal):
     """A door with a seal."""
 
@@ -389,6 +434,15 @@ def test_a_program_that_lacks_a_constant_which_is_not_zero_is_refused_by_name(wr
         program(door(seal=3e-3))
 
 
+def numpy_door(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * np.sinh(x[0]) - p[1] * np.power(abs(x[1]), 1.5) - p[2] * np.tanh(x[1] / 0.05) - np.exp(x[0] * 200)
+
+
+def test_the_functions_of_numpy_are_those_of_math_but_for_their_rounding():
+    assert "tanh" in written(replace(door(seal=3e-3), rhs=numpy_door), "c")
+
+
 def test_the_integer_order_model_is_made_of_the_right_hand_side_itself():
     swing = fracid.Experiment("swing", 1e-2, np.zeros((100, 1)), np.zeros((1, 1)), initial={"phi": 0.3})
     p = fracid.Problem(door(seal=3e-3), (swing,), {"nu": 1.0}, initial_state="held")
@@ -415,6 +469,13 @@ def test_a_callers_mistake_is_told_and_ends_with_2(capsys, fitted, tmp_path, opt
     assert (code, out) == (2, "")
     assert words in err
     assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_written_keeps_nothing_else_from_being_written(fitted, tmp_path, monkeypatch):
+    monkeypatch.setattr("fracid.export.javascript.no_javascript", lambda _: "There is no JavaScript today.")
+    with pytest.raises(InputError, match=r"no JavaScript today.*All else is in"):
+        export_run(load_run(fitted), tmp_path, ["javascript", "csv"])
+    assert list(tmp_path.glob("*.csv"))
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):

@@ -1,6 +1,7 @@
 """Models of one's own leave as programs too: what C, JavaScript and Octave simulate is what fracid simulates."""
 
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -86,7 +87,7 @@ def test_in_c_they_step_as_fracid_does(problems, tmp_path):
         tables, case = tables_and_case(p)
         for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
             (tmp_path / file).write_text(text, encoding="utf-8")
-        strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion"]
+        strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-O2"]
         done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
                               capture_output=True, text=True, check=False)  # fmt: skip
         assert done.returncode == 0, done.stderr
@@ -109,6 +110,16 @@ def test_in_javascript_they_simulate_as_fracid_does(problems, tmp_path):
     for (name, (p, ours)), (states, outputs) in zip(problems.items(), json.loads(done.stdout), strict=True):
         same(np.array(states), ours, name)
         same(np.array(outputs), p.fitted(p.start, p.experiments[0]), name)
+
+
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
+    p = problem_of("duffing")
+    text = javascript_model(p, p.start, p.experiments[0], "run")
+    (call,) = re.findall(r"simulate\(\{ initial.*\}\)", text)
+    (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log({call}.completed);", encoding="utf-8")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "true\n", done.stderr
 
 
 @pytest.mark.broad

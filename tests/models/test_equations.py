@@ -13,9 +13,10 @@ import fracid
 from fracid.export.equations import toml_model
 from fracid.models import Parameter
 from fracid.models.written.equations import Equation, Equations
-from fracid.models.written.formulas import DEEPEST, LONGEST, FormulaError, formula
+from fracid.models.written.formulas import ARGUMENTS, DEEPEST, KNOWN, LONGEST, FormulaError, formula
 from fracid.models.written.tree import Entry, Number
 from fracid.problem.project import project_from_text
+from fracid.solver.right_hand_side import compile_rhs
 from own_models import own_models
 
 AXIS = {"position": Equation("speed"),
@@ -43,10 +44,20 @@ def value(text, a=0.3, b=-1.7, c=2.5):
     "a + b*c - -a/2", "-a**2", "2**-a**2", "a if b < 0 else c if a > 1 else 3", "min(a, b, c) + max(a, 1e-3)",
     "(a < b) * c + (b <= a < c)", "not a > b and c > 0 or b > 0", "tanh(a/.5) + atan2(b, c) + hypot(a, b)",
     "abs(b)**0.5*pi", "log(c, 2.0) + exp(-a) - +a", "1.5e-3 * a", "(((a)))", "c - a - b", "c / a / b",
+    "cbrt(b) + fmod(b, c) + fmod(c, a)",
 ])  # fmt: skip
 def test_an_equation_means_what_it_means_in_python(text):
     there = {"a": 0.3, "b": -1.7, "c": 2.5, **vars(math)}
     assert value(text) == eval(text, there)
+
+
+@pytest.mark.parametrize("name", [n for n in KNOWN if n not in ("acosh", "atanh")])
+def test_every_function_that_equations_may_have_is_compiled(name):
+    text = f"{name}(a, c)" if name in (*ARGUMENTS, "min", "max") else f"{name}(a)"
+    rhs = Equations({"y": Equation(text)}, inputs=dict.fromkeys(NAMES, "")).model("one", []).rhs
+    out = np.zeros(1)
+    compile_rhs(rhs)(0.0, np.zeros(1), np.array([0.3, -1.7, 2.5]), np.zeros(0), out)
+    assert out[0] == pytest.approx(value(text), rel=1e-12)
 
 
 def test_sign_is_a_function():

@@ -14,6 +14,7 @@ from fracid.models.written.languages import Python
 from fracid.models.written.mathematics import LaTeX, MathML, equalities
 from fracid.models.written.reading import Untranslatable
 from fracid.models.written.tree import Entry, Name, Program, parts
+from fracid.report.equations import equations
 from fracid.safety.door import own_text
 from languages import GCC, in_c
 from own_models import own_models
@@ -107,6 +108,8 @@ def test_a_loop_has_no_equation_and_names_are_text():
     with pytest.raises(Untranslatable, match="A loop cannot be written"):
         equalities(model, {})
     assert "&lt;b&gt;" in MathML(model).symbol("a<b>")
+    found = equations(model, {"orders": {}, "parameters": {}, "recordings": {}}, driven=True, language="LaTeX")
+    assert re.search(r"=.*f1.*\(.*a<b>.*,.*u.*\)", found["Its states"])
 
 
 # --- an element that is added ----------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import linecache
 import math
 import random
 import textwrap
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from fracid.export.c import single_precision
 from fracid.models import Model, Parameter, rotary_pendulum
 from fracid.models.pendulum import TABLE
 from fracid.models.written.languages import C, JavaScript, Matlab, Python
-from fracid.models.written.reading import Untranslatable
+from fracid.models.written.reading import FUNCTIONS, Untranslatable
 from fracid.models.written.tree import Assign, Call, Choice, Entry, Name, Number, Operation, Program
 from languages import GCC, NODE, OCTAVE, in_c, in_node, in_octave
 from own_models import own_models
@@ -156,6 +157,8 @@ PLACES = [(np.array(x), np.array([u]), np.array(p), 2) for x, u, p in (
 
 class Real(Python):
     """Python without complex numbers, as Numba and the other languages have it."""
+
+    functions: ClassVar = {n: f"math.{n}" for n in FUNCTIONS}
 
     def power(self, base, exponent):
         return f"math.pow({self.expression(base)}, {self.expression(exponent)})", 9

@@ -33,6 +33,12 @@ PENDULUM = fracid.Model(
 )  # fmt: skip
 
 
+def test_a_channel_whose_values_are_those_of_one_that_does_nothing_is_none():
+    channels = {"alpha": Sensor(delay=0.0, gain=1.0)}, {"drive": Sensor(bias=0.0), "late": Sensor(delay=1e-3)}
+    e = Experiment("idle", STEP, np.zeros((SAMPLES, 1)), np.zeros((1, 1)), sensors=channels[0], actuators=channels[1])
+    assert (e.sensors, [*e.actuators]) == ({}, ["late"])
+
+
 def swing(times, initial=(0.8, 0.0)):
     """α of the pendulum by an independent integrator, at rest before 0."""
     run = solve_ivp(lambda t, x: [x[1], -36 * np.sin(x[0]) - 0.4 * x[1]], (0, T[-1] + 1), initial, "DOP853",

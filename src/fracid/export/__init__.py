@@ -124,6 +124,7 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     refuse_unknown("format", FORMATS, *formats)
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
+    refused: list[str] = []
     notes = [*run.notes, *_left_out(run, wanted)]
     with writing(f"The folder {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -138,7 +139,9 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
             except InputError as error:  # what cannot be is no error of the export: there is no such file then
                 notes.append(f"{error} There is no {FORMATS[name].file}.")
             if formats and len(files) == before:  # nothing of what was asked for
-                raise InputError(notes[-1])
+                refused.append(notes[-1])
+    if refused:
+        raise InputError(" ".join([*refused, *([f"All else is in {folder}."] if files else [])]))
     return Export(tuple(files), tuple(dict.fromkeys(notes)))
 
 

@@ -59,6 +59,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
         rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
         starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
+        inputs=case.inputs[:, : len(tables.model.inputs)],
     )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -402,6 +403,11 @@ class IntegerModel:
         """About a state and inputs, 0 if left out, with these parameters in the place of the model's own.
 
         Central differences, within 2e-10 of the exact derivatives (a test takes these from the tree, by SymPy).
+
+        Raises
+        ------
+        InputError
+            If the equations have no value there or next to it.
         """
         u = np.zeros(len(self.model.inputs)) if inputs is None else inputs
 
@@ -411,6 +417,8 @@ class IntegerModel:
 
         F = slopes(lambda x: self.f(x, u, parameters), about)
         G = slopes(lambda v: self.f(about, v, parameters), u)
+        if not np.isfinite([*F.flat, *G.flat]).all():
+            raise InputError(SAYS("no-slopes", name=name))
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
         return LinearModel(name, about, self.model.inputs, outputs, orders=self.orders, weight=self.weight, F=F, G=G,
                            A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
@@ -428,7 +436,9 @@ class IntegerModel:
         from scipy.optimize import root
 
         solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs)), p), np.zeros(len(self.orders)))
-        return {"rest": self.linearised("rest", solution.x, p)} if solution.success else {}
+        with suppress(InputError):
+            return {"rest": self.linearised("rest", solution.x, p)} if solution.success else {}
+        return {}
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
         """Time, and the outputs after a unit step, of integer order and fractional, (points + 1, n_outputs)."""
@@ -557,6 +567,8 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
         yield SAYS("sticks", delta=delta, value=p[delta], unit=model.parameter(delta).unit)
     if p.get(model.drive) == 0:
         yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
+    if not system.linear:
+        yield SAYS("no-linear")
 
 
 def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:

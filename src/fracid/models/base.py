@@ -50,6 +50,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
@@ -383,7 +384,7 @@ class Model(CardDisplay):
                 rhs = getattr(self.rhs, "py_func", self.rhs)
                 returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
                 getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
-        except ArithmeticError:
+        except (ArithmeticError, ValueError):  # where it has no value, as a root of a negative number
             return {}
         except Exception as error:
             raise InputError(SAYS("rhs-fails", name=self.name, kind=type(error).__name__, error=error, n=n,
@@ -618,6 +619,8 @@ class Model(CardDisplay):
     def derivatives(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """What the right-hand side says, in plain Python: behind D^q x, where states relax, the rates of those.
 
+        NaN where it has no value, as a root of a negative number.
+
         Examples
         --------
         >>> from fracid.models import rotary_pendulum
@@ -625,9 +628,7 @@ class Model(CardDisplay):
         >>> rig.derivatives(np.array([0.0, 2.0, 0.0, 0.0]), np.zeros(1), rig.parameter_vector())[0]
         np.float64(2.0)
         """
-        out = np.zeros(len(x) * (1 + bool(self.relaxing)))
-        getattr(self.rhs, "py_func", self.rhs)(0.0, x, u, p, out)
-        return out
+        return computed(getattr(self.rhs, "py_func", self.rhs), x, u, p, count=len(x) * (1 + bool(self.relaxing)))
 
     def with_followers(self, states: Mapping[str, float]) -> dict[str, float]:
         """States by name, with those that begin where another does.
@@ -681,6 +682,25 @@ class Model(CardDisplay):
         return tuple(replace(p, value=values[p.name]) if p.name in values else p for p in self.parameters)
 
 
+def computed(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray, count: int) -> FloatArray:
+    """So many numbers that f writes, in plain Python; all NaN where one of them has no value.
+
+    Examples
+    --------
+    >>> def outflow(t, x, u, p, out):
+    ...     out[0] = math.sqrt(x[0])
+    >>> computed(outflow, np.array([4.0]), np.zeros(0), np.zeros(0), count=1)
+    array([2.])
+    >>> computed(outflow, np.array([-4.0]), np.zeros(0), np.zeros(0), count=1)
+    array([nan])
+    """
+    out = np.zeros(count)
+    with np.errstate(all="ignore"), suppress(ArithmeticError, ValueError, TypeError):
+        f(0.0, x, u, p, out)
+        return np.where(np.isfinite(out).all(), out, np.nan)
+    return np.full(count, np.nan)
+
+
 def _check_order(model: Model, name: str, order: float) -> None:
     refuse_unknown(f"{model.name} order", model.order_names, name)
     if not is_number(order) or not 0.0 < order < 2.0:
@@ -712,7 +732,7 @@ def _check_output(model: Model, name: str, h: Output) -> None:
     try:
         with np.errstate(all="ignore"):
             value = getattr(h, "py_func", h)(0.0, *arguments)
-    except ArithmeticError:
+    except (ArithmeticError, ValueError):  # where it has no value, as a root of a negative number
         return
     except Exception as error:
         raise InputError(SAYS("output-fails", model=model, name=name, kind=type(error).__name__, error=error,

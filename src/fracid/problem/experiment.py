@@ -105,6 +105,8 @@ class Experiment(CardDisplay):
         if not (isinstance(self.step, Real) and 0.0 < self.step < math.inf):
             raise InputError(SAYS("step", name=self.name, step=brief(self.step)))
         object.__setattr__(self, "step", float(self.step))
+        for name in ("sensors", "actuators"):  # a channel that does nothing is none
+            object.__setattr__(self, name, {n: s for n, s in getattr(self, name).items() if s != Sensor()})
         if (at := self.times) is not None and (at.shape != self.measured.shape[:1] or not np.all(np.diff(at) > 0.0)):
             raise InputError(f"{self.name}: times do not increase from sample to sample; expected one [s] for each.")
 

@@ -51,7 +51,9 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
     constants, write = _constants(result), LANGUAGES[language]
     lines = _lines(model, constants, driven)
     if lines is None:
-        states = [Equality(Entry("out", Number(i)), Call(f"f{i + 1}", ())) for i in range(len(model.states))]
+        named = {"x": model.states, "u": model.inputs if driven else ()}
+        given = tuple(Entry(array, Number(i)) for array, names in named.items() for i in range(len(names)))
+        states = [Equality(Entry("out", Number(i)), Call(f"f{i + 1}", given)) for i in range(len(model.states))]
         return {"Its states": write(model, order=_written(result["orders"])).block(states)}
     found = write(model, _written(constants), _written(result["orders"]))
     return {"With symbols": write(model).block(lines), "With the fitted values": found.block(lines)}

@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from typing import Any, ClassVar
 
+import numpy as np
+
 from fracid.findings import Words
 from fracid.models.written import portable
 from fracid.models.written.reading import FUNCTIONS, Untranslatable, read_functions
@@ -365,8 +367,9 @@ class Matlab(Writer):
 class Python(Writer):
     """Python in Numba's language: ``rhs(t, x, u, p, out)``, with the constants at their places in p."""
 
-    functions: ClassVar[dict[str, str]] = {n: f"math.{n}" for n in FUNCTIONS}
-    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math range"))
+    functions: ClassVar[dict[str, str]] = {n: f"{'np' if n in ('cbrt', 'fmod') else 'math'}.{n}" for n in FUNCTIONS}
+    """Numba has two of NumPy's alone."""
+    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math np range"))
     once: Mapping[Entry, str] = {}
     """What a right-hand side reads more than once has a name in it: that is less to compile."""
 
@@ -407,7 +410,7 @@ class Python(Writer):
 
         One of a module of fracid's is called by its text: what is compiled of it is kept under that name.
         """
-        text, there = self.text(), dict[str, Any](math=math, **({"__name__": module} if module else {}))
+        text, there = self.text(), dict[str, Any](math=math, np=np, **({"__name__": module} if module else {}))
         file = sys.modules[module].__file__ if module else "<equations>"
         exec(compile(text, str(file), "exec"), there)  # of a tree: numbers, its names and functions of mathematics
         function: Callable[..., Any] = there[name]
