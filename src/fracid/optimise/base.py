@@ -40,6 +40,7 @@ from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number
 from fracid.safety.door import appended
 from fracid.safety.json_files import REACH, json_number, object_of
+from fracid.tasks.job import closing
 from fracid.tasks.journal import append_whole, whole_lines
 
 GREATEST = 1e150
@@ -308,7 +309,7 @@ def minimise(
     outcome: Outcome | None = None
     count, batch = 0, list[Evaluation]()
     at_once, evaluate_all = together or (1, lambda points: [evaluate(x) for x in points])
-    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
+    with closing(ThreadPoolExecutor(at_least("jobs", jobs, 1))) as pool:
         try:
             points = next(optimiser)
             while outcome is None:
@@ -331,7 +332,6 @@ def minimise(
         except StopIteration as end:
             outcome = end.value
         except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
             outcome = Outcome.INTERRUPTED
         finally:
             optimiser.close()
