@@ -96,10 +96,6 @@ class Journal(AbstractContextManager["Journal"]):
             self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
-        """Close the file and let go of the folder."""
-        self.close()
-
-    def close(self) -> None:
         """Force the last lines to the disk, close the file and let go of the folder."""
         with self._opened:
             if not self._file.closed:
