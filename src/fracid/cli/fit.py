@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from fracid.cli.app import (
+    SAYS,
     How,
     command,
     echo_json,
@@ -32,7 +33,6 @@ from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
 from fracid.units import with_unit
-from fracid.words import Sentences
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.tasks.progress import Observer
     from fracid.workflows.fit import FinishedRun
-
-SAYS = Sentences("cli/says.toml")
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""

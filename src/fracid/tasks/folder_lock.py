@@ -25,9 +25,7 @@ from fracid.errors import InputError, writing
 from fracid.safety.door import appended
 from fracid.safety.json_files import object_of
 from fracid.safety.text import shortened
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
+from fracid.tasks import SAYS
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""

@@ -32,10 +32,8 @@ from pathlib import Path
 from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST, object_of
+from fracid.tasks import SAYS
 from fracid.tasks.folder_lock import FolderLock, Json
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 FORMAT = 1
 

@@ -34,6 +34,7 @@ from types import ModuleType
 from typing import Any
 
 from fracid.safety.environment import ignore_settings
+from fracid.tasks import SAYS
 from fracid.tasks.ending import undisturbed
 from fracid.tasks.job import (
     Ended,
@@ -49,9 +50,6 @@ from fracid.tasks.job import (
     perform_elsewhere,
     unpacked,
 )
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 LOG = logging.getLogger("fracid.tasks")
 """Where nobody listens, Python prints its warnings on standard error."""

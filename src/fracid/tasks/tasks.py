@@ -33,14 +33,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from fracid.errors import InputError, Unfinished, at_least
+from fracid.tasks import SAYS
 from fracid.tasks.cluster import on_cluster
 from fracid.tasks.folder_lock import Json
 from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.models import Model, model
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
@@ -48,9 +47,7 @@ from fracid.solver.inputs import Between, Driven, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
-from fracid.twins.encoder import encoder
-
-SAYS = Words("twins/twin.toml")
+from fracid.twins.encoder import SAYS, encoder
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""

@@ -55,7 +55,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.estimation.records import RecordingFit
-from fracid.findings import Words
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
@@ -75,6 +74,7 @@ from fracid.validation.residual_records import (
 )
 from fracid.validation.residual_sentences import (
     DENSER,
+    SAYS,
     STANDS_OUT,
     correlation_cause,
     level_sentence,
@@ -98,8 +98,6 @@ from fracid.validation.residual_tests import (
     spread_ratio,
     swing_band,
 )
-
-SAYS = Words("validation/residual_sentences.toml")
 
 
 def residual_analysis(

@@ -13,7 +13,6 @@ from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
-from fracid.findings import Words
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.project import load_project
 from fracid.report import plane_of
@@ -35,8 +34,7 @@ from fracid.workflows.figures import (
     of_tests,
     saved,
 )
-
-SAYS = Words("workflows/fit.toml")
+from fracid.workflows.fit import SAYS
 
 FORMATS = ("pdf", "svg", "png")
 
