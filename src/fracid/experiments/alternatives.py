@@ -55,7 +55,7 @@ FRICTION = "friction"
 """The alternative with every order integer and friction free."""
 
 SHORTLIST = 60
-"""Candidates that are looked at again about the alternative that fits the chosen set."""
+"""Candidates that are looked at again: about the alternative that fits the chosen set, or with other values."""
 
 CLOSE = 1e-6
 """An order that is nearer to an integer is one."""
