@@ -13,7 +13,7 @@ from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
 from fracid.bayes.laplace import WeightedDraws
 from fracid.cards import Card, CardDisplay, estimate_text, listed
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Problem
@@ -85,8 +85,7 @@ class Posterior(CardDisplay, WeightedDraws):
         InputError
             If there is no such parameter.
         """
-        if name not in self.names:
-            raise InputError(f"{name} is not among the free parameters: {', '.join(self.names)}.")
+        refuse_unknown("free parameter", self.names, name)
         values = self.points[:, self.names.index(name)]
         order = np.argsort(values, kind="stable")
         weights = self.weights[order]

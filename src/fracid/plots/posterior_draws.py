@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError
+from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.figures import Style
 from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol, unknown_label
 
@@ -55,9 +55,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
         If there is no such parameter.
     """
     chosen = names or _most_important(posterior)
-    for name in chosen:
-        if name not in posterior.names:
-            raise InputError(f"{name} is not among the free parameters: {', '.join(posterior.names)}.")
+    refuse_unknown("free parameter", posterior.names, *chosen)
     if len(chosen) > MOST:
         raise InputError(f"{len(chosen)} parameters are too many for one figure; name {MOST} at most.")
     n = len(chosen)

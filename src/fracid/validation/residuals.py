@@ -53,7 +53,7 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.records import RecordingFit
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
 from fracid.signals.left_over import NEXT_TO_WHITE
@@ -143,8 +143,7 @@ def residual_analysis(
     >>> print(found.sentences["spectrum"])
     74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
     """
-    if output not in recording.measured:
-        raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
+    refuse_unknown(f"output of {recording.name}", recording.measured, output)
     (step, even), unit = _step(recording), recording.unit(output)
     whole, raw = recording.standardised(output), recording.residual(output)
     part = longest_stretch(np.isfinite(whole))

@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from fracid.errors import InputError
+from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
@@ -78,8 +78,7 @@ def redraw(
     fracid.errors.InputError: 'srv03' is neither a run, nor a project, nor a rig. ...
     """
     style_named(style)
-    if unknown := [name for name in formats if name not in FORMATS]:
-        raise InputError(f"Figures cannot be written as {unknown[0]!r}; give --format {', '.join(FORMATS)}.")
+    refuse_unknown("--format", FORMATS, *formats)
     folder = Path(source)
     if zero is not None and (folder.is_dir() or source.endswith(".toml")):
         raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")
