@@ -125,10 +125,8 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
                          f"residual of {symbol(output)} [{unit}]")  # fmt: skip
-    shown = plain(e.name) if problem is posterior.problem else (
-        f"the first {e.time[-1]:.3g} s of {plain(e.name)}"
-    )  # fmt: skip
-    return finish(figure, f"What the posterior leaves undetermined: {shown}")
+    part = "" if problem is posterior.problem else f"the first {e.time[-1]:.3g} s of "
+    return finish(figure, f"What the posterior leaves undetermined: {part}{plain(e.name)}")
 
 
 def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:

@@ -267,9 +267,8 @@ def _swings(page: Path) -> Markup:
         begin = text.index(SAMPLES) + len(SAMPLES)
         recording = json_of(text[begin : text.index("</script>", begin)])["recordings"][0]
         output = recording["outputs"][-1]
-        t, measured, simulated = (
-            floats_of(of[name]) for of, name in ((recording, "t"), (output, "measured"), (output, "fitted"))
-        )
+        packed = recording["t"], output["measured"], output["fitted"]
+        t, measured, simulated = map(floats_of, packed)
         if not 1 < t.size == measured.size == simulated.size:
             return Markup("")
         end = _end_of_swings(simulated)
