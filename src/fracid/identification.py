@@ -653,9 +653,8 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
         cost = problem.cost(best.point)
         check = check and check.on_all_samples(found.problem, best.cost, cost)
         noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
-        alternative = alternative and in_proportion(
-            alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
-        )
+        factor = 1.0 if noise else cost / max(best.cost, SMALLEST)
+        alternative = alternative and in_proportion(alternative, factor, noise)
     if found.alternative is not None and found.alternative.warning and found.claim.claim == "integer":
         for n in found.alternative.orders:
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))

@@ -217,10 +217,8 @@ def log_odds(first: Posterior, second: Posterior) -> float:
     a, b = first.problem, second.problem
     if a.cost_function.name != b.cost_function.name or a.outputs != b.outputs or a.weights != b.weights:
         raise InputError("The two posteriors are of different costs or outputs: their evidence cannot be compared.")
-    same = len(a.experiments) == len(b.experiments) and all(
-        np.array_equal(e.measured, f.measured) for e, f in zip(a.experiments, b.experiments, strict=False)
-    )
-    if not same:
+    pairs = zip(a.experiments, b.experiments, strict=False)
+    if len(a.experiments) != len(b.experiments) or not all(np.array_equal(e.measured, f.measured) for e, f in pairs):
         raise InputError("The two posteriors are of different recordings: their evidence cannot be compared.")
     if math.isnan(first.log_evidence) or math.isnan(second.log_evidence):
         raise InputError("There is no evidence where a free parameter has no bounds: give it a lower and an upper one.")
