@@ -181,10 +181,8 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     folded = []
     for first, *others in groups.values():
         also = {name: None for note in others for name in re.findall(rf"\b(?:{names})\b", note)[:1]}
-        folded.append(
-            f"{first} The same holds for {' and '.join(also)}." if others and len(also) == len(others) else first
-        )
-        folded += others if len(also) != len(others) else []
+        same = f"{first} The same holds for {' and '.join(also)}."
+        folded += [same] if also and len(also) == len(others) else [first, *others]
     return folded
 
 

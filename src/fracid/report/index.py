@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -104,6 +105,8 @@ def _date(started: str) -> str:
         return ""
     return f"{at.day} {MONTHS[at.month - 1]} {at:%Y %H:%M}"
 
+
+_begun = itemgetter("started", "name")
 
 # --- the runs of a folder ------------------------------------------------------------------------
 
@@ -198,10 +201,6 @@ def write_index(folder: str | Path) -> Path:
         for k, run in enumerate(runs):
             _link(run["page"], runs[k - 1] if k else None, runs[k + 1] if k + 1 < len(runs) else None)
     return path
-
-
-def _begun(card: Mapping[str, Any]) -> tuple[str, str]:
-    return card["started"], card["name"]
 
 
 def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> None:
