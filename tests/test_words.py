@@ -36,17 +36,29 @@ def constants(node):
     return []
 
 
+def file_of(tree):
+    """The file of words of a module, its own or that of the module whose SAYS it imports; None without any."""
+    for node in tree:
+        match node:
+            case ast.Assign(targets=[target], value=ast.Call(args=[ast.Constant(value=file)])) if is_said(target):
+                return file
+            case ast.ImportFrom(module=str(module)) if any(alias.name == "SAYS" for alias in node.names):
+                place = module.removeprefix("fracid.").replace(".", "/")
+                return file_of(nodes()[f"{place}.py" if f"{place}.py" in nodes() else f"{place}/__init__.py"])
+    return None
+
+
 def said():
     """File of words → name → what each call gives it; and the files of which a name is put together."""
     calls, open_ = defaultdict(lambda: defaultdict(list)), set()
     for tree in nodes().values():
-        files = [node.value.args[0].value for node in tree if isinstance(node, ast.Assign) and is_said(node.targets[0])]
-        for node in tree if files else ():
+        file = file_of(tree)
+        for node in tree if file else ():
             match node:
                 case ast.Call(func=ast.Name() | ast.Attribute() as what, args=[name, *_]) if is_said(what):
-                    open_ |= set() if constants(name) else {*files}
+                    open_ |= set() if constants(name) else {file}
                     for text in (names := constants(name)):
-                        calls[files[0]][text].append(({k.arg for k in node.keywords}, len(names) == 1))
+                        calls[file][text].append(({k.arg for k in node.keywords}, len(names) == 1))
     return calls, open_
 
 

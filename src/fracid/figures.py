@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from fracid.errors import InputError
+from fracid.errors import entry_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
@@ -86,11 +86,7 @@ def style_named(style: str | Style) -> Style:
     >>> style_named("journal").column
     88
     """
-    if isinstance(style, Style):
-        return style
-    if style not in STYLES:
-        raise InputError(f"There is no style {style!r}; give one of {', '.join(STYLES)}, or a fracid.figures.Style.")
-    return STYLES[style]
+    return style if isinstance(style, Style) else entry_of("style", STYLES, style)
 
 
 def draw(kind: str, *result: Any, **options: Any) -> Figure:

@@ -78,7 +78,7 @@ from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
-from fracid.selection.opened_bounds import open_bounds, opened_bounds, reopened
+from fracid.selection.opened_bounds import LOWER, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
 from fracid.solver.methods import METHODS
@@ -275,9 +275,6 @@ RESTARTS = 3
 
 NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 5}
 """Least squares of the nested model from the fit."""
-
-LOWER = 1e-3
-"""A cost that is lower by this part is lower."""
 
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
 
@@ -656,9 +653,8 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
         cost = problem.cost(best.point)
         check = check and check.on_all_samples(found.problem, best.cost, cost)
         noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
-        alternative = alternative and in_proportion(
-            alternative, 1.0 if noise else cost / max(best.cost, SMALLEST), noise
-        )
+        factor = 1.0 if noise else cost / max(best.cost, SMALLEST)
+        alternative = alternative and in_proportion(alternative, factor, noise)
     if found.alternative is not None and found.alternative.warning and found.claim.claim == "integer":
         for n in found.alternative.orders:
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))

@@ -122,7 +122,7 @@ def test_the_odds_of_a_parameter_that_is_not_there_are_against_it(swing):
 
 
 def test_nothing_free_a_users_own_cost_and_another_method_are_refused_in_a_sentence(swing):
-    with pytest.raises(InputError, match="Nothing is free, so there is no posterior: give at least one order"):
+    with pytest.raises(InputError, match="Nothing is free: give at least one order"):
         fracid.posterior(replace(swing, orders={"lambda": 0.9, "mu": 0.95}, parameters={}))
     own = replace(COSTS["rmse"], name="own", loss=None, weight=None, function=lambda time, e: float(np.sum(e**2)))
     with pytest.raises(InputError, match="The cost own is a user's own, of unknown likelihood"):

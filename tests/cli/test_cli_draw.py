@@ -129,8 +129,8 @@ def test_of_a_study_of_noise_it_draws_what_the_study_draws(capsys, made, tmp_pat
     ("words", "said"),
     [
         (("nonsense",), "'nonsense' is neither a run, nor a project, nor a rig"),
-        (("qube-servo2", "--format", "docx"), "cannot be written as 'docx'; give --format pdf, svg, png"),
-        (("qube-servo2", "--style", "nature"), "no style 'nature'; give one of screen, journal"),
+        (("qube-servo2", "--format", "docx"), "unknown --format 'docx'; the known ones are pdf, svg, png"),
+        (("qube-servo2", "--style", "nature"), "unknown style 'nature'; the known ones are screen, journal"),
         (("qube-servo2", "--zero", "down"), "expected 'hanging' or 'upright'"),
         ((".",), "is no run folder"),
     ],
@@ -179,9 +179,9 @@ def test_a_fit_is_drawn_with_the_constants_that_it_found(made):
 
 @pytest.mark.broad
 def test_a_recording_that_is_not_there_is_refused_with_those_that_are(made):
-    with pytest.raises(InputError, match="no recording 'b'; the fit has release 20°"):
+    with pytest.raises(InputError, match="unknown recording 'b'; the known ones are release 20°"):
         made[1].plot("b")
-    with pytest.raises(InputError, match="has no output 'beta'; it has theta, alpha"):
+    with pytest.raises(InputError, match="unknown output of release 20° 'beta'"):
         made[1].plot_residuals(output="beta")
 
 

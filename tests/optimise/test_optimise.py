@@ -348,7 +348,7 @@ def test_a_log_goes_on_where_an_older_one_ends(tmp_path):
 
 
 def test_a_log_in_a_missing_folder_is_told(tmp_path):
-    with pytest.raises(InputError, match=r"log .*none.log\.jsonl cannot be written.*is its folder there"):
+    with pytest.raises(InputError, match=r"log .*none.log\.jsonl cannot be written.*Is its folder there"):
         EvaluationLog(tmp_path / "none" / "log.jsonl")
 
 

@@ -292,7 +292,7 @@ def test_a_style_of_ones_own_is_taken():
 
 @pytest.mark.parametrize("name", ["rig_drawing", "fitted_over_time", "cost_plane", "ladder"])
 def test_a_style_that_there_is_not_is_refused_with_those_there_are(name):
-    with pytest.raises(InputError, match="no style 'nature'; give one of screen, journal"):
+    with pytest.raises(InputError, match="unknown style 'nature'; the known ones are screen, journal"):
         FIGURES[name](style="nature")
 
 

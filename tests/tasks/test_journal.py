@@ -199,7 +199,7 @@ def test_a_process_that_is_forked_off_has_no_hold_and_takes_none_away(tmp_path):
     with FolderLock(tmp_path) as lock:
         pid = os.fork()
         if not pid:
-            lock.release()
+            lock.__exit__()
             os._exit(int("Another process is at work in" in taken(tmp_path)))
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 1
         assert str(os.getpid()) in (tmp_path / ".lock").read_text()

@@ -502,7 +502,7 @@ def test_any_residual_is_told_of_without_a_nan(residual):
 
 
 def test_a_callers_mistakes_are_told():
-    with pytest.raises(InputError, match="twin has no output 'beta'; it has alpha"):
+    with pytest.raises(InputError, match="unknown output of twin 'beta'"):
         residual_analysis(twin(white()), "beta")
     uneven = TIME + 1e-4 * rng().uniform(size=N)
     with pytest.raises(InputError, match="s apart; a residual's correlation in time needs them evenly spaced"):

@@ -26,13 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.bayes.target import calibrated, joint_prior, require_likelihood
+from fracid.bayes.target import SAYS, calibrated, joint_prior, require_likelihood
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.problem.costs import Cost
-
-SAYS = Words("bayes/target.toml")
 
 DRAWS = 2**12
 """Of the integral, points of Sobol's sequence."""

@@ -27,13 +27,10 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.bayes.pareto import khat_limit, smoothed
-from fracid.bayes.target import BoxPrior, GaussianApproximation, Likelihood
+from fracid.bayes.target import SAYS, BoxPrior, GaussianApproximation, Likelihood
 from fracid.errors import InputError, at_least
-from fracid.findings import Words
 from fracid.tasks.job import Progress, Task
 from fracid.tasks.tasks import Execution
-
-SAYS = Words("bayes/target.toml")
 
 BATCH = 25
 """Draws of one task."""

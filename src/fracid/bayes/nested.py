@@ -21,13 +21,10 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.bayes.laplace import WeightedDraws, simulated
-from fracid.bayes.target import BoxPrior, Likelihood
+from fracid.bayes.target import SAYS, BoxPrior, Likelihood
 from fracid.errors import InputError, at_least
-from fracid.findings import Words
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.tasks import Execution
-
-SAYS = Words("bayes/target.toml")
 
 LIVE = 500
 """Live points of nautilus."""

@@ -13,7 +13,7 @@ from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
 from fracid.bayes.laplace import WeightedDraws
 from fracid.cards import Card, CardDisplay, estimate_text, listed
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Problem
@@ -85,8 +85,7 @@ class Posterior(CardDisplay, WeightedDraws):
         InputError
             If there is no such parameter.
         """
-        if name not in self.names:
-            raise InputError(f"{name} is not among the free parameters: {', '.join(self.names)}.")
+        refuse_unknown("free parameter", self.names, name)
         values = self.points[:, self.names.index(name)]
         order = np.argsort(values, kind="stable")
         weights = self.weights[order]
@@ -218,10 +217,8 @@ def log_odds(first: Posterior, second: Posterior) -> float:
     a, b = first.problem, second.problem
     if a.cost_function.name != b.cost_function.name or a.outputs != b.outputs or a.weights != b.weights:
         raise InputError("The two posteriors are of different costs or outputs: their evidence cannot be compared.")
-    same = len(a.experiments) == len(b.experiments) and all(
-        np.array_equal(e.measured, f.measured) for e, f in zip(a.experiments, b.experiments, strict=False)
-    )
-    if not same:
+    pairs = zip(a.experiments, b.experiments, strict=False)
+    if len(a.experiments) != len(b.experiments) or not all(np.array_equal(e.measured, f.measured) for e, f in pairs):
         raise InputError("The two posteriors are of different recordings: their evidence cannot be compared.")
     if math.isnan(first.log_evidence) or math.isnan(second.log_evidence):
         raise InputError("There is no evidence where a free parameter has no bounds: give it a lower and an upper one.")

@@ -62,6 +62,7 @@ from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
 from fracid.problem import Problem
+from fracid.problem.checks import require_free
 from fracid.problem.unknowns import Free, Prior
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import effective_samples
@@ -360,7 +361,6 @@ def require_likelihood(problem: Problem) -> None:
     InputError
         If nothing is free, or the cost is a user's own.
     """
-    if not problem.names:
-        raise InputError(SAYS("nothing-free"))
+    require_free(problem.names)
     if problem.cost_function.loss is None:
         raise InputError(SAYS("own-cost", problem=problem))

@@ -233,9 +233,8 @@ def print_signals(console: Console, report: Report, factors: Mapping[str, float]
     from rich.markup import escape
 
     rows = report.signal_rows(factors)[:MOST]
-    narrowest = sum(
-        2 + max(len(row[name]) for row in (*rows, {n: n for n in rows[0]})) for name in rows[0] if name != "rest"
-    )
+    columns = ([name, *(row[name] for row in rows)] for name in rows[0] if name != "rest")
+    narrowest = sum(2 + max(map(len, cells)) for cells in columns)
     if narrowest + len("(-1.09°") > console.width:
         for row in rows:
             text = ", ".join(f"{name} {value}" for name, value in row.items() if name != "signal")

@@ -16,9 +16,6 @@ from fracid.units import half_of, number, with_half_width, with_unit
 if TYPE_CHECKING:
     from fracid.selection.comparison_records import Comparison, Row, Score
 
-MOST = 3
-"""Held-out recordings with a table each; of more the mean is shown."""
-
 
 @command
 def compare(project: Path, how: How) -> None:
@@ -46,17 +43,17 @@ def compare(project: Path, how: How) -> None:
 
 def _ladder(c: Comparison) -> dict[str, list[dict[str, str]]]:
     """Caption → a row for each structure: what it is worth, and how near it comes; of many held out ones the mean."""
-    fitted, held_out = [*c.rows[0].in_sample], [*c.held_out]
-    near = {f"fitted: {', '.join(fitted)}": ("in_sample", fitted)}
-    if len(held_out) > MOST:
-        near[f"held out: the mean of {len(held_out)}"] = "held_out", held_out
-    else:
-        near |= {f"held out: {name}": ("held_out", [name]) for name in held_out}
+
+    def caption(use: str, names: Sequence[str]) -> str:
+        if use == "in_sample":
+            return f"fitted: {', '.join(names)}"
+        return f"held out: {names[0] if len(names) == 1 else f'the mean of {len(names)}'}"
+
     worth = f"structures: BIC above the lowest, of {c.effective_samples:.0f} effective samples; ← the paper's"
     return {worth: [_worth(c, row) for row in c.rows]} | {
-        f"{caption}: RMSE and fit": [
-            _structure(row) | _errors(c, [s for n, s in getattr(row, where).items() if n in names]) for row in c.rows
-        ] for caption, (where, names) in near.items()
+        f"{caption(use, names)}: RMSE and fit": [
+            _structure(row) | _errors(c, [s for n, s in getattr(row, use).items() if n in names]) for row in c.rows
+        ] for use, names in c.columns
     }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from fracid.cli.app import (
+    SAYS,
     How,
     command,
     echo_json,
@@ -32,7 +33,6 @@ from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
 from fracid.units import with_unit
-from fracid.words import Sentences
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from fracid.fit import Fit
     from fracid.tasks.progress import Observer
     from fracid.workflows.fit import FinishedRun
-
-SAYS = Sentences("cli/says.toml")
 
 SHOWN = 3
 """So many notes are printed, what costs most first."""
@@ -183,10 +181,8 @@ def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
     folded = []
     for first, *others in groups.values():
         also = {name: None for note in others for name in re.findall(rf"\b(?:{names})\b", note)[:1]}
-        folded.append(
-            f"{first} The same holds for {' and '.join(also)}." if others and len(also) == len(others) else first
-        )
-        folded += others if len(also) != len(others) else []
+        same = f"{first} The same holds for {' and '.join(also)}."
+        folded += [same] if also and len(also) == len(others) else [first, *others]
     return folded
 
 

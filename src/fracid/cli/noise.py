@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fracid.cli.app import How, command, numbers, typed
+from fracid.cli.app import SAYS, How, command, numbers, typed
 from fracid.errors import InputError
-from fracid.words import Sentences
-
-SAYS = Sentences("cli/says.toml")
 
 
 @command

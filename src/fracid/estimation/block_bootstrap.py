@@ -31,6 +31,7 @@ from fracid.estimation.covariance import METHODS, at_bound, residual_bandwidth, 
 from fracid.estimation.derivatives import jacobian, loss_of, scores_of
 from fracid.estimation.likelihood_record import BootstrapBlock
 from fracid.problem import Problem
+from fracid.problem.checks import require_free
 from fracid.safety.schema import as_json
 from fracid.solver.trajectory import vector
 
@@ -119,8 +120,7 @@ def bootstrap(
     """
     if problem.cost_function.loss is None:
         raise InputError(f"The cost {problem.cost_function.name} is a user's own, of unknown loss: no bootstrap of it.")
-    if not problem.names:
-        raise InputError("Nothing is free, so there is nothing to draw.")
+    require_free(problem.names)
     at_least("draws", draws, 2)
     errors = problem.errors(x)
     if isinstance(errors, Failure):

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.cards import tabulated
-from fracid.errors import InputError
+from fracid.errors import entry_of
 from fracid.estimation.records import Estimate, Estimates, RecordingFit
 from fracid.estimation.starts import Start
 from fracid.figures import Figure, Style, draw
@@ -166,11 +166,7 @@ class FitPictures:
 
 def _one(fit: FitPictures, name: str | None) -> RecordingFit:
     """A recording by its name, the first without one."""
-    if name is None:
-        return next(iter(fit.recordings.values()))
-    if name not in fit.recordings:
-        raise InputError(f"There is no recording {name!r}; the fit has {', '.join(fit.recordings)}.")
-    return fit.recordings[name]
+    return next(iter(fit.recordings.values())) if name is None else entry_of("recording", fit.recordings, name)
 
 
 def rig_as_found(model: Model, parameters: Mapping[str, Estimate]) -> Model:

@@ -68,7 +68,7 @@ WIDE_ANGLE = 0.05
 """The same for an angle of rest [rad], which may well be 0."""
 
 STILL = 1e-2
-"""A coordinate that moves by less than this part of the one that moves most hardly moves."""
+"""A coordinate that moves by less than this part of the one that moves most stands still."""
 
 NONLINEAR = 1.5
 """Sensitivities that grow with the swing to more than this power belong to a term of large swings."""

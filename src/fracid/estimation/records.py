@@ -82,9 +82,8 @@ class Estimate(CardDisplay, Record):
 
     def _card(self) -> Card:
         shown, factor = shown_unit(self.unit)
-        low, high = (None, None) if self.interval95 is None else (factor * b for b in self.interval95)
-        half = None if low is None or high is None else (high - low) / 2
-        title = f"Estimate {rounded(factor * self.value, half)} {typeset_unit(shown)}".rstrip()
+        half = self.row()["half_width"]
+        title = f"Estimate {rounded(factor * self.value, half and factor * half)} {typeset_unit(shown)}".rstrip()
         rows = (("verdict", self.verdict), ("why", self.reason), ("at its bound", brief(self.bound)))
         return Card(title, tuple((what, text) for what, text in rows if text not in ("", "none")))
 

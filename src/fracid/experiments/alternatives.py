@@ -44,21 +44,18 @@ from fracid.estimation.horizons import Watch, growing, refined
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.space import ARMS, Candidate, by_motion
-from fracid.experiments.subject import Subject
-from fracid.findings import Words
+from fracid.experiments.subject import SAYS, Subject
 from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.selection.integer_alternatives import ELEMENTS, Element, fitted_with
 from fracid.selection.integer_rival import Rival, freed_friction, integer_values, moving
 from fracid.tasks.job import in_threads
 
-SAYS = Words("experiments/subject.toml")
-
 FRICTION = "friction"
 """The alternative with every order integer and friction free."""
 
 SHORTLIST = 60
-"""Candidates that are looked at again about the alternative that fits the chosen set."""
+"""Candidates that are looked at again: about the alternative that fits the chosen set, or with other values."""
 
 CLOSE = 1e-6
 """An order that is nearer to an integer is one."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, at_least, refuse_unknown
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import searched
-from fracid.experiments.alternatives import alternatives_of, orders_alone, rivals_of, with_states
+from fracid.experiments.alternatives import SHORTLIST, alternatives_of, orders_alone, rivals_of, with_states
 from fracid.experiments.criteria import CRITERIA, objective_named
 from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.information import Information, of_samples
@@ -26,17 +26,12 @@ from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.runs.saved import SavedRun
-from fracid.tasks.job import Counter, Progress, in_threads
-from fracid.tasks.progress import Observer
+from fracid.tasks.job import Counter, in_threads
+from fracid.tasks.progress import Observer, Tell
 
 SAYS = Words("experiments/choice.toml")
 
 Source = Fit | Project | Problem | Model
-
-Tell = Callable[[Progress], None]
-
-SHORTLIST = 60
-"""Candidates that are looked at again with other values, or about another alternative."""
 
 BEYOND = "beyond the limits"
 """Why a candidate is excluded that would travel too far or too fast."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.experiments.information import Information
+from fracid.experiments.information import BLIND, Information
 
 CRITERIA = ("D", "A", "Ds", "T")
 
@@ -27,9 +27,6 @@ Objective = Callable[[tuple[FloatArray, ...]], FloatArray]
 
 LEAST = 1e-300
 """In place of a determinant or a distance of 0."""
-
-BLIND = 1e-12
-"""Of the largest singular value: less is not seen."""
 
 
 def objective_named(name: str, scale: FloatArray, of: Sequence[int]) -> Objective:

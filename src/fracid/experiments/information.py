@@ -27,7 +27,7 @@ from fracid.estimation.rounding import scores_covariance
 from fracid.problem.unknowns import Weights
 
 BLIND = 1e-12
-"""Of the own unknowns' curvature, scaled to 1: less is not seen."""
+"""Of the largest singular value of a curvature scaled to 1: less is not seen."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError, refuse_unknown, unknown_name
+from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
 from fracid.estimation.rounding import encoder_noise
@@ -198,9 +198,7 @@ class Subject:
         """
         model, space = self.problem.model, self.space
         refuse_unknown("sensor", model.outputs, *space.sensors)
-        for name in space.limits:
-            if name.removesuffix(SPEED) not in self.outputs:
-                raise unknown_name("output in limits", name, self.outputs)
+        refuse_unknown("output in limits", self.outputs, *(name.removesuffix(SPEED) for name in space.limits))
         for name in space.constants:
             model.parameter(name)
             if isinstance(self.problem.parameters.get(name), Free | Tied):

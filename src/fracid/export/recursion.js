@@ -609,7 +609,8 @@ const Fracid = (() => {
         if (together) H += parabola(knots, C[i], 2 * piece, n);
         known[i] = run.initial[i] + gain[i] * H + newest[i] * share[i] * jump[i];
         if (n % 8 === 1) scale[i] = 1 / (SMALL + abs(x[i]));
-        x[i] = n >= free ? known[i] + newest[i] * (2 * d[i] - before[i]) : begun[n][i];
+        if (n < free) x[i] = begun[n][i];
+        else if (corrections > 0) x[i] = known[i] + newest[i] * (2 * d[i] - before[i]);
         before[i] = d[i];
       }
       if (n >= free && relaxing.length) {                // they follow the speed before f is asked

@@ -96,7 +96,7 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
 
     def left(unknown: FloatArray) -> FloatArray:
         x[~held], u[channel] = unknown[:-1], unknown[-1]
-        return model.derivatives(x, u, p)[: len(x)]
+        return np.nan_to_num(model.derivatives(x, u, p)[: len(x)], nan=1e9)  # where there is no value
 
     start = np.append(x[~held], 0.0)
     size = np.abs(left(np.append(start[:-1], 1.0)) - left(start)).max() or 1.0

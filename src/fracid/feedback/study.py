@@ -25,10 +25,9 @@ from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.covariance import uncertainty
 from fracid.export.state_space import IntegerModel, moving, positive_sum
 from fracid.feedback.pid import pid
-from fracid.feedback.regulators import REDUCED, SLOWEST, UPRIGHT, Plant, Posture, margins, posture_of, regulator
+from fracid.feedback.regulators import REDUCED, SAYS, SLOWEST, UPRIGHT, Plant, Posture, margins, posture_of, regulator
 from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Figure, Style, draw
-from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem import Experiment, Problem
 from fracid.problem.simulator import LIMIT
@@ -48,8 +47,6 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.tasks import Part, run_tasks
 from fracid.units import with_unit
 from fracid.validation.study_records import binomial95
-
-SAYS = Words("feedback/study.toml")
 
 DRAWS, FIRST = 200, 40
 """Of the unknowns, and those on which all designs are tried."""

@@ -78,12 +78,9 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
-from fracid.findings import Words
-from fracid.models.base import LinearTerms, Model, Parameter
+from fracid.models.base import SAYS, LinearTerms, Model, Parameter
 from fracid.models.library import model_of_table, table_of
 from fracid.models.rigs import GRAVITY, RIGS
-
-SAYS = Words("models/base.toml")
 
 TABLE = table_of("rotary-pendulum")
 

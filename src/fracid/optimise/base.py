@@ -37,9 +37,10 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.arrowhead import Blocks
-from fracid.errors import InputError, at_least, is_number
+from fracid.errors import InputError, at_least, is_number, writing
 from fracid.safety.door import appended
 from fracid.safety.json_files import REACH, json_number, object_of
+from fracid.tasks.job import closing
 from fracid.tasks.journal import append_whole, whole_lines
 
 GREATEST = 1e150
@@ -222,14 +223,12 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
     def __init__(self, path: str | Path, *, again: bool = False) -> None:
         """Open the file, at its end if it is there; a line that was cut off in writing is removed."""
         self._path, self._count = Path(path), 0
-        try:
+        with writing(f"The log {path}", "Is its folder there?"):
             lines = deque(enumerate(whole_lines(self._path), 1), maxlen=1)
             before, (last, end) = lines[0] if lines else (0, (b"", 0))
             self._file, self._end = appended(self._path), end
             self.torn = self._path.stat().st_size > end
             self._file.truncate(end)
-        except OSError as error:
-            raise InputError(f"The log {path} cannot be written: {error.strerror}; is its folder there?") from error
         self._before = before if again else 0
         self._count = 0 if again else before
         self._began = time.perf_counter() - (_seconds(last) if again else 0.0)
@@ -308,7 +307,7 @@ def minimise(
     outcome: Outcome | None = None
     count, batch = 0, list[Evaluation]()
     at_once, evaluate_all = together or (1, lambda points: [evaluate(x) for x in points])
-    with ThreadPoolExecutor(at_least("jobs", jobs, 1)) as pool:
+    with closing(ThreadPoolExecutor(at_least("jobs", jobs, 1))) as pool:
         try:
             points = next(optimiser)
             while outcome is None:
@@ -331,7 +330,6 @@ def minimise(
         except StopIteration as end:
             outcome = end.value
         except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
             outcome = Outcome.INTERRUPTED
         finally:
             optimiser.close()

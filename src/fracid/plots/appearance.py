@@ -113,9 +113,8 @@ def finish(figure: Figure, heading: str, *, grid: bool = True, caption: str = ""
         _legend(figure, {label: handle for label, handle in entries.items() if label})
     if style.heading:
         figure.suptitle(heading, fontsize=LARGE, wrap=True)
-    figure.set_label(
-        f"{heading}. {caption}" if caption and style.brief else heading
-    )  # the title in its file's metadata
+    # The title in its file's metadata.
+    figure.set_label(f"{heading}. {caption}" if caption and style.brief else heading)
     if style.letters:
         _letter(panels)
     _wrap(figure, panels)
@@ -412,6 +411,5 @@ def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     else:
         fit = f"fit {number(percent, 1)} %" if percent > -1e4 else "fit below −10 000 %"
     counts = rmse / step if step else np.inf
-    return f"{fit}, RMSE {with_unit(rmse, recording.unit(name))}" + (
-        f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
-    )
+    in_steps = f" ({counts:.{1 if counts < 10 else 0}f} encoder steps)" if counts < 1e3 else ""
+    return f"{fit}, RMSE {with_unit(rmse, recording.unit(name))}{in_steps}"

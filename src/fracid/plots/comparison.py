@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +31,6 @@ from fracid.units import shown_unit
 if TYPE_CHECKING:
     from fracid.selection.amplitude import AmplitudeTest, Drift
     from fracid.selection.comparison_records import Comparison, Score
-
-MOST = 3
-"""Held-out recordings with a column each; of more the mean is drawn, with each recording pale."""
 
 KINDS: dict[bool, dict[str, Any]] = {
     False: {"color": BLUE, "marker": "o", "label": "orders 1"},
@@ -70,25 +67,17 @@ def ladder(comparison: Comparison, *, style: str | Style = "screen") -> Figure:
     >>> [axes.get_title() for axes in figure.axes]
     ['fitted: release']
     """
-    columns = _columns(comparison)
+    columns = comparison.columns
     figure = new(max(5.0, 1.0 + 3.3 * len(columns)), 1.3 + 2.5 * len(comparison.outputs), style)
     grid = figure.subplots(len(comparison.outputs), len(columns), squeeze=False, sharex=True)
     for output, panels in zip(comparison.outputs, grid, strict=True):
-        for axes, (heading, recordings, use) in zip(panels, columns.values(), strict=True):
+        for axes, (use, recordings) in zip(panels, columns, strict=True):
             _rungs(axes, comparison, output, recordings, use=use)
+            heading = f"{'held out' if use == 'held_out' else 'fitted'}: {_names(recordings)}"
             title(axes, heading if output == comparison.outputs[0] else "")
         unit, _ = axis_unit(comparison.units.get(output, "rad"))
         panels[0].set_ylabel(f"RMSE of {symbol(output)} [{unit}]")
     return finish(figure, "RMSE by friction model")
-
-
-def _columns(comparison: Comparison) -> Mapping[str, tuple[str, Sequence[str], str]]:
-    """Title, recordings and which scores of each column."""
-    fitted, out = [*comparison.rows[0].in_sample], [*comparison.held_out]
-    columns = {"fit": (f"fitted: {_names(fitted)}", fitted, "in_sample")}
-    if len(out) > MOST:
-        return columns | {"out": (f"held out: mean of {len(out)}", out, "held_out")}
-    return columns | {name: (f"held out: {plain(name, 28)}", [name], "held_out") for name in out}
 
 
 def _names(recordings: Sequence[str]) -> str:

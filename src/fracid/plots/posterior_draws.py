@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, InputError
+from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.figures import Style
 from fracid.plots.appearance import BLUE, VERMILLION, axis_unit, finish, label, line, new, plain, symbol, unknown_label
 
@@ -55,9 +55,7 @@ def posterior_corner(posterior: Posterior, *names: str, style: str | Style = "sc
         If there is no such parameter.
     """
     chosen = names or _most_important(posterior)
-    for name in chosen:
-        if name not in posterior.names:
-            raise InputError(f"{name} is not among the free parameters: {', '.join(posterior.names)}.")
+    refuse_unknown("free parameter", posterior.names, *chosen)
     if len(chosen) > MOST:
         raise InputError(f"{len(chosen)} parameters are too many for one figure; name {MOST} at most.")
     n = len(chosen)
@@ -127,10 +125,8 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
         label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
                          f"residual of {symbol(output)} [{unit}]")  # fmt: skip
-    shown = plain(e.name) if problem is posterior.problem else (
-        f"the first {e.time[-1]:.3g} s of {plain(e.name)}"
-    )  # fmt: skip
-    return finish(figure, f"What the posterior leaves undetermined: {shown}")
+    part = "" if problem is posterior.problem else f"the first {e.time[-1]:.3g} s of "
+    return finish(figure, f"What the posterior leaves undetermined: {part}{plain(e.name)}")
 
 
 def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:

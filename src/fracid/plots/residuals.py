@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import refuse_unknown
 from fracid.estimation.records import RecordingFit
 from fracid.figures import Style
 from fracid.plots.appearance import (
@@ -92,8 +92,7 @@ def residual_plots(
     >>> [axes.get_title() for axes in residual_plots(twin, "alpha").axes]
     ['over time', 'against the fitted value', 'distribution', 'normal probability, PPCC = 1.000']
     """
-    if output not in recording.measured:
-        raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
+    refuse_unknown(f"output of {recording.name}", recording.measured, output)
     figure = new(9.5, 7, style)
     return _figure_3(figure, figure.subplot_mosaic([["time", "fitted"], ["normal", "probability"]]), recording, output,
                      step=encoder_step(resolution, output))  # fmt: skip

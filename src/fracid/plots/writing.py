@@ -14,7 +14,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from fracid.errors import InputError, writing
+from fracid.errors import InputError, refuse_unknown, writing
 from fracid.plots.appearance import spoken, style_of
 from fracid.safety.door import write_files
 
@@ -73,11 +73,7 @@ def save(figure: Figure, folder: str | Path, stem: str, formats: Sequence[str] =
     """
     from matplotlib import rc_context
 
-    filetypes = figure.canvas.get_supported_filetypes()
-    for ending in formats:
-        if ending not in filetypes:
-            known = ", ".join(sorted(filetypes))
-            raise InputError(f"Figures cannot be written as {ending!r}; expected some of {known}.")
+    refuse_unknown("format of figures", sorted(figure.canvas.get_supported_filetypes()), *formats)
     if not stem or Path(stem).name != stem:
         raise InputError(f"{stem!r} is no name for a file; expected one without a folder and an ending: 'figure2'.")
     with _settling, rc_context(SETTINGS):  # matplotlib takes these from its global settings alone

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -104,6 +105,8 @@ def _date(started: str) -> str:
         return ""
     return f"{at.day} {MONTHS[at.month - 1]} {at:%Y %H:%M}"
 
+
+_begun = itemgetter("started", "name")
 
 # --- the runs of a folder ------------------------------------------------------------------------
 
@@ -200,10 +203,6 @@ def write_index(folder: str | Path) -> Path:
     return path
 
 
-def _begun(card: Mapping[str, Any]) -> tuple[str, str]:
-    return card["started"], card["name"]
-
-
 def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> None:
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
     if page.is_symlink():
@@ -267,9 +266,8 @@ def _swings(page: Path) -> Markup:
         begin = text.index(SAMPLES) + len(SAMPLES)
         recording = json_of(text[begin : text.index("</script>", begin)])["recordings"][0]
         output = recording["outputs"][-1]
-        t, measured, simulated = (
-            floats_of(of[name]) for of, name in ((recording, "t"), (output, "measured"), (output, "fitted"))
-        )
+        packed = recording["t"], output["measured"], output["fitted"]
+        t, measured, simulated = map(floats_of, packed)
         if not 1 < t.size == measured.size == simulated.size:
             return Markup("")
         end = _end_of_swings(simulated)

@@ -58,10 +58,8 @@ class Material:
         cls, folder: Path, fit: Fit, project: Project, plane: CostPlane | None = None, tested: Analyses | None = None
     ) -> Material:
         """From a fit that is written to its folder."""
-        try:
-            result = read_as(folder / "result.json", SavedRun, "fracid fit PROJECT")
-        except OSError:
-            raise InputError(f"{folder} has no result.json that can be read: write the fit's result first.") from None
+        missing = "{path.parent} has no result.json that can be read: write the fit's result first."
+        result = read_as(folder / "result.json", SavedRun, "fracid fit PROJECT", missing)
         solved = replace(project, problem=replace(project.problem, substeps=fit.problem.substeps))
         return cls(folder, result, solved, fit, plane=plane, tested=tested)
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from fracid.errors import InputError, writing
+from fracid.errors import writing
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.likelihood_record import Likelihood
 from fracid.experiments.plan import Plan
@@ -292,10 +292,8 @@ def _moment(seconds: float) -> str:
 
 def _record(folder: Path, file: str) -> dict[str, Any]:
     command = f"fracid {STUDIES[file].command}"
-    try:
-        return dict(read_as(folder / file, STUDIES[file].record, command))
-    except OSError:
-        raise InputError(f"{folder} holds no {file}. Write it: {command}.") from None
+    missing = f"{{path.parent}} holds no {file}. Write it: {command}."
+    return dict(read_as(folder / file, STUDIES[file].record, command, missing))
 
 
 def _page(folder: Path, file: str, study: Study, record: Mapping[str, Any]) -> str:

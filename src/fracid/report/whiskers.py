@@ -18,6 +18,9 @@ REACH = 0.12
 SHORT = 3
 """Letters of an order's name that have room beside its interval; a longer one stands above it."""
 
+WIDTH = 400
+"""Of the drawing of the orders [px]."""
+
 LETTER = 8.6
 """Of a value beside its whisker, its width [px]."""
 
@@ -55,9 +58,7 @@ def _ends(estimates: list[Mapping[str, Any]], least: float) -> tuple[float, floa
     return low - max(0.0, short), high + max(0.0, short)
 
 
-def orders_drawn(
-    orders: Mapping[str, Mapping[str, Any]], ends: tuple[float, float] | None = None, width: int = 400
-) -> Markup:
+def orders_drawn(orders: Mapping[str, Mapping[str, Any]], ends: tuple[float, float] | None = None) -> Markup:
     """The orders in rows over one axis, each with its interval as a whisker, and a line at its integer value.
 
     Examples
@@ -69,9 +70,9 @@ def orders_drawn(
     longest = max((len(said(e)) for e in orders.values()), default=0)
     low, high = ends or order_axis(list(orders.values()))
     above = 18 if max((len(letter(n)) for n in orders), default=0) > SHORT else 0
-    axis = Axis(low, high, 8.0 if above else 34.0, width - max(166.0, 16 + LETTER * longest))
+    axis = Axis(low, high, 8.0 if above else 34.0, WIDTH - max(166.0, 16 + LETTER * longest))
     integers = {e.get("integer", 1.0) for e in orders.values()} - {None}
-    return drawn("orders.svg.j2", orders=orders, axis=axis, width=width, above=above,
+    return drawn("orders.svg.j2", orders=orders, axis=axis, width=WIDTH, above=above,
                  foot=(30 + above) * len(orders) + 4, integers=integers)  # fmt: skip
 
 

@@ -26,15 +26,12 @@ from typing import Any
 
 from fracid.cards import CardDisplay
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.runs.environment import code, machine
-from fracid.runs.folder import CODE, VERSION, inputs_of, result_of, run_state
+from fracid.runs.folder import CODE, SAYS, VERSION, inputs_of, result_of, run_state
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.schema import Beside, Infinite, Listed, Record, computed, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.job import one_blas_thread
-
-SAYS = Words("runs/folder.toml")
 
 ELSEWHERE = 1e-9
 """How far what was found may be off with other versions or on another machine, of its size."""

@@ -32,11 +32,10 @@ from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
-from fracid.findings import Words
 from fracid.fit import Fit
 from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
-from fracid.runs.folder import RUN, RunState
+from fracid.runs.folder import RUN, SAYS, RunState
 from fracid.safety.door import text_if_any
 from fracid.safety.json_files import object_of
 from fracid.safety.paths import path_of, refuse_mistaken
@@ -46,8 +45,6 @@ from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.opened_bounds import reopened
 from fracid.tasks.folder_lock import refuse_links
 from fracid.units import with_unit
-
-SAYS = Words("runs/folder.toml")
 
 DIFFERENT = 1e-6
 """Relative difference of an rmse from the saved one that is told."""

@@ -411,9 +411,7 @@ def _drift(order: str, over: str, group: Sequence[Window]) -> Drift | None:
     informative.sort(key=lambda w: -w.amplitude[order])
     if len(informative) < 2:
         return None
-    A, q, s = (
-        np.array([getattr(w, name)[order] for w in informative]) for name in ("amplitude", "orders", "standard_errors")
-    )
+    A, q, s = np.array([(w.amplitude[order], w.orders[order], w.standard_errors[order]) for w in informative]).T
     probability, explained, change = trend(A, q, s)
     return Drift(order, over, tuple(A.tolist()), tuple(q.tolist()), standard_errors=tuple(s.tolist()),
                  probability=probability, explained=explained, change=change,

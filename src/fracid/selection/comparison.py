@@ -439,9 +439,8 @@ def _refitted(
 def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, str]]:
     """What a structure with rich friction comes to by windows, as a fit does; or from what it has beside that."""
     problem, late = structure.problem, late_rungs(structure.problem)
-    if (
-        structure.friction.rpartition(" + ")[2] not in late
-    ):  # a drag or a cable came in last: it may matter more than all that came before
+    if structure.friction.rpartition(" + ")[2] not in late:
+        # A drag or a cable came in last: it may matter more than all that came before.
         simple = without(problem, [n for rung in late.values() for n in rung])
         x = structure.embed(assignment(simple, growing(simple, simple.start, watch).best.point))
         yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)

@@ -49,6 +49,9 @@ Missed = Annotated[
 """A fit in per cent: null of a constant output that is missed."""
 
 
+MOST = 3
+"""Held-out recordings with a column each; of more the mean is shown."""
+
 CURVE = 900
 """Samples of a curve that is kept, at most."""
 
@@ -175,6 +178,12 @@ class Comparison(CardDisplay, Record):
     def held_out(self) -> tuple[str, ...]:
         """Names of the held-out recordings."""
         return tuple(self.rows[0].held_out)
+
+    @property
+    def columns(self) -> list[tuple[str, tuple[str, ...]]]:
+        """What a table or a figure of it has side by side: which scores, and of which recordings the mean."""
+        held_out = [self.held_out] if len(self.held_out) > MOST else [(name,) for name in self.held_out]
+        return [("in_sample", tuple(self.rows[0].in_sample)), *(("held_out", names) for names in held_out)]
 
     def best(self, *, fractional: bool) -> Row:
         """The best row with orders free, or with orders 1: on held-out recordings, by BIC where there are none."""

@@ -335,9 +335,8 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
         end = problem.evaluate(problem.start)
     else:
         ends = [uninterrupted(refined(problem, x, watch, **ROUGH)).best for x in starts]
-        ends += (
-            [problem.evaluate(embedded(problem, values | element.off))] if element.off else []
-        )  # it holds that model
+        if element.off:  # it holds that model
+            ends.append(problem.evaluate(embedded(problem, values | element.off)))
         end = min(ends, key=lambda e: e.cost)
         if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
             end = uninterrupted(refined(problem, end.point, watch, **FINE)).best
@@ -349,12 +348,10 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
 
 def _on_the_same_samples(problem: Problem, best: Evaluation, element: Element) -> Evaluation | None:
     """The fractional fit where the element is scored: a delay leaves out the first samples."""
-    experiments = (element.whole or element.problem).experiments
-    if all(a.samples == b.samples for a, b in zip(problem.experiments, experiments, strict=True)):
+    pairs = [*zip(problem.experiments, (element.whole or element.problem).experiments, strict=True)]
+    if all(e.samples == other.samples for e, other in pairs):
         return best
-    its_own = tuple(
-        replace(e, sensors=other.sensors) for e, other in zip(problem.experiments, experiments, strict=True)
-    )
+    its_own = tuple(replace(e, sensors=other.sensors) for e, other in pairs)
     same = replace(problem, experiments=its_own, memo=None)  # what its inputs do between samples stays
     off = {f"lowpass_{output}": 0.0 for output in problem.outputs}
     evaluation = same.evaluate(embedded(same, off | problem.named(best.point)))

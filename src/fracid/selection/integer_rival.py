@@ -34,6 +34,7 @@ from fracid.arrays import joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
+from fracid.estimation.parameter_verdicts import STILL
 from fracid.models.base import NEAR_0
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
@@ -45,9 +46,6 @@ from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
 from fracid.units import GREEK
-
-STILL = 1e-2
-"""A joint that moves by less than this part of what moves most stands still."""
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""

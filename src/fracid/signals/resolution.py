@@ -108,8 +108,7 @@ def lattice(signal: FloatArray) -> Lattice | None:
     except KeyError:
         if len(_FOUND) >= KEPT:
             _FOUND.clear()
-        found = _FOUND[key] = _looked_for(signal)
-        return found
+        return _FOUND.setdefault(key, _looked_for(signal))
 
 
 def _looked_for(signal: FloatArray) -> Lattice | None:

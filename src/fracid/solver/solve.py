@@ -317,11 +317,10 @@ def integrate_all(
     """
     found = dict[int, Trajectory]()
     for first in range(0, len(posed), RUNS):
-        few = range(first, min(first + RUNS, len(posed)))
-        chosen = [k for k in few if k in wanted]
-        if chosen and len(few) >= FEW and go_together(posed[0][0].rhs, options.method):
-            runs = _together([posed[k] for k in chosen], step, steps, options=options)
-            found |= zip(chosen, runs or (), strict=False)
+        few = posed[first : first + RUNS]
+        numbers = range(first, first + len(few))
+        if len(few) >= FEW and {*numbers} & {*wanted} and go_together(posed[0][0].rhs, options.method):
+            found |= zip(numbers, _together(few, step, steps, options=options) or (), strict=False)
     return {k: found.get(k) or integrate(*posed[k], step, steps, options=options) for k in wanted}
 
 

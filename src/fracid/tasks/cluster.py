@@ -18,10 +18,8 @@ from itertools import islice
 from typing import Any
 
 from fracid.errors import InputError
+from fracid.tasks import SAYS
 from fracid.tasks.job import Ended, Job, Stopped, Task, Work, failure_of, perform_elsewhere, unpacked
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 # --- a cluster -----------------------------------------------------------------------------------------
 

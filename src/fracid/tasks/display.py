@@ -186,7 +186,6 @@ class _Terminal:
         from rich.console import Console
 
         self._console = Console(file=stream, highlight=False)
-        self._clear: Callable[[], None] = lambda: None
 
     def begin(self, stage: _Stage) -> None:
         from rich.live import Live

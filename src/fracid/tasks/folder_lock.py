@@ -25,9 +25,7 @@ from fracid.errors import InputError, writing
 from fracid.safety.door import appended
 from fracid.safety.json_files import object_of
 from fracid.safety.text import shortened
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
+from fracid.tasks import SAYS
 
 Json = Any
 """A plain JSON value: dict with names for keys, list, str, float, int, bool, None."""
@@ -40,7 +38,7 @@ LOCK = ".lock"
 
 
 class FolderLock(AbstractContextManager["FolderLock"]):
-    """A folder for one thread alone, until :meth:`release` or the process's end, however it ends.
+    """A folder for one thread alone, until its block's or the process's end, however it ends.
 
     Raises
     ------
@@ -62,16 +60,12 @@ class FolderLock(AbstractContextManager["FolderLock"]):
             raise InputError(f"This process is at work in {folder} already. Wait for its end, or give another folder.")
         _HELD[self.path] = self._file = _locked(self.path)
 
-    def release(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let go of it; in a process that was forked off since there is nothing to let go of."""
         if _HELD.get(self.path) is self._file:
             del _HELD[self.path]
             self._file.truncate(0)
             self._file.close()
-
-    def __exit__(self, *_: object) -> None:
-        """Let go of it."""
-        self.release()
 
 
 def refuse_links(folder: Path) -> None:

@@ -19,9 +19,9 @@ import pickle
 import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -201,12 +201,17 @@ def in_threads(jobs: int, work: Callable[[_In], _Out], items: Iterable[_In]) -> 
     >>> in_threads(2, abs, [-1, 2])
     [1, 2]
     """
-    with ThreadPoolExecutor(jobs) as pool:
-        try:
-            return list(pool.map(work, items))
-        except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
-            raise
+    with closing(ThreadPoolExecutor(jobs)) as pool:
+        return list(pool.map(work, items))
+
+
+@contextmanager
+def closing(pool: Executor) -> Iterator[Executor]:
+    """A pool that ends with the block: what runs may end, and what has not begun is left out."""
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def one_blas_thread() -> Any:

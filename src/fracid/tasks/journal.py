@@ -32,10 +32,8 @@ from pathlib import Path
 from fracid.errors import InputError, Unfinished, writing
 from fracid.safety.door import appended, opened
 from fracid.safety.json_files import LONGEST, object_of
+from fracid.tasks import SAYS
 from fracid.tasks.folder_lock import FolderLock, Json
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 FORMAT = 1
 
@@ -96,10 +94,6 @@ class Journal(AbstractContextManager["Journal"]):
             self._opened = opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
-        """Close the file and let go of the folder."""
-        self.close()
-
-    def close(self) -> None:
         """Force the last lines to the disk, close the file and let go of the folder."""
         with self._opened:
             if not self._file.closed:

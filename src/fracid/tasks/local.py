@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
-    Executor,
     Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
@@ -35,6 +34,7 @@ from types import ModuleType
 from typing import Any
 
 from fracid.safety.environment import ignore_settings
+from fracid.tasks import SAYS
 from fracid.tasks.ending import undisturbed
 from fracid.tasks.job import (
     Ended,
@@ -43,15 +43,13 @@ from fracid.tasks.job import (
     Stopped,
     Task,
     Work,
+    closing,
     failure_of,
     one_blas_thread,
     perform,
     perform_elsewhere,
     unpacked,
 )
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 LOG = logging.getLogger("fracid.tasks")
 """Where nobody listens, Python prints its warnings on standard error."""
@@ -99,7 +97,7 @@ def _in_flight(submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], w
 
 def on_threads(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tuple[Task, Ended]]:
     """Do the tasks on threads, in any order."""
-    with one_blas_thread(), _closing(ThreadPoolExecutor(jobs, "fracid")) as pool:
+    with one_blas_thread(), closing(ThreadPoolExecutor(jobs, "fracid")) as pool:
         yield from _in_flight(lambda task: pool.submit(perform, work, task.arguments), iter(tasks), 2 * jobs)
 
 
@@ -125,7 +123,7 @@ def _on_processes(work: Work, tasks: Sequence[Task], jobs: int) -> Iterator[tupl
 
 
 def _in_a_pool(job: Job, packed: bytes, tasks: Iterator[Task], jobs: int, window: int) -> Ends:
-    with _closing(fresh_processes(jobs, _prepare_worker, packed)) as pool:
+    with closing(fresh_processes(jobs, _prepare_worker, packed)) as pool:
 
         def start(task: Task) -> Future[Ended]:
             with deaf_to_ctrl_c():  # the first ones start the processes
@@ -143,14 +141,6 @@ _job_here = cache(unpacked)
 
 def _do_here(own: dict[int, Any]) -> Ended:
     return perform_elsewhere(own, _job_here(_PACKED[0]))
-
-
-@contextmanager
-def _closing(pool: Executor) -> Iterator[Executor]:
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _prepare_worker(packed: bytes) -> None:

@@ -33,14 +33,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from fracid.errors import InputError, Unfinished, at_least
+from fracid.tasks import SAYS
 from fracid.tasks.cluster import on_cluster
 from fracid.tasks.folder_lock import Json
 from fracid.tasks.job import Ended, Progress, Stopped, Task, Work
 from fracid.tasks.journal import Journal, resumable
 from fracid.tasks.local import on_processes, on_threads
-from fracid.words import Sentences
-
-SAYS = Sentences("tasks/tasks.toml")
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,8 @@ class Part:
 
     Examples
     --------
-    >>> Part("fits", before=6, total=12).counted(2, 2)
-    '8 of 12 fits'
+    >>> Part("fits", before=6, total=12).done(2)
+    8
     """
 
     what: str = "repetitions"
@@ -64,10 +62,6 @@ class Part:
     def done(self, count: int) -> int:
         """How many are done when `count` of these tasks are."""
         return self.before + (0 if self.beside else count)
-
-    def counted(self, count: int, tasks: int) -> str:
-        """How many are done, in words."""
-        return f"{self.done(count):,} of {self.total or tasks:,} {self.what}"
 
 
 @dataclass(frozen=True)
@@ -161,7 +155,7 @@ def run_tasks(work: Work, tasks: Sequence[Task], **how: Any) -> dict[str, Json]:
 
 
 def _kept(part: Part, count: int, tasks: int, journal: Journal | None) -> str:
-    counted = part.counted(count, tasks)
+    counted = f"{part.done(count):,} of {part.total or tasks:,} {part.what}"
     if journal is None:
         return f"{counted} were done."
     return f"{counted} are done and kept. To continue, type fracid resume {resumable(journal.path)}."

@@ -36,8 +36,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import InputError
-from fracid.findings import Words
+from fracid.errors import InputError, refuse_unknown
 from fracid.models import Model, model
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
@@ -48,9 +47,7 @@ from fracid.solver.inputs import Between, Driven, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
 from fracid.solver.trajectory import Trajectory
-from fracid.twins.encoder import encoder
-
-SAYS = Words("twins/twin.toml")
+from fracid.twins.encoder import SAYS, encoder
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
@@ -318,8 +315,7 @@ class Twin(CardDisplay):
             For an output that the model does not have, noise below 0, or counts that are no encoder's.
         """
         levels = {n: float((noise or {}).get(n, 0.0)) for n in self.model.outputs}
-        if extras := set(noise or {}) - set(levels):
-            raise InputError(f"There is no output {min(extras)!r}; {self.model.name} has {', '.join(levels)}.")
+        refuse_unknown(f"output of {self.model.name}", levels, *(noise or {}))
         if not all(0 <= v < math.inf for v in levels.values()):
             raise InputError(f"noise = {dict(noise or {})} is not possible; expected standard deviations from 0 on.")
         if counts < 0 or 0 < counts < 3:

@@ -7,13 +7,11 @@ from collections.abc import Iterator, Mapping
 
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
+from fracid.selection.doubts import POOR
 from fracid.signals.left_over import left_over
 from fracid.units import plain, with_unit
 
 SAYS = Words("validation/misfits.toml")
-
-POOR = 20.0
-"""A fit of less than this [%] is called poor."""
 
 MISFIT = 3.0
 """Times the encoder's rounding, from which on an autocorrelated residual is reported."""

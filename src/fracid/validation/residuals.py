@@ -53,9 +53,8 @@ from dataclasses import replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.records import RecordingFit
-from fracid.findings import Words
 from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
 from fracid.signals.left_over import NEXT_TO_WHITE
 from fracid.signals.resolution import resolution as lattice
@@ -75,6 +74,7 @@ from fracid.validation.residual_records import (
 )
 from fracid.validation.residual_sentences import (
     DENSER,
+    SAYS,
     STANDS_OUT,
     correlation_cause,
     level_sentence,
@@ -98,8 +98,6 @@ from fracid.validation.residual_tests import (
     spread_ratio,
     swing_band,
 )
-
-SAYS = Words("validation/residual_sentences.toml")
 
 
 def residual_analysis(
@@ -145,8 +143,7 @@ def residual_analysis(
     >>> print(found.sentences["spectrum"])
     74 % of its power lies at 1.9 Hz, 2 times the swing's: something differs between left and right: ...
     """
-    if output not in recording.measured:
-        raise InputError(f"{recording.name} has no output {output!r}; it has {', '.join(recording.measured)}.")
+    refuse_unknown(f"output of {recording.name}", recording.measured, output)
     (step, even), unit = _step(recording), recording.unit(output)
     whole, raw = recording.standardised(output), recording.residual(output)
     part = longest_stretch(np.isfinite(whole))

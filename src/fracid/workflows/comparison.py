@@ -215,9 +215,8 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
 
 def _written(given: Any, value: Value, found: float | None) -> Any:
     """A parameter as a project file has it: its range about what was found, and what else its own table says."""
-    kept = (
-        {k: v for k, v in given.items() if k in ("unit", "prior", "scale", "hard")} if isinstance(given, dict) else {}
-    )
+    table = given if isinstance(given, dict) else {}
+    kept = {k: v for k, v in table.items() if k in ("unit", "prior", "scale", "hard")}
     plain = plain_value(value, found)
     if isinstance(plain, dict):
         return plain | kept

@@ -128,9 +128,8 @@ class _Drawn:
 
 def _looks_alike(one: RecordingFit, other: RecordingFit) -> bool:
     """Whether two simulations of a recording are the same, whatever is known of their parameters."""
-    return one.cost == other.cost and all(
-        np.array_equal(y, other.fitted[name], equal_nan=True) for name, y in one.fitted.items()
-    )
+    alike = (np.array_equal(y, other.fitted[name], equal_nan=True) for name, y in one.fitted.items())
+    return one.cost == other.cost and all(alike)
 
 
 def saved(

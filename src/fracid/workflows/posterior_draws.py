@@ -16,16 +16,14 @@ import numpy as np
 from fracid.bayes.inference import DRAWS, posterior
 from fracid.bayes.result import METHODS, Posterior
 from fracid.errors import InputError, refuse_unknown
-from fracid.findings import Words
 from fracid.optimise.base import Outcome
 from fracid.runs.saved import load_run
 from fracid.tasks.display import unless_given
 from fracid.tasks.job import one_blas_thread
 from fracid.tasks.progress import Observer
+from fracid.workflows.fit import SAYS
 from fracid.workflows.records import command_of
 from fracid.workflows.study import Finished, folder_of, journal_of, study_of
-
-SAYS = Words("workflows/fit.toml")
 
 DRAWN = "draws.npz"
 

@@ -8,12 +8,11 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from fracid.errors import InputError
+from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.cost_profile import Profiles
 from fracid.estimation.fit_figures import rig_as_found
 from fracid.export.state_space import integer_model
 from fracid.figures import style_named
-from fracid.findings import Words
 from fracid.models import RIGS, rotary_pendulum
 from fracid.problem.project import load_project
 from fracid.report import plane_of
@@ -35,8 +34,7 @@ from fracid.workflows.figures import (
     of_tests,
     saved,
 )
-
-SAYS = Words("workflows/fit.toml")
+from fracid.workflows.fit import SAYS
 
 FORMATS = ("pdf", "svg", "png")
 
@@ -80,8 +78,7 @@ def redraw(
     fracid.errors.InputError: 'srv03' is neither a run, nor a project, nor a rig. ...
     """
     style_named(style)
-    if unknown := [name for name in formats if name not in FORMATS]:
-        raise InputError(f"Figures cannot be written as {unknown[0]!r}; give --format {', '.join(FORMATS)}.")
+    refuse_unknown("--format", FORMATS, *formats)
     folder = Path(source)
     if zero is not None and (folder.is_dir() or source.endswith(".toml")):
         raise InputError(f"--zero is for a rig; {source} says its own: leave it out.")

@@ -16,6 +16,7 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import InputError
 from fracid.problem.project import Project, load_project
 from fracid.report.index import write_study_page
+from fracid.report.study import STUDIES
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import write_files
@@ -33,7 +34,6 @@ class Written(CardDisplay):
     """What a command wrote into a folder."""
 
     FILE: ClassVar[str]
-    PAGED: ClassVar[bool] = False
 
     folder: Path
     figures: tuple[Path, ...]
@@ -55,7 +55,7 @@ class Written(CardDisplay):
         observer.stage("figures")
         write_files(folder, {**(contents or {}), cls.FILE: json_document(record)})
         drawn = saved(pictures, folder / FIGURES)
-        if cls.PAGED:
+        if cls.FILE in STUDIES:
             write_study_page(folder, cls.FILE)
         observer.stage("")
         return cls(folder, drawn, record, **found)
@@ -65,7 +65,6 @@ class Written(CardDisplay):
 class Finished(Written):
     """What a study found, with its folder and a page."""
 
-    PAGED = True
     FOUND: ClassVar[str]
     """The attribute with the result itself."""
 
