@@ -69,29 +69,20 @@ def differences(
 ) -> BlockJacobian | Failure:
     """Both, with the errors at x, by `blocks` of the unknowns `free`: one of each recording is moved at once."""
     blocks = shared_by_all(problem, len(free)) if blocks is None else blocks
-    space, steps = problem.space, difference_steps(problem, x)
+    here, space, steps = problem.errors(x), problem.space, difference_steps(problem, x)
+    if isinstance(here, Failure):
+        return here
+    parts = [np.moveaxis(part, 0, -1)  # column by column, as they come
+             for part in zeros_together([(len(blocks.columns(k)), *e.shape) for k, e in enumerate(here)])]  # fmt: skip
 
     def both_sides(group: IntArray) -> list[FloatArray]:
         change = np.zeros(len(x))
         change[free[group]] = steps[free[group]]
         return [np.clip(x + side * change, space.lower, space.upper) for side in (1, -1)]
 
-    def ends_of(groups: Sequence[IntArray]) -> list[FloatArray]:
-        return [end for group in groups for end in both_sides(group)]
-
-    there = ~problem.absent(x)[free]
-    moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
-    at_once = max(1, problem.abreast // 2)
-    *chunks, last = [moving[k : k + at_once] for k in range(0, len(moving), at_once)] or [[]]
-    *beside, here = problem.simulator.all_errors([*ends_of(last), x])
-    if isinstance(here, Failure):
-        return here
-    parts = [np.moveaxis(part, 0, -1)  # column by column, as they come
-             for part in zeros_together([(len(blocks.columns(k)), *e.shape) for k, e in enumerate(here)])]  # fmt: skip
-
-    def differentiate(groups: Sequence[IntArray], errors: Sequence[list[FloatArray] | Failure] = ()) -> Failure | None:
-        ends = ends_of(groups)
-        found = iter(zip(errors or problem.simulator.all_errors(ends), ends, strict=True))
+    def differentiate(groups: Sequence[IntArray]) -> Failure | None:
+        ends = [end for group in groups for end in both_sides(group)]
+        found = iter(zip(problem.simulator.all_errors(ends), ends, strict=True))
         for group in groups:
             sides = [next(found), next(found)]
             fails = [errors for errors, _ in sides if isinstance(errors, Failure)]
@@ -108,7 +99,11 @@ def differences(
                     return Failure(FailureReason.RUN, f"the runs on both sides of the minimum fail: {fails[0]}")
         return None
 
-    reasons = [why for why in (differentiate(last, beside), *in_threads(jobs, differentiate, chunks)) if why]
+    there = ~problem.absent(x)[free]
+    moving = [group[there[group]] for group in blocks.groups if np.any(there[group])]
+    at_once = max(1, problem.abreast // 2)
+    chunks = [moving[k : k + at_once] for k in range(0, len(moving), at_once)]
+    reasons = [why for why in in_threads(jobs, differentiate, chunks) if why]
     return reasons[0] if reasons else BlockJacobian(blocks, parts, here)
 
 
