@@ -95,6 +95,23 @@ def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_pa
     assert not any("header" in sentence for sentence in same.report.reading)
 
 
+@pytest.mark.parametrize(("first", "bits"), [(65000, 16), (2**32 - 500, 32), (2**31 - 500, -32), (32000, -16)])
+def test_a_counter_that_begins_again_is_continued_whatever_its_bits(tmp_path, first, bits):
+    ticks = (first + 10 * np.arange(99)) % 2 ** abs(bits)
+    if bits < 0:  # with a sign
+        ticks = np.where(ticks >= 2 ** (-bits - 1), ticks - 2**-bits, ticks)
+    np.savetxt(tmp_path / "log.csv", np.c_[ticks, np.arange(99) % 7], "%d", ",", header="ms,alpha", comments="")
+    found = load_recording(tmp_path / "log.csv")
+    assert np.diff(found.time) == pytest.approx(0.01)
+    assert any("begins again at 2" in note for note in found.report.reading)
+
+
+def test_a_comma_that_is_both_is_asked_for_where_there_is_no_clock(tmp_path):
+    (tmp_path / "both.csv").write_text("".join(f"0,{k % 90:02d},{400 - k % 7}\n" for k in range(200)))
+    with pytest.raises(InputError, match="if the comma is both the separator and the decimal sign"):
+        load_recording(tmp_path / "both.csv")
+
+
 def test_the_numbers_of_rows_are_no_signal_and_columns_of_one_name_are_found_as_they_are_called(tmp_path):
     rows = "".join(f"{k},{k / 100},{k % 7},{k % 5}\n" for k in range(99))
     (tmp_path / "frame.csv").write_text(",time,alpha,alpha\n" + rows)

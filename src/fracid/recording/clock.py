@@ -52,8 +52,8 @@ CLOCK_STAMP = 1e6
 SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 """Of a clock [s]."""
 
-WRAP = 2.0**32
-"""Where the counters of microcontrollers begin again: micros() after 71 minutes."""
+WRAPS = {2.0**16: "2¹⁶", 2.0**32: "2³²"}
+"""After how many ticks the counters of microcontrollers begin again: micros() of 32 bits after 71 minutes."""
 
 EVEN = 0.05
 """Relative scatter of its steps below which a column is a clock."""
@@ -90,7 +90,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     unit = spec.get("unit") or (header if header in SECONDS else "s")
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
-    ticks, wraps = _unrolled(measurable(table.values[:, column])[0])
+    ticks, (wraps, wrap) = _unrolled(measurable(table.values[:, column])[0])
     stamps = ticks * SECONDS[unit]
     rows = np.isfinite(stamps)
     stamps = stamps[rows]
@@ -102,7 +102,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
         (guessed, Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock")),
         (unsaid and header not in SECONDS, SAYS("no-unit-of-time", header=short_text(header))),
         (unsaid and not table.units[column], Note(f"Time is in {header}, as its name {name!r} says.", "clock")),
-        (wraps, f"{name!r} begins again at 2³² {times}: the clock is continued."),
+        (wraps, f"{name!r} begins again at {wrap} {times}: the clock is continued."),
         (not rows.all(), f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out."),
     )
     sentences = [sentence for holds, sentence in said if holds]
@@ -192,7 +192,8 @@ def _guess_time(table: Table) -> int:
         header = f" The header says: {short_text(' | '.join(table.header))}." if table.header else ""
         rows, columns = table.values.shape
         wide = " It has more columns than rows: should it be turned?" if columns > max(rows, 20) else ""
-        raise InputError(SAYS("no-time", table=table, header=header, wide=wide))
+        whole = columns > 2 and np.array_equal(table.values, np.round(table.values), equal_nan=True)
+        raise InputError(SAYS("no-time", table=table, header=header, wide=wide or whole * f" {SAYS('commas')}"))
     return min(evenness, key=lambda j: evenness[j])
 
 
@@ -201,16 +202,17 @@ def short_text(text: str) -> str:
     return printable(" ".join(text.split()))[:200]
 
 
-def _unrolled(column: FloatArray) -> tuple[FloatArray, int]:
-    """A counter of 32 bits that is continued where it begins again, and how often it does; else the column."""
+def _unrolled(column: FloatArray) -> tuple[FloatArray, tuple[int, str]]:
+    """A counter that is continued where it begins again, how often it does and after what; else the column."""
     there = np.isfinite(column)
     ticks = column[there]
-    falls = np.diff(ticks) < -WRAP / 2
-    if not falls.any() or not (ticks.min() >= 0 and ticks.max() < WRAP):
-        return column, 0
-    column = column.copy()
-    column[there] = ticks + WRAP * np.concatenate([[0], np.cumsum(falls)])
-    return column, int(falls.sum())
+    for wrap, words in WRAPS.items():
+        falls = np.diff(ticks) < -wrap / 2
+        if falls.any() and np.ptp(ticks) < wrap:
+            column = column.copy()
+            column[there] = ticks + wrap * np.concatenate([[0], np.cumsum(falls)])
+            return column, (int(falls.sum()), words)
+    return column, (0, "")
 
 
 def unevenness(column: FloatArray) -> float | None:

@@ -32,6 +32,9 @@ SAYS = Words("recording/columns.toml")
 MOST_SIGNALS = 200
 """That are looked at where none is named: each takes milliseconds, and a rig has a dozen."""
 
+NUMBERS = re.compile(r"(column \d+|unnamed.*|index|idx|rows?|n[or]?|id|samples?|#|seq(uence)?)[ _.]*")
+"""Names of what numbers the rows, as data frames write it."""
+
 # ---------------------------------------------------------------------------- channels
 
 
@@ -48,7 +51,8 @@ def choose_channels(
     still = {j for j in others if j not in blank and np.all(table.values[rows, j] == table.values[rows, j][0])}
     late = [j for j in others if time is not None and table.values[0, j] > CLOCK_STAMP]
     clocks = {j for j in late if unevenness(table.values[:, j]) is not None}  # dates that increase
-    clocks |= {j for j in others if len(rows) > 2 and np.all(np.diff(table.values[:, j]) == 1.0)}  # numbers of rows
+    counts = [j for j in others if NUMBERS.fullmatch(table.names[j].lower())]
+    clocks |= {j for j in counts if np.all(np.diff(table.values[:, j]) == 1.0)}  # from row to row
     if not (indices := [j for j in others if j not in blank | still | clocks] or [*still]):
         names = ", ".join(table.names[j] for j in [*blank][:20]) or ", ".join(table.names[:20])
         reason = " ".join(_left_out(table)) or f"{'Blank throughout' if blank else 'Its columns'}: {names}."
