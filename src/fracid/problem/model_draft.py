@@ -289,7 +289,12 @@ class _Page:
             special=self.special, outputs=self._outputs, units={_own_unit(self.model, n) for n in self._outputs},
             columns={n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()},
         )  # fmt: skip
-        findings = tuple(f"May be wrong: {f}" for r in self.recordings for f in r.report.findings)
+        findings = tuple(
+            f"May be wrong: {f}"
+            for r in self.recordings
+            for f in r.report.findings
+            if f.code != "jump" or f.where in self.model.outputs
+        )  # a goal may jump
         return Draft(text, self.columns, (*self.notes, *findings))
 
     def may_be_added(self, name: str) -> bool:

@@ -144,7 +144,8 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         findings = signal_faults(e.time, signals, measured)
     else:
         findings = report.findings
-    return [replace(f, where=f"{e.name}: {f.where}") for f in findings]
+    commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
+    return [replace(f, where=f"{e.name}: {f.where}") for f in findings if (f.code, f.where) not in commanded]
 
 
 def _is_angle(problem: Problem, signal: str) -> bool:
