@@ -222,7 +222,7 @@ def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp
         (["srv02-rotpen", "--order", "nu=1"], "order 'nu'; the known ones are lambda, mu"),
         (["srv02-rotpen", "--set", "b_alfa=1"], "did you mean b_alpha"),
         (["srv02-rotpen", "--noise", "0.05"], "has no unit: deg or rad? Type for example --noise 0.05deg"),
-        (["srv02-rotpen", "--noise", "beta=1deg"], "There is no output 'beta'"),
+        (["srv02-rotpen", "--noise", "beta=1deg"], "unknown output of rotary-pendulum 'beta'"),
         (["srv02-rotpen", "--counts", "2"], "expected counts a turn, e.g. 4096"),
         (["srv02-rotpen", "--method", "rk4"], "There is no method 'rk4'; type one of"),
         (["srv02-rotpen", "--step", "0"], "expected an end after the release and a step above 0"),

@@ -69,7 +69,7 @@ def test_a_springpots_order_is_an_order_by_name(project):
     model = project.problem.model
     assert model.order_names == ("nu",)
     assert model.state_orders({"nu": 0.25}).tolist() == [0.75]
-    assert project.problem.orders["nu"] == Free(0.5, 0.02, 0.98)
+    assert project.problem.orders["nu"] == Free(0.5, 0.02, 1.0)
     with pytest.raises(InputError, match=r"nu = 1.2: a springpot's lies between 0, a spring, and 1, a dashpot"):
         model.state_orders({"nu": 1.2})
     with pytest.raises(InputError, match=r"a springpot's order lies between 0, a spring, and 1"):
