@@ -156,7 +156,7 @@ def test_samples_whose_stamps_jitter_stay_where_they_are_and_so_do_the_corners_o
     assert ('resample = "uneven"' in text, e.times is not None) == (uneven, uneven)
     if uneven:  # straight lines between the grid's points miss the corners by little
         grid = np.interp(t, np.arange(len(e.inputs)) * e.step, e.inputs[:, 0])
-        assert np.max(np.abs(grid - np.sin(20 * t))) < 2e-3
+        assert np.max(np.abs(grid - np.sin(20 * t))) < 5e-3
 
 
 @pytest.mark.parametrize(("options", "says"), [

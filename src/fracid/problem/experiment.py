@@ -377,8 +377,9 @@ def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | Non
     return deviation
 
 
-OF_AN_INPUT = 8
-"""Steps of the grid from sample to sample of an input that always moves: its corners lie between the grid's points."""
+OF_AN_INPUT, CROWDS = 8, 4.0
+"""Steps of the grid from sample to sample of an input that always moves: its corners lie between the grid's points.
+Not where most samples lie so many steps apart: they crowd elsewhere."""
 
 ODD = 1e-3
 """Share of uneven samples that may lie nearer to the next than a step: a stamp that is off does not set it."""
@@ -391,9 +392,10 @@ def _steps_to(end: float, step: float) -> int:
 def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: FloatArray) -> tuple[float, FloatArray]:
     """The step with which a model goes through uneven samples, and the inputs on its grid."""
     step = float(np.quantile(np.diff(times), ODD, method="lower"))
-    step /= math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step))
-    drives = np.mean(np.any(np.diff(inputs, axis=0) != 0.0, axis=1)) > 0.5 if len(inputs) > 1 else False
-    step /= OF_AN_INPUT if drives else 1
+    jitters = np.median(np.diff(times)) < CROWDS * step
+    drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs, axis=0) != 0.0, axis=1)) > 0.5
+    least = OF_AN_INPUT if drives and jitters else 1
+    step /= max(math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step)), least)
     count = _steps_to(float(times[-1]), step) + 1
     if count > MOST_UNEVEN:
         raise InputError(SAYS("uneven-step", recording=recording, step=step, length=times[-1], count=count,
