@@ -89,7 +89,7 @@ def changed(*where, to):
         if to is None:
             del said[where[-1]]
         else:
-            said[where[-1]] = to
+            said[where[-1]] = None if to == "null" else to
         (sent / "result.json").write_text(json.dumps(whole))
 
     return change
@@ -108,6 +108,7 @@ DAMAGED = {
     "no such block": (changed("recordings", to=None), "result.json is damaged: it has no recordings"),
     "a list for names": (changed("parameters", to=[]), "parameters is a list; expected names with values"),
     "an order missing": (changed("orders", "mu", to=None), "it has no order 'mu'"),
+    "an order without a value": (changed("orders", "mu", "value", to="null"), "it has no value of mu"),
     "another recording": (changed("recordings", "other", to={}), "recordings.other has no use"),
     "no recording": (changed("recordings", to={}), "its recordings are others"),
     "an output missing": (

@@ -756,7 +756,9 @@ def _sentence(path: tuple[Any, ...], faults: list[Any]) -> str:
     keys = next((_keys(fault) for fault in faults if fault["type"] == "model_type"), "")
     value = faults[0]["input"]
     text = str(value).lower() if isinstance(value, bool) else repr(value)
-    return f"{where} = {text}; expected {expected(faults, TABLES, keys=keys)}."
+    typed = "of tables: type [[recording]] above each" if path == ("recording",) else "[...]"
+    typed = f'["{value}"]' if isinstance(value, str) else typed
+    return f"{where} = {text}; expected {expected(faults, TABLES, keys=keys, typed=typed)}."
 
 
 def _keys(fault: Any) -> str:
