@@ -190,11 +190,14 @@ def test_values_that_do_not_give_the_saved_rmse_are_told(copy):
     assert "simulated again with the saved values, the RMSE of theta is" in notes[0]
 
 
-def test_an_unknown_without_a_saved_value_stays_at_its_start(copy):
+def test_an_unknown_without_a_saved_value_stays_at_its_start_where_the_search_failed(copy):
     path = copy / "run" / "result.json"
     result = json.loads(path.read_text(encoding="utf-8"))
     result["orders"]["lambda"]["value"] = None
     path.write_text(json.dumps(result), encoding="utf-8")
+    with pytest.raises(InputError, match="it has no value of lambda"):
+        load_run(copy / "run")
+    path.write_text(json.dumps(result | {"cost": result["cost"] | {"value": None}}), encoding="utf-8")
     assert load_run(copy / "run").x[0] == 1.0
 
 

@@ -194,7 +194,7 @@ def _strange(run: SavedRun) -> Iterator[str]:
     if missing := set(model.order_names) - set(result["orders"]):
         yield f"it has no order {min(missing)!r}"
     lost = [u.name for u in run.problem.unknowns if u.experiment is None and u.name not in run.values]
-    if lost and result["cost"] is not None:  # of a search that did not fail
+    if lost and result["cost"]["value"] is not None:  # of a search that did not fail
         yield f"it has no value of {lost[0]}"
     if run.substeps not in (None, run.problem.substeps):
         yield f"its substeps are {run.substeps}, and the project fixes {run.problem.substeps}"
