@@ -18,11 +18,12 @@ from fracid.estimation.windows import (
     closes_a_loop,
     dies,
     lengthened,
+    piece,
     prediction,
     prediction_of,
     windowed,
 )
-from fracid.problem import Free
+from fracid.problem import Experiment, Free
 from fracid.quantiles import NORMAL_95
 from fracid.validation.discretisation import Discretisation
 
@@ -190,6 +191,21 @@ def test_the_search_on_windows_begins_where_that_on_their_parts_ends(stand):
     for k, w in enumerate(whole.experiments):
         first = at[whole.names.index(f"angle(0) [{w.name}]")]
         assert first == own[f"angle(0) [stand, window {PARTS * k + 1}]"]
+
+
+def test_a_piece_of_uneven_samples_has_its_own_times_inputs_and_deviations():
+    times = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 99)) * 0.01
+    times, grid = times - times[0], np.arange(1200) * 1e-3
+    sd, measured, inputs = times[:, None] + 1, np.cos(times)[:, None], grid[:, None] ** 2
+    e = Experiment("uneven", 1e-3, measured, inputs, times=times, deviation=sd)
+    part = piece(e, "part", 40, 80)
+    assert part.time == pytest.approx(times[40:80] - times[40])
+    assert part.start == pytest.approx(times[40])
+    assert np.array_equal(part.measured, e.measured[40:80])
+    assert np.array_equal(part.deviation, e.deviation[40:80])
+    at = times[40] + 1e-3 * np.arange(len(part.inputs))
+    assert part.inputs[:, 0] == pytest.approx(at**2, abs=1e-6)
+    assert at[-2] < times[79] <= at[-1] + 1e-9
 
 
 @pytest.mark.parametrize("seconds", [0, -1.0, 1e-9, math.inf, math.nan, "long", True])

@@ -395,11 +395,8 @@ def _windows(e: Experiment, most: int) -> list[Experiment]:
 
 def piece(e: Experiment, name: str, first: int, end: int) -> Experiment:
     """Some samples of a recording, which begin in motion."""
-    return replace(
-        e, name=name, past=None, past_inputs=None, release_time=0.0, initial={},
-        measured=e.measured[first:end], inputs=e.inputs if len(e.inputs) == 1 else e.inputs[first:end],
-        start=e.start + first * e.step, source=e.source_of(first, end),
-    )  # fmt: skip
+    return replace(e.part(first, end), name=name, past=None, past_inputs=None, release_time=0.0, initial={},
+                   start=e.start + float(e.time[first]))  # fmt: skip
 
 
 def shared_values(problem: Problem, x: FloatArray) -> Mapping[str, float]:

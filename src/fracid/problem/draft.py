@@ -160,8 +160,33 @@ class Source:
         jinja = Environment(loader=PackageLoader("fracid.problem", "."), undefined=StrictUndefined, trim_blocks=True,
                             lstrip_blocks=True, keep_trailing_newline=True)  # fmt: skip
         jinja.filters |= {"toml": toml_value, "with_code": with_code, "at": lambda text, column=40: text.ljust(column)}
-        words = {"line": toml_line, "free": toml_range, "path": path, "time": self.time, "variable": self.variable}
+        words = {"line": toml_line, "free": toml_range, "path": path, "time": self.time, "variable": self.variable,
+                 "uneven": why_uneven}  # fmt: skip
         return jinja.get_template(template).render(words | values, recordings=recordings)
+
+
+CROWDED = 3.0
+"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
+
+JITTER, FEW = 0.02, 20_000
+"""Of half of the steps, relative, from which on they are no grid; in so few samples: more are fitted on one, faster."""
+
+
+def why_uneven(recording: Recording) -> str:
+    """Why samples are to stay where they are: they crowd in a quarter of the record, or jitter; else nothing.
+
+    Examples
+    --------
+    >>> t = np.append(np.arange(0, 1, 0.01), np.arange(1, 100, 1.0))
+    >>> why_uneven(Recording.of("relaxes", t, {"force": 1 / (1 + t)}))
+    'its samples crowd where much happens'
+    """
+    dt = np.diff(recording.time)
+    steps = [np.median(part) for part in np.array_split(dt, 4)]
+    if max(steps) > CROWDED * min(steps):
+        return "its samples crowd where much happens"
+    jitters = len(dt) < FEW and np.median(np.abs(dt / np.median(dt) - 1.0)) > JITTER
+    return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
 
 
 def guess_file(

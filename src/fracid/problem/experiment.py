@@ -244,11 +244,20 @@ class Experiment(CardDisplay):
         n = max(3, int(within))
         if self.scored is not None:
             n = int(np.searchsorted(np.cumsum(self.scored), min(n, self.samples))) + 1
-        n = min(len(self.measured), n)
-        on_the_grid = n if self.times is None else _steps_to(float(self.times[n - 1]), self.step) + 1
-        times, deviation = (None if a is None else a[:n] for a in (self.times, self.deviation))
-        return replace(self, measured=self.measured[:n], inputs=self.inputs[:on_the_grid], times=times,
-                       deviation=deviation, source=self.source_of(0, n))  # fmt: skip
+        return self.part(0, min(len(self.measured), n))
+
+    def part(self, first: int, end: int) -> Experiment:
+        """Some of its samples, and the inputs on a grid that begins with the first of them."""
+        times, deviation = (None if a is None else a[first:end] for a in (self.times, self.deviation))
+        inputs = self.inputs if len(self.inputs) == 1 else self.inputs[first:end]
+        if times is not None:
+            begin, times = float(times[0]), times - times[0]
+            grid = begin + self.step * np.arange(_steps_to(float(times[-1]), self.step) + 1)
+            whole = self.step * np.arange(len(self.inputs))
+            inputs = self.inputs if len(whole) == 1 else np.column_stack(
+                [np.interp(grid, whole, u) for u in self.inputs.T])  # fmt: skip
+        return replace(self, measured=self.measured[first:end], inputs=inputs, times=times, deviation=deviation,
+                       source=self.source_of(first, end))  # fmt: skip
 
     def source_of(self, first: int, end: int) -> Experiment | None:
         """The part of the source that some samples, from `first` up to `end`, are means of."""

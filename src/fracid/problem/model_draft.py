@@ -40,12 +40,6 @@ SPAN = 10.0
 FEWEST = 50
 """Samples."""
 
-CROWDED = 3.0
-"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
-
-JITTER, FEW = 0.02, 20_000
-"""Of half of the steps, relative, from which on they are no grid; in so few samples: more are fitted on one, faster."""
-
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
 
@@ -320,13 +314,3 @@ class _Page:
         for state, output in self.table["model"].get("begins", {}).items():
             y = recording.signals[output][np.isfinite(recording.signals[output])]
             yield state, float(y[0]), float(np.ptp(y))
-
-    @staticmethod
-    def uneven(recording: Recording) -> str:
-        """Why samples are to stay where they are: they crowd in a quarter of the record, or jitter; else nothing."""
-        dt = np.diff(recording.time)
-        steps = [np.median(part) for part in np.array_split(dt, 4)]
-        if max(steps) > CROWDED * min(steps):
-            return "its samples crowd where much happens"
-        jitters = len(dt) < FEW and np.median(np.abs(dt / np.median(dt) - 1.0)) > JITTER
-        return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
