@@ -76,7 +76,7 @@ from fracid.problem.checks import refuse_twins
 from fracid.problem.project import Project
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
-from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
+from fracid.selection.integer_alternatives import LEAST, SAME, TIMES, integer_alternatives
 from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
 from fracid.selection.opened_bounds import LOWER, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
@@ -524,22 +524,21 @@ class _Findings:
         """Look for what of integer order explains the recordings as well: slow ones where nothing else contradicts."""
         problem, best, asked = self.problem, self.best, self.asked
         part = some_of(part_of(problem))
-        x = embedded(part, problem.named(best.point))
-        beside = best if part is problem else self._refined(part, x)
+        where, beside = self._cheaper(part)
         orders, left = orders_found(problem, best.point, self.known), leftovers(problem, best.point)
         self.left, noise = left, all(e.noise for e in left.values())
         contradictions = [f.note for f in (*self.seen, *self.missed())]
         undecided = claim_of(orders, None, left, contradictions).claim == "undecided"
         slow = any(order.least_damping > FLOOR for order in orders) and noise
         nearest = integer_alternatives(
-            part, beside, {} if isinstance(self.known, Failure) else {order.name: order.half for order in orders},
+            where, beside, {} if isinstance(self.known, Failure) else {order.name: order.half for order in orders},
             slow=slow and not contradictions and undecided,
-            own={n: _beside(other, part) for n, other in asked.alternatives.items()},
+            own={n: _beside(other, where) for n, other in asked.alternatives.items()},
             starts=asked.starts, seed=asked.seed, watch=Watch(asked.jobs, most=self.allowed),
         )  # fmt: skip
         goal = nearest.cost if nearest else None
-        element = None if noise else fractional_element(part, beside, goal=goal, jobs=asked.jobs)
-        if nearest is not None and part is not problem:
+        element = None if noise else fractional_element(where, beside, goal=goal, jobs=asked.jobs)
+        if nearest is not None and beside is not best:
             nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
         self.alternative, self.claim = nearest, claim_of(orders, nearest, left, contradictions, element=element)
         if nearest is not None and self.claim.claim == "integer":
@@ -549,6 +548,17 @@ class _Findings:
             end = max(float(e.time[-1]) for e in part.experiments)
             reason = SAYS("compared", end=end) if few == many else SAYS("compared-on", few=few, many=many, end=end)
             self.claim = replace(self.claim, reasons=(*self.claim.reasons, reason))
+
+    def _cheaper(self, part: Problem) -> tuple[Problem, Evaluation]:
+        """What the rivals are held against: part of the record at its minimum, at the search's step if that does."""
+        problem, best, began = self.problem, self.best, self.asked.problem.substeps
+        if part is not problem:
+            return part, self._refined(part, embedded(part, problem.named(best.point)))
+        if is_coarse(problem) or self.asked.window is not None or began == problem.substeps:
+            return problem, best
+        coarse = replace(problem, substeps=began)
+        there = self._refined(coarse, best.point)
+        return (coarse, there) if abs(there.cost - best.cost) <= SAME * best.cost else (problem, best)
 
     def missed(self) -> Iterator[Finding]:
         """Validation recordings that the model does not predict."""

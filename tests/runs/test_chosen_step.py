@@ -1,12 +1,16 @@
 """A fit chooses its step where the project leaves it the choice; its run folder has the step that it took."""
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fracid
 from fracid.errors import InputError
+from fracid.identification import _Findings
+from fracid.optimise import Outcome
 from fracid.runs.saved import load_run
 from fracid.validation.discretisation import Discretisation, _costs_differ, _helps
 from program import fit_in
@@ -97,6 +101,23 @@ def test_a_quiet_step_is_left_alone_to_the_last_bit(tmp_path):
     assert free.problem.substeps == 1
     assert np.array_equal(free.x, fixed.x)
     assert free.discretisation == fixed.discretisation
+
+
+@pytest.mark.parametrize(("slip_speed", "taken"), [(0.1, 1), (5e-4, 8)])
+def test_rivals_are_held_against_the_fit_at_the_step_of_its_search_where_that_costs_the_same(
+    tmp_path, slip_speed, taken
+):
+    constants = {"coulomb_theta": 0.05, "slip_speed": slip_speed}
+    write_release(tmp_path / "steep.csv", orders=[1.0] * 4, alpha=0.4, step=2e-3, end=1.0, finer=40, noise=4e-4,
+                  parameters=constants)  # fmt: skip
+    (tmp_path / "project.toml").write_text(STEEP.replace("5e-3", f"{slip_speed}"), encoding="utf-8")
+    searched = fracid.load_project(tmp_path / "project.toml").problem
+    fine = replace(searched, substeps=8)
+    asked = SimpleNamespace(problem=searched, window=None, jobs=1)
+    found = _Findings(asked, fine, fine.evaluate([0.05]), Outcome.CONVERGED, (), np.inf, None, [])
+    where, beside = found._cheaper(fine)
+    assert where.substeps == taken
+    assert beside.cost == pytest.approx(found.best.cost, rel=5e-3)
 
 
 @pytest.mark.parametrize("orders", [{}, {"mu": 0.9}])
