@@ -14,6 +14,7 @@ from fracid.errors import Unfinished
 from fracid.estimation import long_records
 from fracid.models import Model, Parameter
 from fracid.models.friction import RUNGS
+from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.selection.comparison import compare
@@ -215,6 +216,11 @@ def test_a_ladder_that_cannot_be_is_refused_in_words():
     plain = replace(bare, orders=(1.0,))
     with pytest.raises(InputError, match="decay has no order that the recordings see, so there is nothing to compare"):
         ladder(Problem(plain, (e,), {}, {"rate": Free(1.0, 0.1, 3.0)}, outputs=("x",), initial_state="held"))
+    nu = Equations({"x": Equation("-rate*x", "1 - nu")}, {"x": Equation("x")}).model(
+        "rod", [Parameter("nu", "", 0.5, ""), *bare.parameters]
+    )
+    with pytest.raises(InputError, match=r"rod has an order 1 - nu, a parameter, .* give the state a name of \[model"):
+        ladder(Problem(nu, (e,), {}, {"nu": Free(0.5, 0.1, 0.9)}, initial_state="held"))
 
 
 def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():

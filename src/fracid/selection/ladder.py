@@ -382,7 +382,8 @@ def _require_both(structures: tuple[Structure, ...], problem: Problem) -> None:
     """Refuse a model of which nothing can be compared."""
     model = problem.model
     if not any(s.fractional for s in structures):
-        raise InputError(SAYS("no-order", model=model))
+        own = " and 1 - ".join(model.parameter_names[k] for _, k in model.complements)
+        raise InputError(SAYS("of-parameters" if own else "no-order", model=model, parameters=own))
     if all(s.fractional for s in structures):
         raise InputError(SAYS("no-integer-model", model=model, orders=" and ".join(problem.orders)))
 
