@@ -58,6 +58,18 @@ def stretches(mask: NDArray[np.bool_]) -> IntArray:
     return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
 
 
+def run_lengths(columns: FloatArray) -> FloatArray:
+    """For how many samples in a row each column keeps the value that it has, shape (n_samples, n_columns).
+
+    Examples
+    --------
+    >>> run_lengths(np.array([[0.0], [2.0], [2.0], [0.0]]))[:, 0].tolist()
+    [1.0, 2.0, 2.0, 1.0]
+    """
+    run = np.cumsum(np.diff(columns, axis=0, prepend=np.nan) != 0, axis=0) - 1
+    return np.column_stack([np.bincount(k)[k] for k in run.T]).astype(float)
+
+
 def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
     """Indices of at most that many samples (and two) that draw the same lines.
 

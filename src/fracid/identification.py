@@ -651,7 +651,9 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
     asked, best, fits = found.asked, found.best, all(e.fits for e in found.left.values())
     opened = () if found.within is None else opened_bounds(*found.within, found.problem, best)
     precision = found.known if fits else NOT_FITTED
-    searched = found.problem if found.within is None else reopened(found.within[0], opened)
+    searched = found.problem
+    if found.within is not None:
+        searched = replace(searched, parameters=reopened(found.within[0], opened).parameters)
     problem = on_every_sample(searched, asked.problem)
     model = problem.model
     estimates = _estimates(problem, best.point, found.known, found.verdicts)

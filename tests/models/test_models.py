@@ -22,6 +22,7 @@ from fracid.models import (
     model_from_name,
     rotary_pendulum,
 )
+from fracid.models.base import Angle, Written
 from fracid.models.pendulum import TABLE
 from fracid.solver.right_hand_side import _largest_indices, compile_rhs
 from helpers.energy import energy
@@ -29,6 +30,15 @@ from oracles import furuta
 
 ZEROS = ("hanging", "upright")
 FRICTIONLESS = dict(b_theta=0.0, b_alpha=0.0, coulomb_theta=0.0, coulomb_alpha=0.0)
+
+
+def test_a_model_that_says_its_angles_and_forms_as_before_is_read():
+    def rhs(t, x, u, p, out):
+        out[0] = -x[0]
+
+    model = Model("one", rhs, ("alpha",), (1.0,), {"alpha": 0}, (), (), "hanging", "a test",
+                  angles={"alpha": Angle(of_zero=True)}, written=Written(rhs, None, {"c": ""}))  # fmt: skip
+    assert (model.angles, model.pendulum) == (("alpha",), "alpha")
 
 
 def f(model, x, u=(0.0,), **overrides):

@@ -66,6 +66,14 @@ def test_a_fit_halves_its_step_until_the_check_is_quiet_and_says_what_it_took(ch
     assert (result["substeps"], result["step"]) == (fit.problem.substeps, 0.01 / fit.problem.substeps)
 
 
+def test_a_fit_that_opens_a_bound_is_written_at_the_step_that_it_takes_then(folder):
+    (folder / "narrow.toml").write_text(STEEP.replace("upper = 0.1", "upper = 0.045"), encoding="utf-8")
+    fit = fracid.identify(fracid.load_project(folder / "narrow.toml"))
+    assert [b.name for b in fit.opened_bounds] == ["coulomb_theta"]
+    assert fit.substeps == fit.problem.substeps > 1
+    assert fit.recordings["steep"].cost == pytest.approx(fit.cost, rel=1e-6)
+
+
 def test_a_run_is_read_back_at_the_step_that_its_fit_chose(chosen):
     run, fit = chosen
     saved = load_run(run)

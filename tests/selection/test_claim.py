@@ -81,9 +81,10 @@ def test_the_floor_is_taken_from_the_near_end_of_the_interval():
 
 
 def test_a_claim_shows_the_half_width_of_the_tables_unless_that_seems_to_tell_otherwise():
-    assert str(OrderFound("mu", 0.9294, 0.0026, shown=0.0028)) == "μ = 0.9294 ± 0.0028"
-    assert str(OrderFound("mu", 0.9973, 0.0026, shown=0.0028)) == "μ = 0.9973 ± 0.0026"
-    assert str(OrderFound("q", 0.5, 0.0026, (), shown=0.0028)) == "q = 0.5000 ± 0.0028"
+    assert str(OrderFound("mu", 0.9294, 0.0026, shown=(0.9264, 0.9320))) == "μ = 0.9294 ± 0.0028"
+    assert str(OrderFound("mu", 0.9973, 0.0026, shown=(0.9943, 0.9999))) == "μ = 0.9973 ± 0.0026"
+    assert str(OrderFound("q", 0.5, 0.0026, (), shown=(0.4970, 0.5026))) == "q = 0.5000 ± 0.0028"
+    assert str(OrderFound("mu", 0.994, 0.022, shown=(0.986, 1.016))) == "μ = 0.994, 0.986 … 1.016"
 
 
 def test_a_springpots_order_is_none_at_both_ends():

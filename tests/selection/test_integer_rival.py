@@ -12,7 +12,7 @@ from fracid.models import Parameter
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
-from fracid.selection.integer_rival import gain_over, integer_rival, integer_values, warning_of
+from fracid.selection.integer_rival import Rival, gain_over, integer_rival, integer_values, warning_of
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -45,6 +45,18 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.orders[name].identifiable == "may stand in for friction that the model lacks"
     for name, true in friction.items():
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
+
+
+def test_a_rest_that_an_encoder_shows_as_one_value_is_one_sample_however_long_it_is():
+    friction = {"b_theta": 0.1, "b_alpha": 5e-3, "coulomb_theta": 2e-2, "coulomb_alpha": 2e-3}
+    twin = swing(parameters=friction, end=4.0, outputs=("alpha",))
+    rest = np.full((8_000, 1), 0.4 * COUNT)  # all that is possible there is within half a step
+    twin = replace(twin, measured=np.concatenate([twin.measured, rest]))
+    known = nominal(twin, orders={"lambda": 1.0, "mu": 1.0}, parameters=friction, outputs=("alpha",))
+    creeping = replace(known, parameters={**known.parameters, "alpha_rest": Free(0.4 * COUNT, -1.0, 1.0)})
+    rest_alone = Rival(creeping, creeping.evaluate(creeping.start), "", {})
+    assert rest_alone.evaluation.cost < 0.9 * known.evaluate(known.start).cost
+    assert gain_over(rest_alone, known, known.evaluate(known.start))[1] > 10
 
 
 MASS = {"x": Equation("v"), "v": Equation("-k*x - c*z"), "z": Equation("v", "1 - nu")}

@@ -51,7 +51,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -181,6 +181,24 @@ class FadingState:
     """Behind the states that are simulated: what each relaxation holds at the start."""
 
 
+@dataclass(frozen=True)
+class Angle:
+    """What models that were written before :attr:`Model.pendulum` say of an output that is an angle."""
+
+    rest: str = ""
+    of_zero: bool = False
+    """Whether it is the pendulum's."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """What such models give as equations and code; both are made of the right-hand side."""
+
+    of: object
+    equations: object = None
+    code: object = None
+
+
 @dataclass(frozen=True, repr=False)
 class Model(CardDisplay):
     """A fractional state-space model: D^{q_i} x_i = f_i(t, x, u, p).
@@ -229,7 +247,7 @@ class Model(CardDisplay):
     integer_orders: Mapping[str, float | None] = field(default_factory=dict)
     """Order → its value, 0 or 1, in the integer-order model that a fractional fit is held against; None where there is
     none.  1 for those left out."""
-    angles: tuple[str, ...] = ()
+    angles: tuple[str, ...] | Mapping[str, Angle] = ()
     """The outputs that are angles."""
     pendulum: str = ""
     """That of which :attr:`zero` says where it is zero; "" where there is none."""
@@ -267,9 +285,13 @@ class Model(CardDisplay):
     """Of states of order 1 that remember for finite times (:mod:`fracid.selection.finite_memory`)."""
     grown: Callable[[Model, frozenset[str]], Model] | None = None
     """(model, parameters that are not zero) → the model with the states that they need; None where it has them all."""
+    written: InitVar[Written | None] = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, written: Written | None) -> None:
         """Check that the fields fit together, so that no later layer has to."""
+        if isinstance(self.angles, Mapping):
+            object.__setattr__(self, "pendulum", next((n for n, a in self.angles.items() if a.of_zero), ""))
+            object.__setattr__(self, "angles", tuple(self.angles))
         _check_names(self)
         _check_shapes(self)
 

@@ -32,7 +32,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, half_of, in_letters, plain, with_half_width
+from fracid.units import GREEK, half_of, in_letters, plain, with_half_width, with_interval
 
 SAYS = Words("selection/claim.toml")
 
@@ -90,8 +90,8 @@ class OrderFound:
     beyond_bounds: float = 0.0
     """Half the interval were no other unknown stopped by a bound, 0 where none is: a spring of none leaves its part to
     a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
-    shown: float | None = None
-    """Half its interval, as tables have it; None: as long as that side."""
+    shown: tuple[float, float] | None = None
+    """Its interval, as tables have it; None: as long as that side on both."""
 
     @property
     def nearest(self) -> float:
@@ -111,9 +111,11 @@ class OrderFound:
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
-        distance = abs(self.value - self.nearest) if self.integers else math.inf
-        half = self.half if self.shown is None or (distance > self.shown) != (distance > self.half) else self.shown
-        return f"{GREEK.get(self.name, self.name)} = {with_half_width(self.value, half)}"
+        distance, half = abs(self.value - self.nearest) if self.integers else math.inf, half_of(self.shown)
+        shown = "" if self.shown is None else with_interval(self.value, *self.shown)
+        if not shown or ("±" in shown and (distance > half) != (distance > self.half)):
+            shown = with_half_width(self.value, self.half)
+        return f"{GREEK.get(self.name, self.name)} = {shown}"
 
 
 def damping(off: float) -> float:
@@ -137,7 +139,7 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
         if interval is not None and not isinstance(precision, Failure):
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
-            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=half_of(interval))
+            order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=interval)
         found.append(order)
     return tuple(found)
 

@@ -70,10 +70,10 @@ FAIR = {"tolerance": 1e-4, "budget": 15}
 """From the best of them on coarser recordings, from where it goes on."""
 
 SOME = {"tolerance": 1e-5, "budget": 8}
-"""On every sample, from what coarser recordings found: enough to see who is far off."""
+"""On every sample, from what coarser recordings found, so often as"""
 
-HOPELESS = 100.0
-"""A difference of BIC that no further steps make up for."""
+ROUNDS = 6
+"""says, unless at the pace of one round those that are left do not make it as good as the orders."""
 
 PLACES = (0.5, 0.8)
 """From where the last time constant begins, in the logarithm between a step and the record; others lie below it."""
@@ -139,10 +139,12 @@ def finite_memories(
         more = _parameters(nearly, end.point, {f"share1_{name}" for name in groups}, watch.jobs) - own
         if nearly is not rival:
             far_off, end = end.cost > far, rival.evaluate(embedded(rival, fewer))
-            for steps in () if far_off else (SOME, FINE):
-                found = uninterrupted(refined(rival, end.point, watch, **steps))
+            gain = _gain(rival, end, problem, best, more=more)
+            for left in () if far_off else range(ROUNDS, 0, -1):
+                found, before = uninterrupted(refined(rival, end.point, watch, **SOME)), gain
                 end = found.best
-                if found.outcome is Outcome.CONVERGED or _gain(rival, end, problem, best, more=more) > HOPELESS:
+                gain = _gain(rival, end, problem, best, more=more)
+                if found.outcome is Outcome.CONVERGED or gain - WORTH > left * (before - gain):
                     break
         memories.append(_judged(rival, end, count, _gain(rival, end, problem, best, more=more)))
         if memories[-1].as_well or watch.spent:

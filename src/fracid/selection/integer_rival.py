@@ -30,7 +30,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from fracid.arrays import joined
+from fracid.arrays import FloatArray, joined, run_lengths
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
@@ -437,22 +437,33 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int 
     (:mod:`fracid.selection.coloured_noise`).
     """
     integer, more = rival.evaluation, len(rival.problem.names) - len(problem.names) if more is None else more
-    better, x = (problem, fractional.point) if fractional.cost <= integer.cost else (rival.problem, integer.point)
-    errors = better.errors(x)
-    assert not isinstance(errors, Failure)
-    n = effective_samples(errors)
+    (here, samples), (there, others) = _told(problem, fractional.point), _told(rival.problem, integer.point)
+    n = samples if here <= there else others
 
-    def criterion(e: Evaluation, unknowns: int) -> float:
-        assert e.residuals is not None
-        return schwarz(float(e.residuals @ e.residuals), unknowns, n, problem.cost_function)
+    def criterion(squares: float, unknowns: int) -> float:
+        return schwarz(squares, unknowns, n, problem.cost_function)
 
     k, left = len(problem.names), leftovers(problem, fractional.point).values()
     if all(e.noise for e in left) and any(e.coloured for e in left):
-        here = coloured_noise.criterion(problem, fractional.point, k)
-        there = coloured_noise.criterion(rival.problem, integer.point, k + more)
-        if here is not None and there is not None:
-            return n, there - here
-    return n, criterion(integer, k + more) - criterion(fractional, k)
+        new = coloured_noise.criterion(problem, fractional.point, k)
+        others_new = coloured_noise.criterion(rival.problem, integer.point, k + more)
+        if new is not None and others_new is not None:
+            return n, others_new - new
+    return n, criterion(there, k + more) - criterion(here, k)
+
+
+def _told(problem: Problem, x: FloatArray) -> tuple[float, float]:
+    """The squares of what a model leaves, and the samples that it is worth: a value that an encoder keeps is one.
+
+    Else a model that creeps within half a step of an encoder at rest is better than the one that made the recording.
+    """
+    kept, errors = [np.sqrt(run_lengths(e.measured)) for e in problem.experiments], problem.errors(x)
+    once = tuple(replace(e, deviation=d if e.deviation is None else d * e.deviation)
+                 for e, d in zip(problem.experiments, kept, strict=True))  # fmt: skip
+    residuals = replace(problem, experiments=once, memo=None).evaluate(x).residuals
+    assert residuals is not None
+    assert not isinstance(errors, Failure)
+    return float(residuals @ residuals), min(effective_samples(errors), float(np.sum(joined(kept) ** -2.0)))
 
 
 def warning_of(rival: Rival, cost: float, gain: float) -> str:

@@ -5,7 +5,7 @@ One sample of delay in one of two angles moves an order by up to ten times its i
 But what is left over has the fault's own form.  With e the residuals, :math:`J = ∂e/∂x` at the minimum and
 :math:`z = ∂e/∂δ` of a fault of size δ, which is one unknown more, Gauss-Newton's step for all of them is
 
-.. math::  \hat δ = -\frac{z_\perp'e}{z_\perp'z_\perp}, \qquad Δx = -(J'J)^{-1}J'(e + z\,\hat δ), \qquad
+.. math::  \hat δ = -\frac{z_\perp'e}{z_\perp'z_\perp}, \qquad Δx = -(J'J)^{-1}J'z\,\hat δ, \qquad
            z_\perp = z - J(J'J)^{-1}J'z :
 
 what of z the unknowns could not do themselves (an *added variable* [CW]_; the test of it is Rao's score test).  Here
@@ -26,8 +26,8 @@ where it explains more than :data:`MUCH`), and either moves an order by more tha
 :data:`MOST` of the squares that are left over.  Its standard error knows of correlation in what is then left (Newey and
 West's, as in :mod:`fracid.estimation.covariance`), so that a model's own error is not taken for a fault: on recordings
 of three real rigs, fitted well, no step moves an order by half its interval, and none takes more than 34 %.  What
-changes a signal by less than half a step of its encoder is left alone: where a pendulum rests its rounding is as
-constant as a zero that is off.
+changes a signal by less than half a step of its encoder is left alone, and a value that an encoder keeps counts as one
+sample: where a pendulum rests its rounding is as constant as a zero that is off.
 
 A linear step it is.  One that takes an order out of its range is none, and not said: where the data hardly tell an
 order, a gain of 40 % is as good.  A delay of a quarter of a swing is beyond it, and
@@ -46,7 +46,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fracid.arrays import FloatArray, joined
+from fracid.arrays import FloatArray, joined, run_lengths
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.derivatives import by_all, row_weights
@@ -175,7 +175,8 @@ def misreadings(
     forms, J = _forms(problem, x), by_all(problem, x, jobs=jobs)
     if isinstance(J, Failure) or forms is None or math.sqrt(np.mean(joined(J.errors) ** 2)) < NOTHING:
         return []
-    weight = np.concatenate([root.ravel() for root in row_weights(problem, J.errors)])
+    roots = zip(row_weights(problem, J.errors), problem.experiments, strict=True)
+    weight = joined(root / np.sqrt(run_lengths(e.measured)) for root, e in roots)
     e = weight * joined(J.errors)
     Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j[..., free].reshape(-1, len(free)) for j in J.parts]))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
@@ -194,7 +195,7 @@ def misreadings(
             continue
         size = -float(own @ e) / power
         residual = e + size * own
-        change = -np.linalg.solve(R, Q.T @ (e + size * z))
+        change = -np.linalg.solve(R, Q.T @ (size * z))
         ends = x[free[orders]] + change[orders]
         if np.any((ends < problem.space.lower[free[orders]]) | (ends > problem.space.upper[free[orders]])):
             continue  # further than an order can be: no linear step goes there
