@@ -102,7 +102,7 @@ def test_what_became_of_each_start_is_in_the_result(eight):
     assert sum(s["evaluations"] for s in content["starts"]) < content["evaluations"]  # and the scoring of candidates
     for start in content["starts"]:
         assert set(start["start"]) == set(start["end"]) == set(eight.problem.names)
-        assert (start["cost"] is None) == start["ended"].startswith("left at ")
+        assert (start["cost"] is None) == start["ended"].startswith("left after ")
         assert (start["joined"] is None) or start["cost"] is None
     assert won(eight.starts).cost == eight.cost
 

@@ -57,6 +57,9 @@ LENGTHENS = 1.3
 OF_WINDOWS: Mapping[str, Any] = {"tolerance": 1e-6, "budget": 30}
 """Least squares of windows: smaller gains are those of kinks, which friction makes and starts amplify."""
 
+SMOOTH = "the whole record, by Huber's cost"
+"""Before one of |e|."""
+
 STILL = 0.5
 """Of the first horizon: a standstill that leaves less motion on it shifts all horizons."""
 
@@ -168,34 +171,44 @@ def grown_horizon(
     A start whose run fails, other than the first, is moved to the next of the `spare` points.
     """
     live = ways = [_Way(name=origin, begun=x, at=x) for origin, x in points]
-    whole, baseline, others = max(e.time[-1] for e in problem.experiments), watch.count, iter(spare)
-    parts = [*horizons(problem), whole]
-    for number, horizon in enumerate(parts):
-        result = _on_part(problem, live, horizon, watch)
+    baseline, others = watch.count, iter(spare)
+    parts = [*_parts(problem)]
+    for number, (part, at) in enumerate(parts):
+        result = _on_part(at, live, part, watch)
         for way in live[1:]:
             if not result.interrupted and not way.lowest < np.inf:
-                end = _moved(problem, way, others, parts[: number + 1], watch=watch)
+                end = _moved(way, others, parts[: number + 1], watch=watch)
                 if end is not None:
                     best = min(result.best, end.best, key=lambda e: e.cost)
                     result = replace(result, best=best, outcome=end.outcome if end.interrupted else result.outcome)
-        if result.interrupted and horizon != whole:
+        if result.interrupted and part:
             result = replace(result, best=problem.evaluate(min(live, key=lambda way: way.lowest).at))
-        if result.interrupted or horizon == whole:
+        if result.interrupted or not part:
             break
-        live = _promising(live, number, f"{horizon:.3g} s")
+        live = _promising(live, number, part)
     return replace(result, evaluations=watch.count - baseline), tuple(way.start(problem) for way in ways)
 
 
-def _on_part(problem: Problem, live: list[_Way], horizon: float, watch: Watch) -> Result:
-    """Fit all that are on their way to the first `horizon` seconds."""
+def _parts(problem: Problem) -> Iterator[tuple[str, Problem]]:
+    """What leads to a problem, in words: its first seconds, ever more of them, and without words itself.
+
+    A cost of |e| is Huber's until then.
+    """
     whole = max(e.time[-1] for e in problem.experiments)
-    last = horizon == whole
-    at = problem if last else problem.until(horizon)
-    options: dict[str, Any] = {"tolerance": 1e-5} if last else {"tolerance": 1e-2, "budget": 12}
+    smooth = replace(problem, cost_function=problem.cost_function.without_kink)
+    for horizon in horizons(problem):
+        yield f"the first {horizon:.3g} of {whole:.3g} s", smooth.until(horizon)
+    if smooth.cost_function is not problem.cost_function:
+        yield SMOOTH, smooth
+    yield "", problem
+
+
+def _on_part(at: Problem, live: list[_Way], part: str, watch: Watch) -> Result:
+    """Fit all that are on their way to a part."""
+    options: dict[str, Any] = {"tolerance": 1e-5} if part in (SMOOTH, "") else {"tolerance": 1e-2, "budget": 12}
     for way in live:
         way.best = way.outcome = None
     descents = [descent(at, way.at, **options) for way in live]
-    part = "" if last else f"the first {horizon:.3g} of {whole:.3g} s"
     result = minimised(at, lockstep(descents, live), watch, part)
     for way in live:
         if way.best is None:
@@ -203,20 +216,20 @@ def _on_part(problem: Problem, live: list[_Way], horizon: float, watch: Watch) -
         way.on_first = way.first_cost if way.on_first is None else way.on_first
         way.at = way.best.point if np.isfinite(way.best.cost) else way.at
         if way.joined is not None:
-            way.ended = f"left at {horizon:.3g} s: the fit has become that of the start {way.joined.name}"
-        elif last:
+            way.ended = f"left after {part}: the fit has become that of the start {way.joined.name}"
+        elif not part:
             way.cost, way.ended = way.best.cost, (way.outcome or Outcome.INTERRUPTED).value
     return result
 
 
 def _moved(
-    problem: Problem, way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[float], watch: Watch
+    way: _Way, others: Iterator[tuple[str, FloatArray]], parts: Sequence[tuple[str, Problem]], watch: Watch
 ) -> Result | None:
     """Begin a start whose run fails anew from another point, up to where the others are; None if none is left."""
     for name, x in others:
         way.name, way.begun, way.at, way.on_first, way.came_down = name, x, x, None, False
-        for horizon in parts:
-            result = _on_part(problem, [way], horizon, watch)
+        for part, at in parts:
+            result = _on_part(at, [way], part, watch)
             if result.interrupted:
                 return result
             if not way.lowest < np.inf:
@@ -233,7 +246,7 @@ def _promising(live: list[_Way], number: int, until: str) -> list[_Way]:
     left = [way for way in live[1:] if way.joined is None and not way.lowest < limit]
     for way in left:
         far = f"its cost is {way.lowest / least:.2g} times the best" if np.isfinite(way.lowest) else "its run fails"
-        way.ended = f"left at {until}: {far}"
+        way.ended = f"left after {until}: {far}"
     return [way for way in live if way.joined is None and way not in left]
 
 

@@ -194,6 +194,17 @@ class Cost:
         squares = self.weights(time, scored)[:, None] * self.loss.smooth(residual)
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
 
+    @property
+    def without_kink(self) -> Cost:
+        """Huber's in the place of one of |e|, whose kink stops least squares; any other itself.
+
+        Examples
+        --------
+        >>> COSTS["rmse"].without_kink.name, COSTS["itae"].without_kink.name
+        ('rmse', 'huber')
+        """
+        return COSTS["huber"] if self.loss is ABSOLUTE else self
+
     def join(self, costs: list[float], samples: Sequence[float]) -> float:
         """Join the costs of several recordings: the root of the mean square, or else the sum.
 
