@@ -9,7 +9,7 @@ import pytest
 import fracid
 from fracid.errors import InputError
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.horizons import Watch, horizons, refined
+from fracid.estimation.horizons import Watch, growing, horizons, refined
 from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won
 from fracid.identification import identify
@@ -352,6 +352,18 @@ def test_a_cost_of_ones_own_is_not_sent_to_other_processes(tmp_path):
     p = stiff(swing(end=2.0), parameters=TRUE, cost_function=cost_from_name(f"{tmp_path / 'own.py'}:mine"))
     with pytest.raises(InputError, match=r"The cost 'mine' comes from a file of your own.*type --executor threads"):
         search(p, MULTISTART, np.random.default_rng(1), starts=2, executor="processes")
+
+
+def test_the_least_of_sizes_is_no_higher_than_where_least_squares_lead():
+    truth = {"coulomb_alpha": 1e-4, "b_alpha": 1e-4, "C3": 0.0}
+    swing = release(orders={"lambda": 1.0, "mu": 1.0}, parameters=truth, alpha=0.7, step=2e-2, end=16.0, counts=True,
+                    outputs=("alpha",))  # fmt: skip
+    ranges = {"C1": Free(5e-3, 1e-3, 2e-2), "b_alpha": Free(3e-4, 0.0, 0.1), "coulomb_alpha": Free(2e-3, 0.0, 0.1)}
+    squares = Problem(RIG.with_parameters(C3=0.0), (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.6, 1.2)}, ranges,
+                      outputs=("alpha",), initial_state="held")  # fmt: skip
+    sizes = replace(squares, cost_function=cost_from_name("itae"))
+    below = refined(sizes, growing(squares, squares.start, Watch()).best.point, Watch()).best.cost
+    assert growing(sizes, sizes.start, Watch()).best.cost < below * (1 + 1e-3)  # was 42 % above
 
 
 def test_the_first_horizon_holds_every_release():
