@@ -1,5 +1,6 @@
 """Regression: exact equations, ratios, what noise in the columns does, and what it says of itself."""
 
+import warnings
 from functools import cache
 from types import SimpleNamespace
 
@@ -214,6 +215,15 @@ def test_an_m_estimate_is_that_of_statsmodels(estimator):
         expected = RLM(y, W, M=TukeyBiweight()).fit(tol=1e-12, maxiter=500, start_params=expected.params)
     assert found == pytest.approx(expected.params, rel=1e-6)
     assert weights == pytest.approx(expected.weights, abs=1e-6)
+
+
+def test_instruments_that_do_not_move_identify_nothing_and_warn_of_nothing():
+    W = np.random.default_rng(5).normal(size=(40, 2))
+    system, gauge = SimpleNamespace(W=(np.column_stack([W, -W[:, 0]]), np.empty((0, 3)))), Gauge((0, 1), np.eye(3)[2])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        still = solve("iv", system, gauge, np.ones(2), instruments=(np.zeros((40, 3)), np.empty((0, 3))))[0]
+    assert still.tolist() == [0.0, 0.0]
 
 
 def test_rows_without_noise_need_no_weights():

@@ -68,7 +68,7 @@ def scaled_by_itself(system: System, gauge: Gauge, own: FloatArray) -> tuple[Flo
 
 def _instrumental(A: FloatArray, y: FloatArray, Z: FloatArray, weights: FloatArray) -> FloatArray:
     """Solve Zᵀ w (A v − y) = 0."""
-    units, zunits = np.linalg.norm(A, axis=0), np.linalg.norm(Z, axis=0)
+    units, zunits = (np.maximum(np.linalg.norm(columns, axis=0), 1e-300) for columns in (A, Z))
     instruments = (Z / zunits * weights[:, None]).T
     return np.asarray(np.linalg.lstsq(instruments @ (A / units), instruments @ y, rcond=None)[0] / units)
 
