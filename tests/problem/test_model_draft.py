@@ -1,5 +1,7 @@
 """fracid init decides of which model a recording is, or says that it cannot; what it writes runs, and begins near."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,14 @@ def test_a_unit_of_a_header_that_is_not_known_is_told(tmp_path):
     assert any("which is not what its header says" in note and "scale=FACTOR" in note for note in draft.notes)
 
 
+@pytest.mark.parametrize("column", ["displacement", 1, "displacement [mm]"])
+def test_the_unit_of_a_header_holds_however_its_column_is_named(tmp_path, column):
+    log = mass(tmp_path, "displacement [mm],force")
+    given = {"displacement": {"column": column}, "force": {"column": "force"}}
+    draft = draft_of_model("oscillator", log, given, folder=tmp_path)
+    assert draft.columns == {"displacement": {"column": column}, "force": {"column": "force", "unit": "N"}}
+
+
 def test_a_column_of_another_dimension_is_refused(tmp_path):
     with pytest.raises(fracid.InputError, match=r"'force \[MPa\]' is in Pa, as the header says, and force in N"):
         draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [MPa]"), folder=tmp_path)
@@ -135,6 +145,57 @@ def test_a_draft_begins_where_a_hand_lets_go(tmp_path):
     text, problem = drafted(tmp_path, "pendulum", "t,angle [rad]", t, np.round(swing, 3))
     assert 'from = "release"' in text
     assert problem.experiments[0].start == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_mass_that_a_hand_lets_go_needs_no_force_and_begins_with_its_spring(tmp_path):
+    t = np.arange(0, 8, 0.01)
+    swing = np.where(t < 2, 0.1, 0.1 * np.exp(-0.1 * (t - 2)) * np.cos(6 * (t - 2)))
+    text, problem = drafted(tmp_path, "oscillator", "t,displacement [m]", t, np.round(swing, 5))
+    assert 'from = "release"' in text
+    assert problem.parameters["k"].start == pytest.approx(36.0, rel=0.1)
+
+
+@pytest.mark.parametrize("first", ["free", "driven"])
+def test_each_recording_is_drafted_by_what_it_shows(tmp_path, first):
+    t = np.arange(0, 8, 0.01)
+    swing = np.where(t < 1, 1.0, np.exp(-0.1 * (t - 1)) * np.cos(6 * (t - 1)))
+    tables = {"free": (t, 0.01 * swing, swing, 0 * t), "driven": (t, np.sin(t), 0.1 * np.sin(t), np.sin(t + 1))}
+    for name, table in tables.items():
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack(table), delimiter=",", fmt="%.4f", comments="",
+                   header="t,position [m],angle [rad],force [N]")  # fmt: skip
+    files = sorted(tmp_path.glob("*.csv"), key=lambda file: file.stem != first)
+    draft = draft_of_model("cart-pole", files[0], folder=tmp_path, more=files[1:])
+    (tmp_path / "both.toml").write_text(draft.text, encoding="utf-8")
+    found = {e.name: e for e in fracid.load_project(tmp_path / "both.toml").problem.experiments}
+    assert found["free"].start == pytest.approx(1.0, abs=0.05)
+    assert (found["driven"].start, np.ptp(found["driven"].inputs)) == (0.0, pytest.approx(2.0, rel=0.01))
+
+
+@pytest.mark.parametrize(("torque", "between"), [
+    (lambda t: np.where(np.sin(t) > 0, 0.3, -0.2), "hold"),
+    (lambda t: 0.3 * np.sign(np.sin(40 * t)), "hold"),
+    (lambda t: 0.3 * np.sign(np.sin(t)) + 0.1 * np.sin(t * t), "hold"),
+    (lambda t: np.round(np.sin(t), 1), "line"),
+    (lambda t: np.sin(0.3 + 8 * t * t) * (t > 0.5), "line"),
+    (lambda t: np.maximum(np.sin(60 * t) - 0.9, 0) * (np.sin(t) > 0.9), "line"),
+    (lambda t: np.random.default_rng(1).standard_normal(len(t)), "line"),
+])  # fmt: skip
+def test_an_input_that_jumps_is_held_between_samples_and_the_draft_says_so(tmp_path, torque, between):
+    t = np.arange(0, 8, 0.01)
+    text, problem = drafted(tmp_path, "joint", "t,angle [rad],tau [N m]", t, 0.3 * np.sin(3 * t), torque(t))
+    other = "line" if between == "hold" else "hold"
+    assert re.search(rf'between = "{between}" }}   # .*"{other}" if', text)
+    assert problem.experiments[0].between == {"torque": between}
+
+
+def test_the_start_of_what_nothing_measures_is_free(tmp_path):
+    t = np.arange(0, 800, 4.0)
+    level, pump = 3 - np.cos(t / 60), 2 + np.sin(t / 60)
+    text, problem = drafted(tmp_path, "tanks", "t,level [V],pump [V]", t, level, pump)
+    assert "initial = { upper = { start = 2," in text
+    assert "upper(0) [log]" in problem.names
+    draft = draft_of_model("cart-pole", tmp_path / "log.csv", {"position": {"column": 1, "unit": "m"}}, folder=tmp_path)
+    assert "# angle begins at 0: nothing measures it" in draft.text
 
 
 def test_a_draft_takes_as_known_what_a_voltage_cannot_tell(tmp_path):

@@ -31,7 +31,7 @@ def init(files: list[Path], how: How) -> None:
     with shown("project"):
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
-        model = how.model or chosen_model(files[0], columns, time=clock, variable=how.variable, rig=rig)
+        model = how.model or chosen_model(files, columns, time=clock, variable=how.variable, rig=rig)
     if model == "rotary-pendulum" and columns is None and not how.yes and sys.stdin and sys.stdin.isatty():
         columns, rig = _asked(files[0], clock, how.variable, rig)
     with shown("project"):

@@ -49,14 +49,15 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import Words, with_code
-from fracid.models import RIGS, rotary_pendulum
+from fracid.models import RIGS, Model, rotary_pendulum
 from fracid.models.pendulum import TABLE
+from fracid.problem.experiment import held_inputs
 from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, unit_of_time, wraps
-from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units
+from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units, jumps
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP
@@ -81,12 +82,6 @@ ENOUGH = 64
 
 MANY_TIMES, MANY_SAMPLES = 4, 100_000
 """A recording with so many times as many, and so many in all, could have fewer."""
-
-HELD = SAYS("no-arm")
-"""What a draft assumes where the file has one angle."""
-
-BROKEN = "the clock jumps, an angle drops out, or samples are missing"
-"""Why a draft leaves a part of a recording out."""
 
 FEWEST = 50
 """Samples of a part that is fitted."""
@@ -161,8 +156,27 @@ class Source:
                             lstrip_blocks=True, keep_trailing_newline=True)  # fmt: skip
         jinja.filters |= {"toml": toml_value, "with_code": with_code, "at": lambda text, column=40: text.ljust(column)}
         words = {"line": toml_line, "free": toml_range, "path": path, "time": self.time, "variable": self.variable,
-                 "uneven": why_uneven}  # fmt: skip
+                 "uneven": why_uneven, "with_between": with_between}  # fmt: skip
         return jinja.get_template(template).render(words | values, recordings=recordings)
+
+
+def moving_inputs(recording: Recording, model: Model) -> set[str]:
+    """The inputs that move."""
+    return {s.name for s in recording.report.signals if s.range > 0} & {*model.inputs}
+
+
+def doubts(recording: Recording, model: Model) -> tuple[str, ...]:
+    """What may be wrong with a recording; an input may jump."""
+    findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
+    return tuple(f"May be wrong: {f}" for f in findings)
+
+
+def with_between(fields: Mapping[str, Any], name: str, recording: Recording, model: Model) -> dict[str, Any]:
+    """The fields of a signal, with ``between`` of an input that moves and whose rate the model does not take."""
+    if name not in moving_inputs(recording, model) - {*model.input_rates.values()}:
+        return {**fields}
+    held = name in held_inputs(recording.units, model) or jumps(recording.time, recording.signals[name])
+    return {**fields, "between": "hold" if held else "line", **fields}
 
 
 CROWDED = 3.0
@@ -262,11 +276,10 @@ def draft_project(
     """
     source, rig_name = Source(Path(file), time, variable, Path(folder)), rig or "srv02-rotpen"
     rotary_pendulum(rig_name)  # refuses an unknown one
-    column_specs: Columns
     if columns is None:
         column_specs, notes = guess_file(file, time=time, variable=variable)
         if "theta" not in column_specs:
-            notes += (HELD,)
+            notes += (SAYS("no-arm"),)
     else:
         column_specs, notes = {n: dict(c) for n, c in columns.items()}, ()
         if "alpha" not in column_specs:
@@ -284,14 +297,12 @@ def draft_project(
     notes += _zeros(read(), column_specs)
     recording = read()
     notes += with_code(recording.report.reading, "interpolated")
-    notes += tuple(f"May be wrong: {finding}" for finding in recording.report.findings)
+    notes += doubts(recording, rotary_pendulum(rig_name))
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
-    page = _Page(recording, column_specs, rig_name, part, starts=starts or {})
-    text = source.text(
-        "rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None, rigs=RIGS,
-        outputs=[*page.joints], broken=BROKEN, enough=ENOUGH,
-    )  # fmt: skip
+    page = _Page(recording, rig_name, part, starts=starts or {})
+    text = source.text("rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None,
+                       rigs=RIGS, outputs=[*page.joints], enough=ENOUGH)  # fmt: skip
     return Draft(text, column_specs, notes)
 
 
@@ -437,16 +448,11 @@ def _way(recording: Recording) -> float:
     return math.copysign(1.0, furthest * float(u[on[0]])) if observable else 0.0
 
 
-def _turns(alpha: FloatArray) -> NDArray[np.intp]:
-    """The samples at which a swing is furthest out, one between any two passes through zero."""
-    passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
-    swings = [s for s in np.split(np.arange(alpha.size), passes) if s.size > 2]
-    return np.array([s[np.argmax(np.abs(alpha[s]))] for s in swings], dtype=np.intp)
-
-
 def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
     """The turn from which on a swing decays evenly, well below the top; None from the first sample on."""
-    turns = _turns(alpha)
+    passes = np.flatnonzero(np.diff(np.signbit(alpha))) + 1
+    swings = [s for s in np.split(np.arange(alpha.size), passes) if s.size > 2]
+    turns = np.array([s[np.argmax(np.abs(alpha[s]))] for s in swings], dtype=np.intp)
     high = np.abs(alpha[turns])
     wide = int(np.count_nonzero(high > 0.2 * high.max())) if high.size else 0
     if wide < 4:
@@ -470,9 +476,7 @@ class _Page:
     """Slip speeds of dry friction [rad/s] between which it is sought: nobody has measured it, and intervals depend on
     it."""
 
-    def __init__(
-        self, recording: Recording, columns: Columns, rig: str, window: Mapping[str, Any], starts: Mapping[str, float]
-    ) -> None:
+    def __init__(self, recording: Recording, rig: str, window: Mapping[str, Any], starts: Mapping[str, float]) -> None:
         self.recording, self.rig, self.window, self.starts = recording, rig, window, starts
         self.model = rotary_pendulum(rig)
         self.own = {p.name: p.value for p in self.model.parameters}
@@ -486,13 +490,10 @@ class _Page:
         self.stands = bool(self.driven and recording.step is not None
                            and stands(signals["alpha"], signals.get("theta"), recording.step))  # fmt: skip
         release = recording.report.release
-        near = 0.0 if release is None else signals["alpha"][int(np.searchsorted(recording.time, release))]
-        self.at_the_top = bool(abs(near) > TOP)
+        self.first = 0 if release is None else int(np.searchsorted(recording.time, release))
+        self.at_the_top = bool(release is not None and abs(signals["alpha"][self.first]) > TOP)
         self.held = release is not None and not self.driven and not self.at_the_top
-        free = self.driven or self.held
-        self.turn = None if free else _free_from(recording.time, np.nan_to_num(signals["alpha"]))
-        self.soon = max(0.05, 5 * recording.report.clock.step)
-        self.rests = ["theta_rest"] * self.arm + ["alpha_rest"] * (columns["alpha"].get("zero") != "rest")
+        self.turn = None if self.driven or self.held else _free_from(recording.time, np.nan_to_num(signals["alpha"]))
 
     @cached_property
     def motor(self) -> tuple[float, float, float, str]:
@@ -538,9 +539,7 @@ class _Page:
     @property
     def _swing(self) -> FloatArray:
         """The pendulum about its rest, from its release on."""
-        r = self.recording
-        first = 0 if r.report.release is None else int(np.searchsorted(r.time, r.report.release))
-        return np.nan_to_num(r.signals["alpha"] - self.alpha.rest)[first:]
+        return np.nan_to_num(self.recording.signals["alpha"] - self.alpha.rest)[self.first :]
 
     @cached_property
     def _inertia(self) -> float:
@@ -565,9 +564,7 @@ class _Page:
     @cached_property
     def period(self) -> float:
         """Samples of a swing."""
-        return common_period(
-            np.column_stack([self.recording.signals[n] for n in ("alpha", "theta")[: len(self.joints)]])
-        )
+        return common_period(np.column_stack([self.recording.signals[n] for n in self.joints]))
 
     @property
     def every(self) -> float:

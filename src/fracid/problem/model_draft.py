@@ -9,9 +9,11 @@ those that all recordings have alike among the parameters, others with their rec
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,7 @@ from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
-from fracid.problem.draft import Draft, Source
+from fracid.problem.draft import FEWEST, Draft, Source, doubts, moving_inputs
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
@@ -36,9 +38,6 @@ SAYS = Words("problem/model_draft.toml")
 
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
-
-FEWEST = 50
-"""Samples."""
 
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
@@ -112,6 +111,11 @@ def _own_unit(model: Model, name: str) -> str:
     return model.output_unit(name) if name in model.outputs else model.input_unit(name)
 
 
+def _channels(columns: Columns) -> Columns:
+    """What is read from the file, without what stands between it and the model."""
+    return {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
+
+
 class _Page:
     """What the template, ``model.j2``, asks about recordings."""
 
@@ -126,19 +130,20 @@ class _Page:
         self.model: Model = either[0]
         self.notes: list[str] = []
         self.beside = [self._beside(replace(source, file=file).table.beside) for file in files]
+        raws = [replace(source, file=file).read() for file in files]
+        self.raws = {c: next(r for r in raws if c in r.signals) for raw in raws for c in raw.signals}
         self.columns = self._columns(columns)
-        special = [row for signal, row in self.table.get("with", {}).items() if signal in self.columns]
-        self.special: Mapping[str, Any] = special[0] if special else {}
+        self.outputs = [n for n in self.model.outputs if n in self.columns]
+        special = self.table.get("with", {})
+        self.special: Mapping[str, Any] = next((special[n] for n in special if n in self.columns), {})
         alike = {n: v for n, v in self.beside[0].items() if all(log.get(n) == v for log in self.beside)}
         if unsaid := ", ".join(n for n in self.special.get("asks", ()) if n not in self.beside[0]):
             self.notes.append(f"Nothing beside the samples says {unsaid}: write what you know into [model.parameters].")
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.recordings = [self._recording_of(file) for file in files]
-        moves = {s.name for s in self.recordings[0].report.signals if s.range > 0}
-        self.driven = moves & {*self.model.inputs}
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
-        self.scaled = bool(self.driven - gains)  # by what drives it, whose own gain is known
+        self.scaled = any(moving_inputs(r, self.model) - gains for r in self.recordings)  # by inputs of known gain
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
@@ -146,13 +151,16 @@ class _Page:
             self.notes.append(SAYS("poor", percent=100 * self.first.explained, name=self.name))
 
     def _recording_of(self, file: Path) -> Recording:
-        channels = {n: {k: v for k, v in c.items() if k not in QUANTITIES} for n, c in self.columns.items()}
-        recording = replace(self.source, file=file).fit(channels)
+        recording = replace(self.source, file=file).fit(_channels(self.columns))
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
-            raise InputError(SAYS("still", file=file, outputs=", ".join(self._outputs)))
+            raise InputError(SAYS("still", file=file, outputs=", ".join(self.outputs)))
         return recording
+
+    def is_released(self, recording: Recording) -> bool:
+        """Whether it is held and let go, and nothing drives it."""
+        return recording.report.release is not None and not moving_inputs(recording, self.model)
 
     def _beside(self, values: Mapping[str, Any]) -> dict[str, float]:
         """The constants that a log says beside its samples: numbers, and what its words mean."""
@@ -169,48 +177,44 @@ class _Page:
                     found[constant] = value.value
         return found
 
-    @property
-    def _outputs(self) -> list[str]:
-        return [n for n in self.model.outputs if n in self.columns]
-
     def _columns(self, given: Mapping[str, Mapping[str, Any]] | None) -> Columns:
         """What each column is, with its unit; those that are named are believed."""
-        raw = self.source.read()
         signals = (*self.model.outputs, *self.model.inputs)
         refuse_unknown(f"signal of {self.name} in --column", signals, *(given or ()))
-        roles = roles_of(self.name, list(raw.signals)) if given is None else {}
+        roles = roles_of(self.name, list(self.raws)) if given is None else {}
         for signal, row in self.table.get("with", {}).items():
             if signal in roles:
                 idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in roles else [signal]
                 roles = {n: c for n, c in roles.items() if n not in idle}
-        for name in (n for n in self.table["needs"] if given is None and n not in roles):
-            raise InputError(SAYS("no-column", file=self.file, name=name, model=self.name,
-                                  signals=', '.join(raw.signals)))  # fmt: skip
+        shown = ", ".join(self.raws)
+        left = {*self.raws} - {*roles.values()} or self.model.input_rates  # nothing moves without such an input
+        for name in (n for n in self.table["needs"] if given is None and n not in roles and left):
+            raise InputError(SAYS("no-column", file=self.file, name=name, model=self.name, signals=shown))
         columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
         for name, column in roles.items():
-            if name in self.model.outputs and (sensor := self._sensor(raw, name, column)):
+            if name in self.model.outputs and (sensor := self._sensor(name, column)):
                 columns |= self._taken(name, *sensor)
             else:
-                columns[name], why = channel_of(self.model, name, raw, column)
+                columns[name], why = channel_of(self.model, name, self.raws[column], column)
                 self.notes.append(f"{name} is taken from {column!r}, {why}.")
         if given is None:
-            columns |= self._of_sensors(raw, columns)
+            columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
-                                  signals=', '.join(raw.signals), first=next(iter(self.model.outputs))))  # fmt: skip
-        for name in given or ():
-            said = columns[name]["column"] in raw.signals.keys() - raw.assumed  # by the header
-            if "unit" not in columns[name] and not said and (unit := _own_unit(self.model, name)) != "rad":
+                                  signals=shown, first=next(iter(self.model.outputs))))  # fmt: skip
+        for name in self.source.read(_channels(columns)).assumed if given else ():
+            if (unit := _own_unit(self.model, name)) != "rad":
                 columns[name]["unit"] = unit
         taken = [*roles.values(), *(c["column"] for c in columns.values())]
-        unused = [c for c in raw.signals if c not in taken]
+        unused = [c for c in self.raws if c not in taken]
         if given is None and unused:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
 
-    def _sensor(self, raw: Recording, output: str, column: str) -> tuple[str, dict[str, Any]] | None:
+    def _sensor(self, output: str, column: str) -> tuple[str, dict[str, Any]] | None:
         """What a column shows of an output, as its unit says: a rate, an acceleration, a potentiometer's volts."""
-        own, unit, y = self.model.output_unit(output), raw.units.get(column, ""), raw.signals[column]
+        raw = self.raws[column]
+        own, unit, y = self.model.output_unit(output), raw.units[column], raw.signals[column]
         if unit in (rates := {f"{own}/s": "_rate", f"{own}/s^2": "_acceleration"}):
             return output + rates[unit], {"column": column}
         if (own, unit) == ("rad", "m/s^2"):
@@ -223,15 +227,15 @@ class _Page:
             return output, {"column": column, "gain": gain, "bias": bias}
         return None
 
-    def _of_sensors(self, raw: Recording, columns: Columns) -> Columns:
+    def _of_sensors(self, columns: Columns) -> Columns:
         """Gyroscope, accelerometer, potentiometer, by their units, where one output alone can be what they show.
 
         Beside an encoder a rate is mostly made of its counts, and says nothing more; an accelerometer does.
         """
         outputs, found = [*self.model.outputs], dict(columns)
         encoders = {n for n, c in columns.items() if "gain" not in c}
-        for column in (c for c in raw.units if c not in [f["column"] for f in columns.values()]):
-            shown = [(o, *s) for o in outputs if (s := self._sensor(raw, o, column))]
+        for column in (c for c in self.raws if c not in [f["column"] for f in columns.values()]):
+            shown = [(o, *s) for o in outputs if (s := self._sensor(o, column))]
             new = len(shown) == 1 and shown[0][1] not in found
             if new and ("radius" in shown[0][2] or shown[0][0] not in encoders):
                 found |= self._taken(*shown[0])
@@ -245,16 +249,16 @@ class _Page:
 
     def _first_values(self, model: Model) -> FirstValues:
         rows = self.table["model"]["parameters"]
-        r = self.recordings[0]
+        r = next((r for r in self.recordings if moving_inputs(r, model)), self.recordings[0])
+        r = r.trim("release") if self.is_released(r) else r
         time = np.arange(r.time[0], r.time[-1], r.report.clock.step)
         signals: dict[str, FloatArray] = {n: np.interp(time, r.time, np.nan_to_num(s)) for n, s in r.signals.items()}
         for n, (of, degree) in sorted(self.model.derived.items(), key=lambda one: one[1][1]):
             signals.setdefault(of, integrated(signals.pop(n), r.report.clock.step, degree)[0])
         for n, c in ((n, c) for n, c in self.columns.items() if "gain" in c):
             signals[n] = (signals[n] - c["bias"]["start"]) / c["gain"]["start"]
-        begins = self.table["model"].get("begins", {})
-        starts = {s: float(signals[o][0]) for s, o in begins.items() if o in signals}
-        sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self._grows(n))]
+        starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
+        sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
         optional = [n for n in sought if n not in free]
         return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
@@ -272,7 +276,7 @@ class _Page:
         """Whether it is a dry friction, which every rig has: too small to be seen in the equations, it ends a swing."""
         return name in self.model.friction and self.model.friction[name].dry
 
-    def _grows(self, name: str) -> bool:
+    def grows(self, name: str) -> bool:
         """Whether a state of its own comes with a parameter."""
         return any(isinstance(e, dict) and e.get("only") == name for e in self.table["model"]["equations"].values())
 
@@ -280,20 +284,10 @@ class _Page:
         """The text, what was guessed, and the columns."""
         text = self.source.text(
             "model.j2", [*zip(self.recordings, self.own, strict=True)], page=self, model=self.model,
-            special=self.special, outputs=self._outputs, units={_own_unit(self.model, n) for n in self._outputs},
+            special=self.special, outputs=self.outputs, units={_own_unit(self.model, n) for n in self.outputs},
             columns={n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()},
         )  # fmt: skip
-        findings = tuple(
-            f"May be wrong: {f}"
-            for r in self.recordings
-            for f in r.report.findings
-            if f.code != "jump" or f.where in self.model.outputs
-        )  # a goal may jump
-        return Draft(text, self.columns, (*self.notes, *findings))
-
-    def may_be_added(self, name: str) -> bool:
-        """Whether a parameter that the recording does not ask for may be one of it."""
-        return self.sought(name) and (name in self.first.reach or self._grows(name))
+        return Draft(text, self.columns, (*self.notes, *(n for r in self.recordings for n in doubts(r, self.model))))
 
     def range(self, p: Parameter, start: float) -> tuple[float, float, float]:
         """Start and bounds: a factor about what is positive; friction from 0 on; else to both sides."""
@@ -309,8 +303,18 @@ class _Page:
         """The states that have an order."""
         return [s for s, q in zip(self.model.states, self.model.orders, strict=True) if q == order]
 
+    @cached_property
+    def near(self) -> dict[str, str]:
+        """State that nothing measures and others depend on → the output near whose first sample it begins, or ""."""
+        m, spec = self.model, self.table["model"]
+        told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
+        rows = [(n, row) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
+        units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
+        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", str(row)) for k, row in rows if k != n)]
+        return {n: next((o for o in self.outputs if m.output_unit(o) == units[n]), "") for n in sorted(felt)}
+
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:
-        """States that begin where an output does, with its first value and how far it goes."""
-        for state, output in self.table["model"].get("begins", {}).items():
+        """Those states, with that first sample and how far it and 0 are apart."""
+        for state, output in ((s, o) for s, o in self.near.items() if o):
             y = recording.signals[output][np.isfinite(recording.signals[output])]
-            yield state, float(y[0]), float(np.ptp(y))
+            yield state, float(y[0]), float(np.ptp(np.append(y, 0.0)))

@@ -56,6 +56,10 @@ WHOLE = 50
 LEVELS = 12
 """A column that has no more values than this, and keeps each for long, is a command."""
 
+JUMP, EVEN, MOST = 0.125, 10.0, 0.5
+"""A jump is more than this part of a signal's range, as the steps of a slow one that a converter rounds are not, and so
+many times the steps before and after it; and the part of all steps, squared, that jumps are where it goes by them."""
+
 
 def is_angle(name: str, what: str = "alpha") -> bool:
     """Whether a column is called the pendulum's angle, or the arm's.
@@ -224,6 +228,20 @@ def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any],
     if what == "alpha" and turns_to_both_sides(s, recording.signals[name])[0] >= BOTH_SIDES:
         return {"unit": "deg"}, "in degrees: in radians it would turn over to both sides, again and again"
     return {"unit": "rad"}, NOTHING
+
+
+def jumps(time: FloatArray, x: FloatArray) -> bool:
+    """Whether a signal goes by jumps, as a test stand's steps and pulses do.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> jumps(t, np.sign(np.sin(t))), jumps(t, np.round(20 * np.sin(t)) / 20)
+    (True, False)
+    """
+    steps = np.abs(np.diff(x) / np.diff(time)) * np.median(np.diff(time))
+    least = np.maximum(JUMP * np.ptp(x), EVEN * np.maximum(steps[:-2], steps[2:]))
+    return bool(np.sum(np.where(steps[1:-1] > least, steps[1:-1], 0.0) ** 2) > MOST * np.sum(steps**2))
 
 
 def _is_command(x: FloatArray) -> bool:

@@ -62,14 +62,13 @@ def write_draft(
     >>> "[[recording]]" in write_draft(folder / "swing.csv", folder / "rig.toml", {"alpha": {"column": 1}}).text
     True
     """
-    name = model or chosen_model(file, columns, **options)
+    name = model or chosen_model([file, *more], columns, **options)
     refuse_unknown("model", (ROTARY, *MODEL), name)
     refuse_unknown("--zero", ZEROS[:2], *filter(None, [zero]))
     if name == ROTARY and zero:
         raise InputError(f"--zero is none of a {ROTARY}, whose motion shows it: leave it out.")
     if name != ROTARY:
-        rig = options.pop("rig", None)
-        if rig is not None:
+        if (rig := options.pop("rig", None)) is not None:
             raise InputError(f"--rig {rig} is a rotary pendulum's; leave it out, or type --model {ROTARY}.")
         draft = draft_of_model(name, file, columns, zero=zero, folder=target.parent, more=more, **options)
         _written(draft, target)
@@ -91,8 +90,8 @@ def write_draft(
     return replace(begun, notes=(*begun.notes, "The constants begin where a linear regression has them."))
 
 
-def chosen_model(file: Path, columns: Mapping[str, Any] | None, **options: Any) -> str:
-    """Return the model that a recording's columns, or those that are named, are of.
+def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **options: Any) -> str:
+    """Return the model that the columns of recordings, or those that are named, are of.
 
     Raises
     ------
@@ -101,8 +100,8 @@ def chosen_model(file: Path, columns: Mapping[str, Any] | None, **options: Any) 
     """
     if options.get("rig") is not None:
         return ROTARY
-    raw = inspect_recording(file, time=options.get("time"), variable=options.get("variable"))
-    return model_of_columns(file.name, list(columns or raw.signals))
+    raws = [inspect_recording(f, time=options.get("time"), variable=options.get("variable")) for f in files]
+    return model_of_columns(files[0].name, list(columns or {c: raw for raw in raws for c in raw.signals}))
 
 
 FIRST = 4

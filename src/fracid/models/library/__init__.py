@@ -14,7 +14,6 @@ functions of t.  ``[model]`` is a project's; what it has beside is
                     equations ``hanging`` is 1 or −1 then
 ``input_rates``     input → the input of which it is the rate
 ``input_defaults``  input → its value where others are recorded and it is not
-``begins``          state → the output near whose first sample it begins
 ``integer_orders``  order → its value in the integer-order model, where that is not 1
 of a parameter      ``about``, ``symbol`` (``"J_θ"``), ``needs``, ``known = true`` for what is measured beforehand,
                     ``gauge = true`` for what must be, where nothing of its unit drives the model, ``scales`` for
