@@ -307,11 +307,12 @@ class _Page:
     def near(self) -> dict[str, str]:
         """State that nothing measures and others depend on → the output near whose first sample it begins, or ""."""
         m, spec = self.model, self.table["model"]
+        alike = {m.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
         told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
         rows = [(n, row) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
         units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
         felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", str(row)) for k, row in rows if k != n)]
-        return {n: next((o for o in self.outputs if m.output_unit(o) == units[n]), "") for n in sorted(felt)}
+        return {n: alike.get(units[n], "") for n in sorted(felt)}
 
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:
         """Those states, with that first sample and how far it and 0 are apart."""
