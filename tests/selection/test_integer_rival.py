@@ -9,10 +9,11 @@ import pytest
 import fracid
 from fracid.identification import identify
 from fracid.models import Parameter
+from fracid.models.library import from_library
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
-from fracid.selection.integer_rival import gain_over, integer_rival, integer_values, warning_of
+from fracid.selection.integer_rival import freed_friction, gain_over, integer_rival, integer_values, warning_of
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -45,6 +46,14 @@ def test_integer_order_data_with_dry_friction_and_a_model_without_it_are_not_cal
         assert fit.orders[name].identifiable == "may stand in for friction that the model lacks"
     for name, true in friction.items():
         assert fit.alternative.parameters[name] == pytest.approx(true, rel=0.1)
+
+
+def test_friction_that_is_freed_may_be_as_large_as_what_is_alike_it():
+    time = np.arange(0, 1, 0.01)
+    e = Experiment("swing", 0.01, np.cos(9 * time)[:, None], 20 * np.sin(time)[:, None])
+    names = ["springpot_displacement", "coulomb_displacement"]
+    stiff = Problem(from_library("oscillator"), (e,), {"mu": 1.0}, {"k": 300.0}, initial_state="held")
+    assert [freed_friction(stiff, [n])[n].upper for n in names] == pytest.approx([300.0, 16.7], rel=0.01)
 
 
 MASS = {"x": Equation("v"), "v": Equation("-k*x - c*z"), "z": Equation("v", "1 - nu")}
