@@ -27,6 +27,7 @@ from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.long_records import is_coarse
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -296,7 +297,7 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
 def _misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> list[Finding]:
     """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
     found, best = [*misread(problem, x, uncertainty, jobs=jobs)], problem.evaluate(x)
-    for name, between, other in other_inputs(problem) if best.residuals is not None else ():
+    for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
         there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
         if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
