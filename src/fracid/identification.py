@@ -212,7 +212,9 @@ def identify(
 
     with one_blas_thread():  # sums split over threads round differently
         begin("checks of the data", "look")
-        seen = before(problem, reports, validation=validation, jobs=jobs) if seen is None else seen
+        seen = (
+            before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs) if seen is None else seen
+        )
         begin("search", "search")
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = beginning(problem, window, fixed_step) if window else problem

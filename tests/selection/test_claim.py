@@ -38,6 +38,13 @@ def test_an_alternative_that_does_as_well_makes_the_claim_integer_whatever_is_le
     assert claim_of(CLEAR, nearest(as_well=True), NOISE).reasons == ("A delay does as well.",)
 
 
+def test_compare_is_named_only_where_the_model_has_what_it_would_look_for():
+    for rungs, named in (((), [False, False]), (("branch",), [True, False]), (("springpot",), [True, True])):
+        orders = [OrderFound("q", q, 0.01, rungs=frozenset(rungs)) for q in (0.9, 1.0)]
+        said = [" ".join(claim_of([order], None, MISFIT).reasons) for order in orders]
+        assert ["fracid compare" in reasons for reasons in said] == named
+
+
 @pytest.mark.parametrize(
     ("orders", "claim"),
     [

@@ -14,6 +14,7 @@ from fracid.errors import Unfinished
 from fracid.estimation import long_records
 from fracid.models import Model, Parameter
 from fracid.models.friction import RUNGS
+from fracid.models.library import from_library
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
@@ -238,6 +239,21 @@ def test_a_model_of_ones_own_climbs_the_rungs_that_it_has():
         "The model slide has no parameter of the rungs Coulomb (coulomb_…), cable (cable_… or spring_…), presliding "
         "(presliding_…), LuGre (presliding_damping_… or stiction_… or stribeck_speed_…)."
     )
+
+
+def test_the_branches_of_a_capacitor_are_rungs_and_begin_where_its_own_size_is():
+    cell, time = from_library("capacitor"), np.arange(0, 300.0)
+    u = np.where(time < 60, 1.0, -0.2)
+    run = fracid.simulate(cell, orders={"q": 1.0}, parameters={"C_1": 6.0, "R_1": 1.0}, initial={}, step=1.0,
+                          end=299.0, inputs=u)  # fmt: skip
+    e = Experiment("cell", 1.0, run.states[:, :1] + 0.05 * u[:, None], u[:, None], initial={"v": 0.0})
+    free = {"C0": Free(15.0, 1.0, 150.0), "R": Free(0.05, 0.005, 0.5)}
+    found = ladder(Problem(cell, (e,), {"q": Free(1.0, 0.6, 1.2)}, free, outputs=("voltage",), initial_state="held"))
+    assert found.frictions == ("branch", "branch + second branch", OWN)
+    assert found.notes == ()
+    ranges = found["branch, orders 1"].problem.parameters
+    assert (ranges["C_1"].start, ranges["R_1"].start) == pytest.approx((1.5, 0.5))
+    assert found["branch + second branch, orders 1"].embed({"C_1": 6.0})[-2:].tolist() == [0.0, 30.0]
 
 
 def test_what_is_held_and_what_is_unseen():
@@ -643,7 +659,7 @@ def test_on_the_ladder_orders_1_stands_for_what_the_model_calls_integer():
 
 @pytest.mark.parametrize(
     ("gain", "says"),
-    [(50.0, "orders explain more in sample (BIC 50 lower)"), (-3.0, "orders explain nothing that friction does not")],
+    [(50.0, "orders explain more in sample (BIC 50 lower)"), (-3.0, "orders explain nothing more")],
 )
 def test_without_held_out_recordings_the_verdict_is_by_schwarz_and_no_proof(gain, says):
     low = min(0.0, gain)

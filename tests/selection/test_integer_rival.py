@@ -9,10 +9,18 @@ import pytest
 import fracid
 from fracid.identification import identify
 from fracid.models import Parameter
+from fracid.models.library import from_library
 from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
-from fracid.selection.integer_rival import Rival, gain_over, integer_rival, integer_values, warning_of
+from fracid.selection.integer_rival import (
+    Rival,
+    freed_friction,
+    gain_over,
+    integer_rival,
+    integer_values,
+    warning_of,
+)
 from twins import release
 
 RIG = fracid.rotary_pendulum("srv02-rotpen")
@@ -57,6 +65,14 @@ def test_a_rest_that_an_encoder_shows_as_one_value_is_one_sample_however_long_it
     rest_alone = Rival(creeping, creeping.evaluate(creeping.start), "", {})
     assert rest_alone.evaluation.cost < 0.9 * known.evaluate(known.start).cost
     assert gain_over(rest_alone, known, known.evaluate(known.start))[1] > 10
+
+
+def test_friction_that_is_freed_may_be_as_large_as_what_is_alike_it():
+    time = np.arange(0, 1, 0.01)
+    e = Experiment("swing", 0.01, np.cos(9 * time)[:, None], 20 * np.sin(time)[:, None])
+    names = ["springpot_displacement", "coulomb_displacement"]
+    stiff = Problem(from_library("oscillator"), (e,), {"mu": 1.0}, {"k": 300.0}, initial_state="held")
+    assert [freed_friction(stiff, [n])[n].upper for n in names] == pytest.approx([300.0, 16.7], rel=0.01)
 
 
 MASS = {"x": Equation("v"), "v": Equation("-k*x - c*z"), "z": Equation("v", "1 - nu")}

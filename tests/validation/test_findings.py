@@ -16,6 +16,7 @@ from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.minimum import settled
 from fracid.identification import identify
+from fracid.models.library import from_library
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording import Recording
@@ -252,6 +253,41 @@ def test_a_fault_of_the_project_is_said_before_the_search(fault):
         assert found.number > found.limit
     if code == "coarse-steps":
         assert found.number < found.limit == 20
+
+
+def test_a_step_that_the_fit_chooses_is_not_judged_before_it_has(tmp_path):
+    assert before(problem(GOOD[::16], step=16 * STEP), fixed_step=False) == ()
+    time, heard = np.arange(0, 4, 0.08), []
+    np.savez(tmp_path / "swing.npz", time=time, alpha=0.3 * np.exp(-0.1 * time) * np.cos(12 * time))
+    text = """
+[model.orders]
+lambda = 1.0
+mu = { start = 1.0, lower = 0.9, upper = 1.1 }
+[[recording]]
+file = "swing.npz"
+alpha = { column = "alpha", unit = "rad" }
+initial = { alpha = 0.3 }
+[fit]
+initial_state = "held"
+"""
+    for more, said in (("substeps = 1\n", 1), ("", 0)):
+        (tmp_path / "rig.toml").write_text(text + more, encoding="utf-8")
+        observer = fracid.Observer(notice=heard.append)
+        fracid.run(tmp_path / "rig.toml", out=tmp_path / f"run{said}", figures=False, observer=observer)
+        assert sum("steps a period" in notice for notice in heard) == said
+        heard.clear()
+
+
+def test_what_does_not_swing_is_not_asked_for_swings_nor_what_swings_under_a_name_that_is_empty():
+    short_one, units = {"alpha": counted(PLATEAU)[:390]}, {"alpha": "V"}
+    assert "short-window" not in codes(Recording.of("tank", T[:390], short_one, units).report.findings)
+    reports = {"swing": Recording.of("swing", T[:390], short_one).report}
+    relaxing = from_library("capacitor")
+    for model, column, found in ((RIG, "alpha", ["swing"]), (relaxing, "voltage", [])):
+        e = Experiment("swing", 0.01, short_one["alpha"][:, None], np.zeros((390, 1)))
+        orders = dict.fromkeys(model.order_names, 1.0)
+        asked = Problem(model, (e,), orders, outputs=(column,), initial_state="held")
+        assert [f.where for f in before(asked, reports) if f.code == "short-window"] == found
 
 
 def several(*signals):
@@ -509,6 +545,20 @@ def test_a_record_too_short_for_an_order_is_said_with_its_swings():
     assert found
     assert all(f.number < f.limit for f in found)
     assert all(fit.orders[f.where].identifiable != "identifiable" for f in found)
+
+
+def test_an_input_that_is_held_between_samples_is_said_with_what_to_type_and_a_late_one_is_not():
+    slow, noise = VOLTS[::8], 5e-4 * np.random.default_rng(1).standard_normal((len(VOLTS[::8]), 2))
+    late = {"inputs": np.roll(VOLTS, 12, axis=0)}
+    for drive, code in (({"inputs": np.repeat(slow, 8, axis=0)[:1601], "between": "hold"}, "between"), (late, "late")):
+        orders = dict.fromkeys(ORDERS, 0.96)
+        run = fracid.simulate(MOTOR, orders=orders, initial={"alpha": 0.1}, step=STEP, end=8.0, **drive)
+        p = problem(run.states[::8, [0, 2]] + noise, MOTOR, step=8 * STEP, inputs=slow, parameters={}, substeps=8,
+                    initial_state="held", initial={"theta": 0.0, "alpha": 0.1})  # fmt: skip
+        x = refined(p, p.start, Watch()).best.point
+        found = [f for f in after(p, x, uncertainty(p, x)) if f.code in ("between", "late")]
+        assert codes(found) == [code]
+        assert ('between = "hold"' in str(found[0])) == (code == "between")
 
 
 def later(x, samples):

@@ -121,7 +121,7 @@ def _say_next(run: FinishedRun, console: Console) -> None:
     trust = bool(run.project.own_code)
     page = typed("report", run.folder, "--open", trust=trust), "look at the page"
     noise = typed("resid", run.folder, trust=trust), "are the residuals white noise, or does the model lack something?"
-    ladder = typed("compare", run.project.path, trust=trust), "do the orders help, or is it friction?"
+    ladder = typed("compare", run.project.path, trust=trust), "do the orders help, or another structure?"
     say_next(console, page, noise, *[ladder] * bool(run.project.problem.model.friction))
 
 

@@ -29,7 +29,7 @@ Release
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -57,6 +57,9 @@ IN_A_ROW, BLANK = 3, 0.05
 
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
+
+SWING = ("rad", "m")
+"""Units of what may swing: a level, a voltage or a temperature does not."""
 
 SHORTLY = {"still": "stands still", "short-window": "too short"}
 """Findings whose code says little, in the verdict's line."""
@@ -259,11 +262,12 @@ def measure(
         release, reason = None, "time does not increase"
     else:
         release, reason = release_time(time, _swinging(sound, units))
-        if release is not None and _driven(time, signals, units, release):
-            reason = Note(f"{reason}, then an input moves it", "by-input")  # nobody let go
+    driven = release is not None and _driven(time, signals, units, release)
+    if driven:  # nobody let go
+        reason = Note(f"{reason}, then an input moves it", "by-input")
     measured = tuple(measure_signal(n, units[n], time, x, sound=sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
-    findings += tuple(_short(time, _swinging(sound, units), release, measured))
+    findings += tuple(_short(time, _swinging(sound, units), None if driven else release, measured))
     return Report(clock, measured, release, reason, reading=reading, resampled=resampled, findings=findings,
                   uneven=uneven)  # fmt: skip
 
@@ -276,10 +280,10 @@ def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[
 
 
 def _short(
-    time: FloatArray, swing: FloatArray, release: float | None, signals: Iterable[SignalReport]
+    time: FloatArray, swing: FloatArray, release: float | None, signals: Collection[SignalReport]
 ) -> Iterable[Finding]:
     """A release that is hardly in the record."""
-    if release is None or any(s.at_rest for s in signals):
+    if release is None or any(s.at_rest for s in signals) or not any(s.unit in SWING for s in signals):
         return
     after = (time >= release) & np.isfinite(swing)
     count, seconds = swing_count(swing[after]), float(time[after][-1]) - release

@@ -27,6 +27,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
 from fracid.findings import Note, Words
+from fracid.models.friction import SPRINGPOT
 from fracid.problem import Problem
 from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
@@ -92,6 +93,8 @@ class OrderFound:
     a springpot of an order next to 0, and its bound that order an interval that excludes 0."""
     shown: tuple[float, float] | None = None
     """Its interval, as tables have it; None: as long as that side on both."""
+    rungs: frozenset[str] = frozenset({SPRINGPOT.rung})
+    """What compare can look for in its place."""
 
     @property
     def nearest(self) -> float:
@@ -131,11 +134,11 @@ def damping(off: float) -> float:
 
 def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failure) -> tuple[OrderFound, ...]:
     """The free orders at a minimum, those of springpots among them, with their intervals."""
-    found = []
+    found, rungs = [], frozenset(kind.rung for kind in problem.model.friction.values())
     for i in claimable(problem):
         interval = None if isinstance(precision, Failure) else precision.interval(x, i)
         name, value = problem.unknowns[i].target, float(x[i])
-        order = OrderFound(name, value, math.inf, integers_of(problem, name))
+        order = OrderFound(name, value, math.inf, integers_of(problem, name), rungs=rungs)
         if interval is not None and not isinstance(precision, Failure):
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
@@ -191,11 +194,13 @@ def claim_of(
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
     as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]
     coloured = [SAYS("coloured", each=" and ".join(as_noise))] if as_noise else []
-    decides = SAYS("decide-white", where="" if compared else SAYS("compare"))
+    rungs = frozenset() if compared else orders[0].rungs
+    decides = SAYS("decide-white", where=SAYS("compare") if rungs else "")
     if element is not None:
         lacks = SAYS("lacks", orders=" and ".join(map(str, orders)))
         return _undecided(lacks, *unexplained, str(element), element.remedy)
-    open_question = (*unexplained, *([SAYS("not-excluded")] if unexplained else []), *coloured)
+    excluded = SAYS("not-excluded", looks=SAYS("looks") if SPRINGPOT.rung in rungs else "")
+    open_question = (*unexplained, *[excluded] * bool(unexplained), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
             return Claim("integer", (alternative.warning, *open_question))

@@ -164,8 +164,7 @@ def fractional_element(
     free = {score.name: replace(own, start=score.strength, upper=max(own.upper, 10 * score.strength)),
             order: Free(score.order, 0.05, 0.95)}  # fmt: skip
     with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
-    values = problem.named(best.point) | {n: v.start for n, v in free.items()}
-    end = uninterrupted(refined(with_it, embedded(with_it, values), Watch(jobs))).best
+    end = uninterrupted(refined(with_it, embedded(with_it, problem.named(best.point)), Watch(jobs))).best
     if end.residuals is None:
         return None
     _, gain = gain_over(Rival(with_it, end, "", {}), problem, best)

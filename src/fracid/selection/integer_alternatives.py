@@ -71,6 +71,9 @@ SLOW = 0.03
 SCALE = 0.05
 """A channel is looked for this part too large or too small."""
 
+WAYS: Mapping[Between, str] = {"hold": "held", "line": "in lines"}
+"""What an input does, in words."""
+
 PARTS = 3
 """Of a recording, each with its own friction where that changes with time."""
 
@@ -148,19 +151,21 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
         yield Element(name.format(output), changed, {f"{quantity}_{output}": off})
 
 
-def _inputs(problem: Problem) -> Iterator[Element]:
-    if not _driven(problem) or problem.model.input_rates or any(e.times is not None for e in problem.experiments):
+def other_inputs(problem: Problem) -> Iterator[tuple[str, Between, Problem]]:
+    """Each input that varies, what else it may do between samples, and the problem with that."""
+    if problem.model.input_rates or any(e.times is not None for e in problem.experiments):
         return  # a line's slope is the rate
-    ways: tuple[tuple[Between, str], ...] = (
-        ("hold", "inputs held between samples"),
-        ("line", "inputs in lines between samples"),
-    )
-    for between, words in ways:
-        now = {e.between.get(n, "line") for e in problem.experiments for n in problem.model.inputs}
-        experiments = tuple(replace(e, between=dict.fromkeys(problem.model.inputs, between))
-                            for e in problem.experiments)  # fmt: skip
-        if now != {between}:
-            yield Element(words, replace(problem, experiments=experiments, memo=None), {})
+    for i, name in enumerate(problem.model.inputs):
+        varies = any(np.ptp(e.inputs[:, i]) > 0 for e in problem.experiments)
+        now = {e.between.get(name, "line") for e in problem.experiments}
+        for between in (way for way in WAYS if varies and now != {way}):
+            experiments = tuple(replace(e, between={**e.between, name: between}) for e in problem.experiments)
+            yield name, between, replace(problem, experiments=experiments, memo=None)
+
+
+def _inputs(problem: Problem) -> Iterator[Element]:
+    for name, between, changed in other_inputs(problem):
+        yield Element(f'{name} {WAYS[between]} between samples (between = "{between}")', changed, {})
 
 
 def _changing(problem: Problem) -> Iterator[Element]:

@@ -23,7 +23,7 @@ is so of all there is no rival.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -35,6 +35,7 @@ from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
 from fracid.estimation.parameter_verdicts import STILL
+from fracid.estimation.windows import shared_values
 from fracid.models.base import NEAR_0
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
@@ -200,11 +201,8 @@ class Rival:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Those of what it frees; where each recording has its own, the first's."""
-        values: dict[str, float] = {}
-        for unknown, value in zip(self.problem.unknowns, self.evaluation.point.tolist(), strict=True):
-            values.setdefault(unknown.target, value)
-        return {n: values[n] for n in self.own if n in values}
+        """Those of what it frees; where each recording has its own, their median."""
+        return {n: v for n, v in shared_values(self.problem, self.evaluation.point).items() if n in self.own}
 
 
 def integer_rival(
@@ -365,7 +363,7 @@ def _in_words(problem: Problem) -> str:
 
 
 def freed_friction(problem: Problem, names: Collection[str] | None = None) -> dict[str, Free]:
-    """Constants of friction that the problem fixes, freed: up to half of gravity's torque, from where they are.
+    """Constants of friction that the problem fixes, freed: up to half of gravity's torque, or what is alike it.
 
     Parameters
     ----------
@@ -390,13 +388,23 @@ def freed_friction(problem: Problem, names: Collection[str] | None = None) -> di
         value, is_free = own[name], kind.damps_like_an_order if names is None else name in names
         if not is_free or not isinstance(value, float | int):
             continue
-        start = max(float(value), kind.begins * reach) if kind.begins else float(value)
-        most = max((reach, 2 * start, *(10 * entry for entry in kind.entries)))
+        scale = starts.get(kind.part_of, reach)
+        start = max(value * (value != kind.off), kind.begins * scale) if kind.begins else float(value)
+        most = max((reach, 2 * start, *(10 * entry for entry in kind.entries), *_alike(problem, name)))
         most = kind.most * starts.get(kind.part_of, 1.0) if math.isfinite(kind.most) else most
         bounds = problem.model.parameter(name)
         least = -most if kind.signed else bounds.lower if kind.off > 0.0 else min(kind.off, start)
         ranges[name] = Free(start, max(least, bounds.lower), min(max(most, start), bounds.upper))
     return ranges
+
+
+def _alike(problem: Problem, name: str) -> Iterator[float]:
+    """The sizes of constants and inputs in a constant's unit; of a springpot those of springs and dashpots."""
+    unit, values = problem.model.parameter(name).unit, problem.parameter_starts
+    units = {unit.replace(" s^nu", time) for time in ("", " s")} - {"", "1", "-"}
+    yield from (abs(values.get(p.name, p.value)) for p in problem.model.parameters if p.unit in units)
+    inputs = [i for i, n in enumerate(problem.model.inputs) if problem.model.input_units.get(n) in units]
+    yield from (float(np.max(np.abs(e.inputs[:, inputs]))) for e in problem.experiments if inputs)
 
 
 def freed_rests(problem: Problem, names: Collection[str]) -> dict[str, Free]:
@@ -420,11 +428,7 @@ def _seen(problem: Problem, best: Evaluation, ranges: Mapping[str, Free]) -> dic
     for name, value in ranges.items():
         more = replace(problem, parameters={**problem.parameters, name: value.start + 0.01 * value.upper})
         errors = more.errors(best.point)
-        if isinstance(errors, Failure):  # it even ends the run
-            observable[name] = value
-            continue
-        change = joined(errors) - here
-        if np.linalg.norm(change) > UNSEEN * np.linalg.norm(here):
+        if isinstance(errors, Failure) or np.linalg.norm(joined(errors) - here) > UNSEEN * np.linalg.norm(here):
             observable[name] = value
     return observable
 

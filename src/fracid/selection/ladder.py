@@ -246,7 +246,7 @@ def ladder(
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
     if not names:
         raise InputError(SAYS("no-structures"))
-    notes += missing
+    notes += missing if own & {*RUNGS} else []
     notes += [f"The rung + {r} is skipped: no recording depends on {' or '.join(n)}." for r, n in exclusions.items()]
     kinds = problem.model.friction
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
@@ -421,14 +421,10 @@ def _holding(value: Value, point: float | None) -> Value:
 
 
 def _instead(problem: Problem, name: str) -> str:
-    if name in problem.orders:
-        integer = problem.model.integer_order(name)
-        return "it keeps its start" if integer is None else f"it is {integer:g}"
-    if name in problem.model.friction:
-        return f"it is {problem.model.friction[name].off:g}"
-    if name in problem.per_recording:
+    if name in problem.per_recording and name not in problem.model.friction:
         return "it is found where a recording sees it"
-    return f"it keeps {problem.parameter_starts[name]:.4g}"
+    kept = held(problem, {name})
+    return f"it is {({**kept.order_starts, **kept.parameter_starts})[name]:.4g}"
 
 
 def held(problem: Problem, names: Collection[str]) -> Problem:

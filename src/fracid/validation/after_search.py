@@ -6,7 +6,7 @@ Each compares the shift that a fault could cause with the interval of the parame
 * few swings beside an order that is not known well;
 * a start that is taken from noisy samples: its noise projected on the parameters;
 * a search that stopped short: a Newton step on the parabola of the cost lowers it further;
-* misread sensors (:mod:`fracid.validation.sensor_faults`);
+* misread sensors (:mod:`fracid.validation.sensor_faults`), and inputs that do something else between samples;
 * a residual that is large beside noise and motion: the structure may be inadequate.
 
 :func:`after` returns the findings; :func:`failed` explains a run that does not reach its end.  The step has a check of
@@ -26,9 +26,15 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
+from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.long_records import is_coarse
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
+from fracid.selection.bic import STRONG
+from fracid.selection.integer_alternatives import ROUGH, other_inputs
+from fracid.selection.integer_rival import Rival, gain_over
+from fracid.selection.residual_noise import leftovers
 from fracid.signals.resolution import noise_level
 from fracid.signals.swing import swing_count, swing_period, swing_start
 from fracid.solver.memory import compressed
@@ -109,7 +115,7 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += misread(problem, x, uncertainty, jobs=jobs)
+        findings += _misread(problem, x, uncertainty, jobs)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -286,6 +292,18 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
         name, number, limit = ("stopped-short", intervals[i], SHORT) if beyond else ("by-cost", lower, FALLS)
         yield SAYS.finding(name, problem.names[i], float(number), limit, step=step[i], times=intervals[i], cost=cost,
                            here=here)  # fmt: skip
+
+
+def _misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> list[Finding]:
+    """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
+    found, best = [*misread(problem, x, uncertainty, jobs=jobs)], problem.evaluate(x)
+    for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
+        there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
+        gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
+        if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
+            said = SAYS.finding("between", name, -gain, STRONG, between=between, best=best, there=there)
+            return [said, *(f for f in found if f.code != "late")]
+    return found
 
 
 def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:

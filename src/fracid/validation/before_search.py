@@ -12,8 +12,9 @@ code                asked how; the number
                     How far from hanging [degrees], limit 90; also an offset of more than 11°
 ``tilted-axis``     how far the pendulum's rest moved while the arm turned, from before the input to the record's end:
                     an axis that leans by ε moves it by up to 2 ε [degrees, limit 0.3]
-``stiff``           \|J\|h along the measured motion, for explicit schemes (:mod:`fracid.solver.stiffness`)
-``coarse-steps``    steps for each period of the fastest oscillation, there
+``stiff``           \|J\|h along the measured motion, for explicit schemes (:mod:`fracid.solver.stiffness`), where the
+                    project fixes the step
+``coarse-steps``    steps for each period of the fastest oscillation, there, where the project fixes the step
 ``wrong-sign``      two swings of each recording, fitted as the project says and with the sign of one angle turned
                     round: the part of the motion that is left over.  Said where it was above 35 %, and falls to less
                     than half; of many recordings the eight that move most are asked
@@ -47,7 +48,7 @@ that is named, now and then, so each says "may".
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -57,8 +58,8 @@ from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.checks import MOST_STEPS
 from fracid.recording import Report
-from fracid.recording.faults import signal_faults
-from fracid.recording.measures import is_pendulum, measure_signal
+from fracid.recording.measures import is_pendulum
+from fracid.recording.report import measure
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import final_value, swing_period, tail
 from fracid.solver.methods import METHODS
@@ -88,7 +89,7 @@ DRIVEN = 0.01
 
 def before(
     problem: Problem, reports: Mapping[str, Report] | None = None, *, validation: tuple[Experiment, ...] = (),
-    jobs: int = 1,
+    fixed_step: bool = True, jobs: int = 1,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """Look for what makes a search find nothing that means anything.
 
@@ -99,6 +100,8 @@ def before(
         Each recording's name to what was measured of it; measured on its samples if left out.
     validation : tuple of Experiment
         Held-out recordings.
+    fixed_step : bool
+        Whether the step stays as it is; else the fit chooses one, and its check judges that.
     jobs : int
         Threads.
 
@@ -127,7 +130,8 @@ def before(
     if in_its_unit:  # else all that follows from it would be said too
         findings += [f for e in problem.experiments for f in _wrong_zero(problem, e)]
         findings += [f for e in recordings for f in _tilted_axis(problem, e)]
-    findings += _worst(f for e in problem.experiments for f in _long_steps(problem, e))
+    steps = [f for e in problem.experiments if fixed_step for f in _long_steps(problem, e)]
+    findings += {f.code: f for f in sorted(steps, key=cost_of)}.values()  # of each code the worst
     if in_its_unit and not any(f.code == "wrong-zero" for f in findings):
         findings += wrong_sign(problem, jobs)
     return tuple(findings)
@@ -140,12 +144,11 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
         units = {n: e.units.get(n, "rad") if _is_angle(problem, n) else "V" for n in signals}
-        measured = [measure_signal(n, units[n], e.time, y) for n, y in signals.items()]
-        findings = signal_faults(e.time, signals, measured)
-    else:
-        findings = report.findings
+        report = measure(e.time, signals, units)
     commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
-    return [replace(f, where=f"{e.name}: {f.where}") for f in findings if (f.code, f.where) not in commanded]
+    swings = bool(problem.model.rates)
+    return [replace(f, where=": ".join(filter(None, (e.name, f.where)))) for f in report.findings
+            if (f.code, f.where) not in commanded and (swings or f.code != "short-window")]  # fmt: skip
 
 
 def _is_angle(problem: Problem, signal: str) -> bool:
@@ -256,19 +259,4 @@ def _long_steps(problem: Problem, e: Experiment) -> Iterator[Finding]:
                            more=more)  # fmt: skip
     elif (steps := float(np.median([steps_a_period(modes(J, gain)) for J in linear]))) < STEPS_A_PERIOD:
         yield SAYS.finding("coarse-steps", e.name, steps, STEPS_A_PERIOD,
-                           finer=_finer(substeps, 2 * STEPS_A_PERIOD / steps))  # fmt: skip
-
-
-def _finer(substeps: int, parts: float) -> str:
-    """So many substeps, where a run of them can be had."""
-    if parts < MOST_STEPS:
-        return f"Type substeps = {substeps * math.ceil(parts)} in [fit]."
-    return "No step is short enough: a value in [model.parameters] may be off."
-
-
-def _worst(findings: Iterable[Finding]) -> list[Finding]:
-    """One of each code: the worst."""
-    worst: dict[str, Finding] = {}
-    for f in findings:
-        worst[f.code] = max(worst.get(f.code, f), f, key=cost_of)
-    return [*worst.values()]
+                           finer=substeps * math.ceil(2 * STEPS_A_PERIOD / steps))  # fmt: skip

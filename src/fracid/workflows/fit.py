@@ -306,7 +306,7 @@ def _checked(project: Project, jobs: int, observer: Observer) -> tuple[Finding, 
 
     observer.stage("checks of the data")
     reports = {r.name: r.report for r in project.recordings}
-    findings = before(project.problem, reports, validation=project.validation, jobs=jobs)
+    findings = before(project.problem, reports, validation=project.validation, fixed_step=project.fixed_step, jobs=jobs)
     for finding in findings:
         observer.notice(str(finding))
     return findings
