@@ -119,6 +119,20 @@ def test_a_word_that_cannot_be_completed_is_left_alone():
 # --- the help -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    "command", [name for name in COMMANDS if name not in ("open", "models", "draw", "resume", "reproduce")]
+)
+def test_every_command_that_makes_something_takes_folder_seed_threads_and_json(command):
+    assert {"out", "seed", "jobs", "json_"} <= {*WORDS[command]["options"]}
+
+
+def test_a_draft_and_a_page_are_told_to_programs(capsys, swing, tmp_path):
+    code, out, _ = run(capsys, "init", swing, "--yes", "--json", "--out", tmp_path / "p.toml")
+    said = json.loads(out)
+    assert (code, said["project"], said["model"]) == (0, str(tmp_path / "p.toml"), "rotary-pendulum")
+    assert said["notes"]
+
+
 def test_every_command_has_a_place_in_the_help_in_the_order_of_use(capsys):
     placed = [name for name in WORDS if name != "every"]
     assert set(COMMANDS) <= set(placed)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import How, command, new_console, say_next, typed
+from fracid.cli.app import How, command, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, text_of_column, time_from_text
 from fracid.errors import InputError
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 @command
@@ -32,15 +37,27 @@ def init(files: list[Path], how: How) -> None:
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
         model = how.model or chosen_model(files, columns, time=clock, variable=how.variable, rig=rig)
-    if model == "rotary-pendulum" and columns is None and not how.yes and sys.stdin and sys.stdin.isatty():
+    if (
+        model == "rotary-pendulum"
+        and columns is None
+        and not (how.yes or how.json_)
+        and sys.stdin
+        and sys.stdin.isatty()
+    ):
         columns, rig = _asked(files[0], clock, how.variable, rig)
     with shown("project"):
         draft = write_draft(files[0], target, columns, model=model, zero=how.zero, more=files[1:], time=clock,
                             variable=how.variable, rig=rig)  # fmt: skip
-    for note in draft.notes:
+    how.answer(
+        {"project": str(target), "model": model, "notes": list(draft.notes)}, partial(_show, draft.notes, target)
+    )
+
+
+def _show(notes: Sequence[str], target: Path, console: Console) -> None:
+    for note in notes:
         typer.echo(printable(f"  {note}"))
     typer.echo(printable(f"project  {target}"))
-    say_next(new_console(), (typed("fit", target), "once you have read every line of it"))
+    say_next(console, (typed("fit", target), "once you have read every line of it"))
 
 
 def _asked(

@@ -19,13 +19,13 @@ def report(run: Path, how: How) -> None:
     from the network.  Profiles and the ladder of structures are on it where fracid profile and fracid compare wrote
     them into the folder.
     """
-    with shown("page"):
+    with shown("page", events=how.json_):
         from fracid.report import INDEX, write_report  # here: it takes a second to import
 
         path = write_report(run, **how.taken(write_report))
-    typer.echo(printable(f"report   {path}"))
+    how.answer({"report": str(path)}, lambda _: typer.echo(printable(f"report   {path}")))
     if how.open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
-    elif not how.open_:
+    elif not (how.open_ or how.json_):
         export = () if path.name == INDEX else ((typed("export", run), "for MATLAB, C and control design"),)
         say_next(new_console(), (typed("report", run, "--open"), "in the browser"), *export)
