@@ -159,6 +159,26 @@ def test_what_swings_about_upright_s_zero_to_the_end_hangs_there(tmp_path):
     assert "alpha swings to the end about 180°: the encoder's zero is upright." in draft.notes
 
 
+def test_what_a_motor_balances_about_180_degrees_has_its_zero_where_it_hangs(tmp_path):
+    model, step = fracid.rotary_pendulum("srv02-rotpen"), 2e-3
+    C1, C3, C4, C6 = (model.parameter(n).value for n in ("C1", "C3", "C4", "C6"))
+    t = step * np.arange(6001)
+    alpha = np.pi + 0.05 * (np.sin(2 * t) + np.sin(5 * t))
+    force = C1 * 0.05 * (4 * np.sin(2 * t) + 25 * np.sin(5 * t)) - C4 * np.sin(alpha)
+    theta = np.zeros((len(t), 2))
+    for k in range(len(t) - 1):  # what of the arm keeps it there, by the equation of the pendulum
+        pull = (force[k] + 0.5 * C6 * np.sin(2 * alpha[k]) * theta[k, 1] ** 2) / (C3 * np.cos(alpha[k]))
+        theta[k + 1] = theta[k] + step * np.array([theta[k, 1] + 0.5 * step * pull, pull])
+    arm = theta[:, 0] - np.polyval(np.polyfit(t, theta[:, 0], 1), t)
+    file = tmp_path / "balanced.csv"
+    columns = np.column_stack([t, arm, alpha, np.sin(2 * t)])
+    np.savetxt(file, columns, delimiter=",", header="time,theta_rad,alpha_rad,voltage_V", comments="")
+    draft = draft_project(file, folder=tmp_path)
+    assert "zero" not in draft.columns["alpha"]
+    assert 'zero = "hanging"' in draft.text
+    assert not any("wrong way" in note or "upright" in note for note in draft.notes)
+
+
 @pytest.mark.broad
 def test_an_arm_that_is_turns_away_is_brought_back(tmp_path):
     draft = draft_project(written(tmp_path, theta=ARM + 326.0, alpha=SWING), folder=tmp_path)

@@ -360,10 +360,18 @@ def _zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
     if abs(rest - turns * math.pi) > (REST_ERROR if s.at_rest else MIDDLE_ERROR):
         why = f"alpha {at} {math.degrees(rest):.1f}°, which is taken for hanging."
         return {"zero": "rest" if s.at_rest else round(rest, 6)}, why
-    if turns == 0:
+    if turns == 0 or (turns % 2 and _stands(recording, turns * math.pi)):
         return {}, ""
     where = "upright" if turns % 2 else "some turns away"
     return {"zero": round(turns * math.pi, 9)}, f"alpha {at} {180 * turns}°: the encoder's zero is {where}."
+
+
+def _stands(recording: Recording, top: float = 0.0) -> bool:
+    """Whether a motor balances the pendulum about an angle of the encoder."""
+    signals, step = recording.signals, recording.step
+    if step is None or not np.ptp(signals.get("voltage", 0.0)) > 0:
+        return False
+    return stands(signals["alpha"] - top, signals.get("theta"), step)
 
 
 def _arm_zero(s: SignalReport, recording: Recording) -> tuple[dict[str, Any], str]:
@@ -487,8 +495,7 @@ class _Page:
         self.arm = "theta" in reports and reports["theta"].range > STILL * alpha.range
         self.driven = "voltage" in reports and reports["voltage"].range > 0
         self.joints = {"theta": "arm", "alpha": "pendulum"} if self.arm else {"alpha": "pendulum"}
-        self.stands = bool(self.driven and recording.step is not None
-                           and stands(signals["alpha"], signals.get("theta"), recording.step))  # fmt: skip
+        self.stands = _stands(recording)
         release = recording.report.release
         self.first = 0 if release is None else int(np.searchsorted(recording.time, release))
         self.at_the_top = bool(release is not None and abs(signals["alpha"][self.first]) > TOP)

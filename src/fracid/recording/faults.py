@@ -62,7 +62,7 @@ from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
 from fracid.recording.measures import FAMILIAR_COUNTS, GAP, SignalReport, is_pendulum
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import final_value, quickening, swing_count, swing_period
+from fracid.signals.swing import final_value, quickening, stands, swing_count, swing_period
 from fracid.units import with_unit
 
 SAYS = Words("recording/faults.toml")
@@ -184,7 +184,10 @@ def signal_faults(
     pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
     if len(pair) == 2 and len(time) > 1 and np.isfinite(signals["alpha"]).all():
         rest = pair["alpha"].rest if pair["alpha"].at_rest else final_value(signals["alpha"]) or 0.0
-        findings += counted_backwards(float(np.median(np.diff(time))), signals["theta"], signals["alpha"] - rest)
+        step, about = float(np.median(np.diff(time))), signals["alpha"] - rest
+        if round(rest / math.pi) % 2 and stands(about, signals["theta"], step):
+            about += math.pi  # it is balanced there, with 0 where it hangs
+        findings += counted_backwards(step, signals["theta"], about)
     return tuple(findings)
 
 
