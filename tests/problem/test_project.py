@@ -237,6 +237,17 @@ rabbits = HOW
 """
 
 
+@pytest.mark.parametrize(("said", "shown"), [("m", "m"), ("V", "V"), ("K", "1"), ("kg/m^3", "1")])
+def test_an_output_of_a_column_without_a_unit_has_the_model_s_or_is_a_number_never_an_angle(
+    project, tmp_path, said, shown
+):
+    table = np.column_stack([T, 500 * np.exp(-T)])
+    np.savetxt(tmp_path / "rabbits.csv", table, delimiter=",", header="t,rabbits", comments="")
+    (e,) = project(POPULATION.replace("HOW", "1").replace('unit = "1"', f'unit = "{said}"')).problem.experiments
+    assert e.units == {"rabbits": shown}
+    assert e.measured[0, 0] == 500.0
+
+
 @pytest.mark.parametrize("header", ["rabbits", "rabbits [1]"])
 @pytest.mark.parametrize("how", ["1", "{ column = 1 }"])
 def test_an_output_that_is_a_pure_number_is_none_of_counts_nor_an_angle(project, tmp_path, header, how):

@@ -676,9 +676,9 @@ def _load(
         name=name, variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
     recording = load(columns)
-    numbers = [n for n in recording.assumed if model.output_units.get(n) == "1"]  # the model says it, no file
-    if numbers:
-        recording = load(columns | {n: replace(Channel.of(columns[n]), unit="1") for n in numbers})
+    own = {n: unit if unit in UNITS else "1" for n, unit in model.output_units.items() if n in recording.assumed}
+    if own:  # the model says it, no file
+        recording = load(columns | {n: replace(Channel.of(columns[n]), unit=unit) for n, unit in own.items()})
     held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
     constants = {n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()}

@@ -92,6 +92,10 @@ def refuse_shared(table: Table, channels: Mapping[str, Channel], time: int | Non
         owners[j] = name
 
 
+NO_ANGLE = re.compile(r"[/^²³%]|^[kMmµn]?(W|J|K|Pa|bar|Hz|F|H|C|g|L|l|Ohm|Ω)$|^(°|deg ?)[CF]$")
+"""Of a header that names no unit of a channel: a quotient, a power, a share, or a unit of something else."""
+
+
 def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
     """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
     column, counts = table.find(channel.column), channel.counts_per_turn
@@ -111,7 +115,7 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
         return replace(channel, unit=unit), Note(f"{name} has no unit: taken as {unit}.", f"taken-as-{unit}", name)
     if not guessed and counting:
         raise InputError(SAYS("counts-of-header", name=name))
-    unit = "1" if re.search(r"[/^²³%]", header) else unit  # a quotient, a power or a share is no angle
+    unit = "1" if NO_ANGLE.search(header) else unit
     said = SAYS("header-taken-as", name=name, header=short_text(header), unit=unit)
     return replace(channel, unit=unit), Note(said, said.code, name)
 
