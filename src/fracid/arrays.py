@@ -31,9 +31,9 @@ def real_array(values: Any, fault: str) -> FloatArray:
     >>> real_array([1, 2], "expected numbers")
     array([1., 2.])
     """
-    kinds = type(values), type(getattr(values, "data", None))  # xarray keeps pint's within
-    if not any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
-        with suppress(TypeError, ValueError):
+    with suppress(TypeError, ValueError):
+        kinds = type(values), type(getattr(values, "data", None))  # xarray keeps pint's within
+        if not any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
             array = np.asarray(values)
             if array.dtype.kind in "fiub" or (array.dtype == object and all(isinstance(v, Real) for v in array.flat)):
                 return np.require(array, np.float64, ["C", "W"])

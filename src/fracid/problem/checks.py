@@ -40,12 +40,12 @@ def check_parametrisation(p: Parametrisation) -> None:
 
 
 def check_simulator(simulator: Simulator) -> None:
-    """A method that there is, and a whole number of substeps."""
+    """A method that there is, a whole number of substeps, and a right-hand side that fits its arguments."""
     p = simulator.parametrisation
     refuse_unknown("method", METHODS, simulator.method)
     at_least("substeps", p.substeps, 1)
-    run, u = p.unpack(p.start, p.experiments[0]), p.experiments[0].inputs[0]
-    probe(p.model.rhs, run.initial, u, run.parameters, relaxing=bool(p.model.relaxing))
+    run, held = p.unpack(p.start, e := p.experiments[0]), [i for m in p.model.memories for i in m.held]
+    probe(p.model.rhs, np.delete(run.initial, held), e.inputs[0], run.parameters, relaxing=bool(p.model.relaxing))
     for e in p.experiments:
         if simulator.steps(e) > MOST_STEPS:
             raise InputError(SAYS("many-steps", e=e, p=p, steps=simulator.steps(e), MOST_STEPS=MOST_STEPS))
