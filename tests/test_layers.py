@@ -13,7 +13,8 @@ import fracid
 from sources import PACKAGE, nodes
 
 LAYERS = (
-    {"_version", "arrays", "errors", "units"},
+    {"_version", "errors", "units"},
+    {"arrays"},
     {"figures", "qr", "quantiles"},
     {"arrowhead"},
     {"safety"},

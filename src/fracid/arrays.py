@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from fracid.errors import InputError, brief
 
 FloatArray = NDArray[np.float64]
 
@@ -14,26 +17,27 @@ IntArray = NDArray[np.int64]
 """For indices."""
 
 
-def real_array(values: Any) -> FloatArray:
-    """Real numbers of whatever package as floats.
+def real_array(values: Any, fault: str) -> FloatArray:
+    """Real numbers of whatever package as floats that lie row by row, as compiled functions take them.
 
     Raises
     ------
-    TypeError
-        If they are none: texts, dates, complex numbers, and quantities with a unit of their own, which would be lost.
+    InputError
+        With the fault, in which {} is what was given, if they are none: texts, dates, complex numbers, and quantities
+        with a unit of their own, which would be lost.
 
     Examples
     --------
-    >>> real_array([1, 2])
+    >>> real_array([1, 2], "expected numbers")
     array([1., 2.])
     """
-    kinds = type(values), type(getattr(values, "data", None))  # xarray keeps pint's within
-    if any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
-        raise TypeError("a quantity of pint or astropy: give its plain numbers")
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiubO" or (array.dtype == object and not all(isinstance(v, Real) for v in array.flat)):
-        raise TypeError("no plain real numbers")
-    return array.astype(np.float64, copy=False)
+    with suppress(TypeError, ValueError):
+        kinds = type(values), type(getattr(values, "data", None))  # xarray keeps pint's within
+        if not any(hasattr(kind, "to") and (hasattr(kind, "units") or hasattr(kind, "unit")) for kind in kinds):
+            array = np.asarray(values)
+            if array.dtype.kind in "fiub" or (array.dtype == object and all(isinstance(v, Real) for v in array.flat)):
+                return np.require(array, np.float64, ["C", "W"])
+    raise InputError(fault.replace("{}", brief(values)))
 
 
 def joined(parts: Iterable[FloatArray]) -> FloatArray:

@@ -7,6 +7,8 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
+from fracid.export.identified import Identified
 from fracid.export.javascript import javascript_model
 from fracid.export.markup import literal
 from fracid.export.matlab import matlab_model
@@ -389,6 +392,20 @@ def test_a_springpot_of_another_order_in_each_recording_has_no_program():
     own = replace(same, per_recording=("springpot_order_theta",))
     with pytest.raises(InputError, match=r"^Each recording has its own springpot_order_theta"):
         Recursion.of(own, own.start)
+
+
+def test_a_program_says_whose_constants_it_has_and_keeps_their_intervals():
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    e = fracid.Experiment("first", 2e-3, np.zeros((100, 2)), np.zeros((1, 1)))
+    own = {"b_alpha": fracid.Free(1e-4, 0.0, 1e-2)}
+    problem = fracid.Problem(rig, (e, replace(e, name="other")), {"lambda": 1.0, "mu": 1.0}, own, ("b_alpha",))
+    found = SimpleNamespace(parameters={"b_alpha": SimpleNamespace(interval95=(9e-5, 2e-4))})
+    run = SimpleNamespace(folder=Path("runs/two"), problem=problem, x=problem.start, parameters={}, orders={},
+                          recordings={"first": found})  # fmt: skip
+    model = Identified.of_run(run)
+    assert model.constants["b_alpha"].interval == (9e-5, 2e-4)
+    assert "from two, with the constants of the recording 'first'" in c_model(model.tables, model.case, model.run)[
+        "fracid_model.h"]  # fmt: skip
 
 
 @octave

@@ -310,3 +310,17 @@ def test_an_order_above_1_is_1_over_s_and_a_sum_of_lags(order):
 def test_an_order_next_to_0_is_no_sum_of_lags():
     with pytest.raises(InputError, match=r"1/s\^0.005 is no sum of 100 lags"):
         positive_sum(0.005, (0.3, 3000.0))
+
+
+def parametric(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = -p[0] * (1 + 0.5 * np.sin(0.8 * t)) * x[0]
+
+
+def test_a_right_hand_side_that_depends_on_time_is_not_frozen_at_its_beginning():
+    own = fracid.Model(
+        "swing", parametric, ("x", "v"), (1.0, 1.0), {"x": 0}, (), (Parameter("k", "1", 4.0, ""),), "", ""
+    )
+    e = fracid.Experiment("twin", 0.01, np.zeros((100, 1)), np.zeros((1, 0)))
+    with pytest.raises(InputError, match="A program has no time of its own"):
+        integer_model(fracid.Problem(own, (e,), {}, initial_state="held"))

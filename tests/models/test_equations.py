@@ -44,7 +44,7 @@ def value(text, a=0.3, b=-1.7, c=2.5):
     "a + b*c - -a/2", "-a**2", "2**-a**2", "a if b < 0 else c if a > 1 else 3", "min(a, b, c) + max(a, 1e-3)",
     "(a < b) * c + (b <= a < c)", "not a > b and c > 0 or b > 0", "tanh(a/.5) + atan2(b, c) + hypot(a, b)",
     "abs(b)**0.5*pi", "log(c, 2.0) + exp(-a) - +a", "1.5e-3 * a", "(((a)))", "c - a - b", "c / a / b",
-    "cbrt(b) + fmod(b, c) + fmod(c, a)",
+    "cbrt(b) + fmod(b, c) + fmod(c, a)", "-a % b * c // a", "b // a - c % b",
 ])  # fmt: skip
 def test_an_equation_means_what_it_means_in_python(text):
     there = {"a": 0.3, "b": -1.7, "c": 2.5, **vars(math)}

@@ -283,7 +283,7 @@ def test_a_voltage_is_held_if_nothing_is_said():
     assert Experiment.of(volts, rig, ["alpha"]).between == {"voltage": "hold"}
     assert Experiment.of(volts, rig, ["alpha"], between={"voltage": "line"}).between == {"voltage": "line"}
     assert Experiment.of(Recording.of("twin", time, signals, {"voltage": "1"}), rig, ["alpha"]).between == {}
-    with pytest.raises(InputError, match="unknown between of drive 'held'"):
+    with pytest.raises(InputError, match="between drive 'held'"):
         of_driven(U, "held")
 
 

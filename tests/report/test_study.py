@@ -112,6 +112,13 @@ def written(folder, file):
     return write_study(folder, file)
 
 
+def test_the_controllers_of_a_table_have_the_same_columns_whatever_their_weights_are():
+    record = control()
+    pid = record["design"] | {"controller": record["design"]["controller"] | {"weights": {"Kp": 2.0, "mu": 0.5}}}
+    (rows,) = STUDIES["control.json"].found(record | {"tried": [record["design"], pid]}).tables.values()
+    assert len({tuple(row) for row in rows}) == 1
+
+
 def test_every_study_that_has_a_page_is_tried_here():
     assert set(RECORDS) == set(STUDIES)
 

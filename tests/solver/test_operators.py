@@ -86,8 +86,8 @@ def test_weights_of_two_orders_convolve_to_those_of_their_sum(a, b):
         (math.inf, 3, "order is inf, expected a finite number"),
         ("0.9", 3, "order is '0.9', expected a finite number"),
         (10**400, 3, "order is 1000.*, expected a finite number"),
-        (0.9, 0, "count is 0, expected the number of weights, an integer of at least 1"),
-        (0.9, 2.5, "count is 2.5, expected"),
+        (0.9, 0, "count = 0; expected a whole number, 1 or more"),
+        (0.9, 2.5, "count = 2.5; expected"),
         (-1e6, 100_000, "order -1000000.0 makes 100000 weights overflow"),
     ],
 )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import UserDict
 from collections.abc import Mapping
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -262,7 +262,8 @@ def fit_of(
         fitted, cost = np.full(e.measured.shape, np.nan), np.inf
     else:
         fitted, error = simulated, e.in_deviations(e.measured - simulated)
-        cost = problem.cost_function.value(e.time, np.where(np.isnan(error), 0.0, error), e.scored)
+        alone = replace(problem.criterion, experiments=(e,), priors={})
+        cost = alone.cost(x, [np.where(np.isnan(error), 0.0, error)])
     deviations = () if e.deviation is None else zip(problem.outputs, e.deviation.T, strict=True)
     states = model.states
     windows = {} if e is problem.experiments[at][0] else {

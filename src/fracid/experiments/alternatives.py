@@ -360,7 +360,7 @@ def _simulated(subject: Subject, c: Candidate, name: str) -> Problem | None:
     outputs = p.fitted(p.start, p.experiments[0])
     if isinstance(outputs, Failure):
         return None
-    return replace(p, experiments=(replace(p.experiments[0], name=name, measured=np.ascontiguousarray(outputs)),))
+    return replace(p, experiments=(replace(p.experiments[0], name=name, measured=outputs),))
 
 
 def _sums(

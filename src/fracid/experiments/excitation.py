@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError
+from fracid.errors import InputError, at_least
 from fracid.findings import Words
 
 SAYS = Words("experiments/excitation.toml")
@@ -71,8 +71,7 @@ class Multisine(_Band):
     def __post_init__(self) -> None:
         """Refuse what is no signal."""
         super().__post_init__()
-        if not 1 <= self.lines <= 1000:
-            raise InputError(f"lines = {self.lines}; expected 1 to 1000 sines, for example lines = 12.")
+        at_least("lines", self.lines, 1, 1000)
 
     def variants(self, levels: int) -> tuple[Self, ...]:
         """Concrete signals that a design compares: bands and amplitudes, or of one line its frequencies."""

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from fracid.errors import InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
 from fracid.safety.door import write_whole
+from fracid.safety.kinds import refuse_other_kinds
 
 if TYPE_CHECKING:
     from fracid.runs.saved import SavedRun
@@ -75,8 +76,7 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse what means nothing."""
-        refuse_unknown("precision", ("double", "single"), self.precision)
-        refuse_unknown("version of FMI", ("2", "3"), self.fmi)
+        refuse_other_kinds(self)
         refuse_unknown("platform", PLATFORMS, *self.platforms)
         if self.steps is not None:
             at_least("steps", self.steps, 1)
@@ -180,9 +180,8 @@ def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:
 
     yield "results.mat", matlab_results(run, integer=integer_model(run).to_matlab())
     model = Identified.of_run(run, options.steps)
-    yield "model.m", matlab_model(model.tables, model.case, run.folder.name)
-    if run.problem.per_recording:
-        yield f"model.m has the constants of the recording {model.case.name!r}; each other's are in results.mat."
+    yield "model.m", matlab_model(model.tables, model.case, model.run)
+    yield from _of_first(run, "model.m")
 
 
 def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
@@ -191,7 +190,7 @@ def _c(run: SavedRun, _folder: Path, options: Options) -> Written:
 
     model, single = Identified.of_run(run, options.steps or HOURS), options.precision == "single"
     error = error_of_single(model.tables, model.case) if single else ""
-    yield from c_model(model.tables, model.case, run.folder.name, single=single, error=error).items()
+    yield from c_model(model.tables, model.case, model.run, single=single, error=error).items()
     yield from filter(None, [error])
     yield from _of_first(run, "fracid_model.c")
 
@@ -253,11 +252,12 @@ def _bam(run: SavedRun, _folder: Path, options: Options) -> Written:
 
 def _observer(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c_observer import c_observer, error_of_observer
+    from fracid.export.identified import source_of
     from fracid.filtering import first_samples, observer
 
     watch, single = observer(run, slow=options.slow), options.precision == "single"
     samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
-    text = c_observer(watch, *samples, run.folder.name, single=single)
+    text = c_observer(watch, *samples, source_of(run), single=single)
     yield "observer.c", text
     yield error_of_observer(text, watch, *samples, single=single)
 
@@ -273,10 +273,10 @@ def _toml(run: SavedRun, _folder: Path, _options: Options) -> Written:
     from fracid.export.equations import toml_model
     from fracid.export.identified import Identified
 
-    model = run.problem.model
-    values = {n: q.value for n, q in Identified.of_run(run).constants.items()}
+    model, identified = run.problem.model, Identified.of_run(run)
+    values = {n: q.value for n, q in identified.constants.items()}
     orders = {n: run.result["orders"][n]["value"] for n in model.order_names}
-    yield "model.toml", toml_model(model, values, orders, run.folder.name)
+    yield "model.toml", toml_model(model, values, orders, identified.run)
 
 
 def _csv(run: SavedRun, _folder: Path, _options: Options) -> Written:
@@ -294,12 +294,14 @@ def _json(run: SavedRun, _folder: Path, _options: Options) -> Written:
 def _state_space(run: SavedRun, folder: Path, _options: Options) -> Written:
     import json
 
+    from fracid.export.identified import source_of
     from fracid.export.state_space import integer_model, sentences
     from fracid.plots.linear import linear_response
     from fracid.plots.writing import save
 
     system = integer_model(run)
-    yield "state_space.json", json.dumps(system.to_json(), ensure_ascii=False, allow_nan=False) + "\n"
+    content = {"run": source_of(run), **system.to_json()}
+    yield "state_space.json", json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
     for posture, linear in system.linear.items():
         if linear.inputs and linear.outputs and linear.G.any():
             yield from save(linear_response(system, posture), folder, f"linear-{posture}")

@@ -43,6 +43,13 @@ class Quantity:
         return ", ".join(one_line(text) for text in (self.about, known) if text)
 
 
+def source_of(run: SavedRun) -> str:
+    """Where an exported model comes from, for the head of its file: the run, and whose constants it has of several."""
+    first = run.problem.experiments[0].recording.name
+    own = f", with the constants of the recording {first!r}" if run.problem.per_recording else ""
+    return printable(f"{run.folder.name}{own}")
+
+
 @dataclass(frozen=True)
 class Identified:
     """What every writer of machines reads; the constants, step and start are those of the first recording.
@@ -70,7 +77,8 @@ class Identified:
     @classmethod
     def of_run(cls, run: SavedRun, steps: int | None = None) -> Identified:
         """As a fit left it."""
-        return cls(printable(run.folder.name), run.problem, run.x, {**run.parameters, **run.orders}, steps=steps)
+        own = run.recordings[run.problem.experiments[0].recording.name].parameters
+        return cls(source_of(run), run.problem, run.x, {**run.parameters, **run.orders, **own}, steps=steps)
 
     @cached_property
     def case(self) -> Case:

@@ -55,7 +55,7 @@ from fracid.problem.simulator import LIMIT
 from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
-from fracid.solver.right_hand_side import compile_rhs
+from fracid.solver.right_hand_side import compile_rhs, names_time
 from fracid.solver.solve import integrate, time_scale
 from fracid.units import with_unit
 
@@ -120,8 +120,7 @@ class Operator:
         if len(self.poles) == 1:
             return "1/s is exact."
         decibel, degrees = self.errors
-        return SAYS("band", system=self, count=len(self.poles) - 1, last=self.poles[-1], decibel=decibel,
-                    degrees=degrees)  # fmt: skip
+        return SAYS("band", own=self, count=len(self.poles) - 1, last=self.poles[-1], decibel=decibel, degrees=degrees)
 
 
 MOST_POLES = 100
@@ -340,6 +339,10 @@ class IntegerModel:
     """Of each state."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
+
+    def __post_init__(self) -> None:
+        """Refuse what depends on time, as every other program does."""
+        _ = names_time(self.model.rhs) and self.model.program
 
     def plot(self, posture: str = "hanging", *, style: str | Style = "screen") -> Figure:
         """Magnitude, phase and step response about a posture; see :func:`fracid.plots.linear_response`.

@@ -148,8 +148,7 @@ class Parameter:
             raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
         if not self.lower <= self.value <= self.upper:
             unit = "" if self.unit == "-" else f" {self.unit}"
-            raise InputError(SAYS("beyond-bounds", name=self.name, value=self.value, unit=unit, lower=self.lower,
-                                  upper=self.upper))  # fmt: skip
+            raise InputError(SAYS("beyond-bounds", p=self, unit=unit))
 
 
 @dataclass(frozen=True)
@@ -388,6 +387,8 @@ class Model(CardDisplay):
     def rates(self) -> dict[int, int]:
         """For each state i that has one the state j with D^q x_i = x_j, found by asking the right-hand side.
 
+        Not of springpots and of states that relax: the speed that drives them is that of another.
+
         Raises
         ------
         InputError
@@ -411,7 +412,8 @@ class Model(CardDisplay):
         except Exception as error:
             raise InputError(SAYS("rhs-fails", name=self.name, kind=type(error).__name__, error=error, n=n,
                                   inputs=len(self.inputs), parameters=len(self.parameters))) from error  # fmt: skip
-        return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and self.orders[i] == self.orders[j]}
+        driven = {*self.relaxing_states, *(i for i, q in enumerate(self.orders) if isinstance(q, Complement))}
+        return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and i not in driven}
 
     @cached_property
     def program(self) -> Program:
@@ -495,7 +497,7 @@ class Model(CardDisplay):
         InputError
             For an unknown name, or a value that is not finite or outside its bounds.
         """
-        return np.array([parameter.value for parameter in self._overridden(overrides or {})])
+        return np.array([parameter.value for parameter in self._overridden(overrides or {})], float)
 
     def with_parameters(self, **values: float) -> Model:
         """Return the same model with other parameter values [SI].
@@ -757,8 +759,7 @@ def _check_output(model: Model, name: str, h: Output) -> None:
     except (ArithmeticError, ValueError):  # where it has no value, as a root of a negative number
         return
     except Exception as error:
-        raise InputError(SAYS("output-fails", model=model, name=name, kind=type(error).__name__, error=error,
-                              sizes=sizes)) from error  # fmt: skip
+        raise InputError(SAYS("output-fails", model=model, name=name, error=error, sizes=sizes)) from error
     if not is_number(value):
         raise InputError(f"model {model.name}: the output {name!r} returns {value!r}; expected one number")
 

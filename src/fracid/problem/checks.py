@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable
-from typing import get_args
 
 import numpy as np
 
-from fracid.errors import SMALLEST, InputError, refuse_beyond, refuse_unknown, unknown_name
+from fracid.errors import SMALLEST, InputError, at_least, refuse_beyond, refuse_unknown, unknown_name
 from fracid.findings import Words
 from fracid.problem.costs import COSTS
 from fracid.problem.criterion import Criterion
@@ -17,9 +16,9 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, InitialState, Tied, Weights, root_of, start_of
-from fracid.solver.inputs import BETWEEN
+from fracid.problem.unknowns import Free, Tied, root_of, start_of
 from fracid.solver.methods import METHODS
+from fracid.solver.right_hand_side import probe
 
 SAYS = Words("problem/checks.toml")
 
@@ -38,24 +37,22 @@ def check_parametrisation(p: Parametrisation) -> None:
     _check_bounds(p)
     _check_outputs(p)
     _check_experiments(p)
-    refuse_unknown("initial_state", get_args(InitialState), p.initial_state)
 
 
 def check_simulator(simulator: Simulator) -> None:
-    """A method that there is, and a whole number of substeps."""
+    """A method that there is, a whole number of substeps, and a right-hand side that fits its arguments."""
     p = simulator.parametrisation
     refuse_unknown("method", METHODS, simulator.method)
-    if not isinstance(p.substeps, int) or p.substeps < 1:
-        raise InputError(f"substeps = {p.substeps!r}; expected a whole number, 1 or more.")
+    at_least("substeps", p.substeps, 1)
+    run, held = p.unpack(p.start, e := p.experiments[0]), [i for m in p.model.memories for i in m.held]
+    probe(p.model.rhs, np.delete(run.initial, held), e.inputs[0], run.parameters, relaxing=bool(p.model.relaxing))
     for e in p.experiments:
         if simulator.steps(e) > MOST_STEPS:
-            raise InputError(SAYS("many-steps", e=e, samples=len(e.measured), substeps=p.substeps,
-                                  steps=simulator.steps(e), MOST_STEPS=MOST_STEPS))  # fmt: skip
+            raise InputError(SAYS("many-steps", e=e, p=p, steps=simulator.steps(e), MOST_STEPS=MOST_STEPS))
 
 
 def check_criterion(criterion: Criterion) -> None:
-    """Weights that there are; levels and priors need the errors' likelihood, which a user's own cost does not tell."""
-    refuse_unknown("weights", get_args(Weights), criterion.weights)
+    """Levels and priors need the errors' likelihood, which a user's own cost does not tell."""
     what = "a prior" if criterion.priors else 'weights = "noise"' if criterion.weights == "noise" else ""
     if what and criterion.cost_function.loss is None:
         raise InputError(SAYS("own-cost", what=what, criterion=criterion, costs=", ".join(COSTS)))
@@ -149,8 +146,11 @@ def _check_experiments(p: Parametrisation) -> None:
     for e in p.experiments:
         if e.measured.ndim != 2 or e.measured.shape[1] != len(p.outputs) or len(e.measured) < 3:
             raise InputError(SAYS("measured-shape", e=e, count=len(p.outputs), outputs=", ".join(p.outputs)))
-        if p.model.inputs and e.all_inputs.shape[1] != len(p.model.inputs):
-            raise InputError(SAYS("inputs-shape", e=e, inputs=", ".join(p.model.inputs)))
+        count, before = len(p.model.inputs), 0 if e.past is None else len(e.past)
+        for what, u, rows in (("inputs", e.inputs, e.steps + 1), ("past_inputs", e.past_inputs, before)):
+            if count and u is not None and (u.ndim != 2 or u.shape[1] != count or 1 != len(u) < rows):
+                raise InputError(SAYS("inputs-shape", e=e, what=what, u=u, rows=rows, inputs=", ".join(p.model.inputs)))
+        refuse_unknown(f"state in initial of {e.name}", p.model.states, *e.initial)
         _check_sensors(p, e)
         _check_past(p, e)
         _check_release(p, e)
@@ -172,9 +172,8 @@ def _check_sensors(p: Parametrisation, e: Experiment) -> None:
             for delay in sensor.range("delay"):
                 if abs(delay) >= e.time[-1]:
                     raise InputError(SAYS("late-delay", e=e, name=name, delay=delay, end=e.time[-1]))
-    for name, between in e.between.items():
+    for name in e.between:
         refuse_unknown(f"input of {e.name} with between", p.model.inputs, name)
-        refuse_unknown(f"between of {name}", BETWEEN, between)
     if e.samples < 3:
         raise InputError(SAYS("few-scored", e=e, samples=len(e.measured)))
     free = {name for s in (e.sensors, e.actuators) for c, sensor in s.items() for name in sensor.free(c)}

@@ -81,7 +81,7 @@ def stepped(e: Experiment, steps: int, inputs: Sequence[str]) -> Experiment:
                      sensors=e.sensors, actuators=e.actuators, between=e.between)  # fmt: skip
     if every == 1:
         return source
-    return replace(source, step=every * source.step, measured=np.ascontiguousarray(source.measured[::every]),
+    return replace(source, step=every * source.step, measured=source.measured[::every],
                    inputs=_inputs(source, every, inputs), source=source)  # fmt: skip
 
 
@@ -109,12 +109,10 @@ def means(values: FloatArray, steps: int) -> FloatArray:
 
 def _inputs(e: Experiment, every: int, names: Sequence[str]) -> FloatArray:
     """The inputs at every so many samples: of those that are held the mean up to the next; or one row for all."""
-    if len(e.inputs) == 1:
-        return e.inputs
     whole = len(e.inputs) - len(e.inputs) % every
     picked = e.inputs[::every].copy()
     for i, name in enumerate(names):
         if e.between.get(name, "line") == "hold":
             picked[: whole // every, i] = e.inputs[:whole, i].reshape(-1, every).mean(axis=1)
             picked[whole // every :, i] = e.inputs[whole:, i].mean() if whole < len(e.inputs) else picked[-1, i]
-    return np.ascontiguousarray(picked)
+    return picked

@@ -11,7 +11,6 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from fracid.problem.sensors import Sensor
 from fracid.problem.unknowns import Free
 from fracid.recording import Recording
 from fracid.recording.channel import UNITS
+from fracid.safety.kinds import refuse_other_kinds
 from fracid.signals.swing import common_period, motion_start
 from fracid.solver.inputs import Between
 from fracid.solver.trajectory import refuse_masked
@@ -72,7 +72,7 @@ class Experiment(CardDisplay):
     constants: Mapping[str, float] = field(default_factory=dict)
     """Parameter → its value in this recording, whatever holds for all: a mass that was hung on, a gain that was set."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Output → its unit as recorded; rad where it says nothing.  For people: nothing is converted."""
+    """Output → its unit as recorded; the model's or rad where it says nothing.  For people: nothing is converted."""
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
     """Output → its delay, gain, bias and low-pass, of those that have any."""
     actuators: Mapping[str, Sensor] = field(default_factory=dict)
@@ -100,9 +100,10 @@ class Experiment(CardDisplay):
         for name in ("measured", "inputs", "past", "past_inputs", "times", "deviation"):
             values = getattr(self, name)
             if values is not None:
-                refuse_masked(f"{self.name}: {name}", values)
-                object.__setattr__(self, name, _numbers(f"{self.name}: {name}", values))
-        if not (isinstance(self.step, Real) and 0.0 < self.step < math.inf):
+                refuse_masked(what := f"{self.name}: {name}", values)
+                object.__setattr__(self, name, real_array(values, SAYS("no-numbers", what=what)))
+        refuse_other_kinds(self, f"{self.name}: ")
+        if not 0.0 < self.step < math.inf:
             raise InputError(SAYS("step", name=self.name, step=brief(self.step)))
         object.__setattr__(self, "step", float(self.step))
         for name in ("sensors", "actuators"):  # a channel that does nothing is none
@@ -141,8 +142,7 @@ class Experiment(CardDisplay):
             raise InputError(f"outputs is empty: score at least one of {', '.join(model.outputs)}.")
         for name in outputs:
             if name not in recording.signals:
-                raise InputError(SAYS("no-signal", recording=recording, name=name,
-                                      signals=', '.join(recording.signals)))  # fmt: skip
+                raise InputError(SAYS("no-signal", of=recording, name=name, signals=", ".join(recording.signals)))
         sensors = options.get("sensors", {})
         _refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
         if recording.step is None and not recording.uneven:
@@ -160,6 +160,7 @@ class Experiment(CardDisplay):
         options["between"] = held_inputs(recording.units, model) | dict(options.get("between", {}))
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         options["deviation"] = _deviation(recording, outputs)
+        units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
         step = recording.step
         if step is None:
             options["times"] = recording.time - recording.time[0]
@@ -167,7 +168,7 @@ class Experiment(CardDisplay):
         inputs = _with_rates(recording, model, step, inputs, options=options)
         return cls(
             recording.name, step, measured, inputs, start=float(recording.time[0]), sha256=recording.sha256,
-            initial=initial or {}, **past, units={n: recording.units.get(n, "rad") for n in outputs}, **options,
+            initial=initial or {}, **past, units={n: units.get(n, "rad") for n in outputs}, **options,
         )  # fmt: skip
 
     @cached_property
@@ -308,13 +309,6 @@ class Experiment(CardDisplay):
         return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
 
 
-def _numbers(name: str, values: Any) -> FloatArray:
-    try:
-        return real_array(values)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of real numbers: of angles radians, shape (n_samples, n).") from None
-
-
 def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:
     """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which.
 
@@ -368,7 +362,7 @@ def _columns(recording: Recording, model: Model, outputs: Sequence[str]) -> tupl
         return measured, np.zeros((1, len(model.inputs)))
     unsaid = model.input_defaults
     columns = [recording.signals.get(n, np.full(len(measured), unsaid.get(n, 0.0))) for n in model.inputs]
-    return measured, np.ascontiguousarray(np.column_stack(columns))
+    return measured, np.column_stack(columns)
 
 
 def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | None:
@@ -415,7 +409,7 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
     last = np.searchsorted(times, grid + 1e-9 * step, side="right") - 1
     named = zip(model.inputs, inputs.T, strict=True)
     columns = [u[last] if n in recording.held else np.interp(grid, times, u) for n, u in named]
-    return step, np.ascontiguousarray(np.column_stack(columns))
+    return step, np.column_stack(columns)
 
 
 def _with_rates(

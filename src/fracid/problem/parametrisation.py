@@ -136,12 +136,12 @@ class Parametrisation:
     @property
     def start(self) -> FloatArray:
         """Where the search starts, shape (n_unknowns,)."""
-        return np.array([u.range.start for u in self.unknowns])
+        return np.array([u.range.start for u in self.unknowns], float)
 
     @cached_property
     def space(self) -> Space:
         """The unknowns with their bounds, for an optimiser."""
-        lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns]) for side in ("lower", "upper"))
+        lower, upper = (np.array([getattr(u.range, side) for u in self.unknowns], float) for side in ("lower", "upper"))
         scale = np.array([math.nan if u.range.scale is None else u.range.scale for u in self.unknowns])
         return Space(self.names, lower, upper, self.start, scale=None if np.all(np.isnan(scale)) else scale)
 

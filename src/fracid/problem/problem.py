@@ -42,6 +42,7 @@ from fracid.problem.parametrisation import EVERY, Parametrisation
 from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, start_of
+from fracid.safety.kinds import refuse_other_kinds
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.solve import MOST, RUNS, go_together
 from fracid.solver.trajectory import Trajectory
@@ -96,16 +97,18 @@ class Problem(Parametrisation, CardDisplay):
 
     def __post_init__(self) -> None:
         """Give the model what is free of it, its channels too, and check that the parts fit together."""
+        refuse_other_kinds(self)
         values = {p.name: p.value for p in self.model.parameters} | dict(self.parameters)
         on = {n for n, v in values.items() if isinstance(v, Free | Tied) or v != 0.0}
         on |= {n for e in self.experiments for n, v in e.constants.items() if v != 0.0}
         model = self.model.equipped(on)
         outputs = tuple(model.outputs) if self.outputs is EVERY else self.outputs
-        sensors = [table for e in self.experiments for table in (e.sensors, e.actuators)]
-        units = {n: "rad" for n in outputs} | {**model.input_units}
-        units |= {n: u for e in self.experiments for n, u in e.units.items()}
+        own = {n: model.output_units.get(n, "rad") for n in outputs}
+        each = tuple(e if {*own} <= {*e.units} else replace(e, units=own | {**e.units}) for e in self.experiments)
+        sensors = [table for e in each for table in (e.sensors, e.actuators)]
+        units = {**model.input_units} | {n: u for e in each for n, u in e.units.items()}
         model, parameters = with_sensors(model, self.parameters, sensors, units)
-        for name, value in {"model": model, "outputs": outputs, "parameters": parameters}.items():
+        for name, value in {"model": model, "outputs": outputs, "parameters": parameters, "experiments": each}.items():
             object.__setattr__(self, name, value)
         check_parametrisation(self)
         check_simulator(self.simulator)

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fracid.errors import SMALLEST, InputError, brief, is_number, refuse_beyond
+from fracid.errors import SMALLEST, InputError, refuse_beyond
 from fracid.findings import Words
+from fracid.safety.kinds import refuse_other_kinds
 
 SAYS = Words("problem/unknowns.toml")
 
@@ -40,6 +41,7 @@ class Prior:
 
     def __post_init__(self) -> None:
         """Refuse what is no density."""
+        refuse_other_kinds(self)
         if not (math.isfinite(self.mean) and math.isfinite(self.sd) and self.sd > 0):
             raise InputError(SAYS("prior", mean=self.mean, sd=self.sd))
         refuse_beyond("the prior's mean", self.mean)
@@ -68,12 +70,10 @@ class Free:
 
     def __post_init__(self) -> None:
         """Refuse bounds that do not hold the start."""
-        for name in ("start", "lower", "upper"):
-            if not is_number(value := getattr(self, name)):
-                raise InputError(f"{name} = {brief(value)}: expected a number.")
+        refuse_other_kinds(self)
         if not self.lower <= self.start <= self.upper or self.lower == self.upper:
             raise InputError(SAYS("range", start=self.start, lower=self.lower, upper=self.upper))
-        finite = {n: v for n in ("lower", "start", "upper") if math.isfinite(v := getattr(self, n))}
+        finite = {n: v for n in ("lower", "start", "upper") if math.isfinite(v := float(getattr(self, n)))}
         for name, value in finite.items():
             refuse_beyond(name, value)
         largest = max(map(abs, finite.values()))
@@ -88,9 +88,8 @@ class Free:
         if self.prior is not None and math.isfinite(self.upper - self.lower):
             refuse_beyond("the prior's sd", self.prior.sd, FINEST * (self.upper - self.lower))
         if self.prior is not None and abs(self.start - self.prior.mean) > FAR * self.prior.sd:
-            raise InputError(SAYS("start-far-from-prior", start=self.start,
-                                  deviations=abs(self.start - self.prior.mean) / self.prior.sd,
-                                  prior=self.prior))  # fmt: skip
+            deviations = abs(self.start - self.prior.mean) / self.prior.sd
+            raise InputError(SAYS("start-far-from-prior", start=self.start, deviations=deviations, prior=self.prior))
 
 
 @dataclass(frozen=True)

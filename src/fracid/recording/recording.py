@@ -352,10 +352,7 @@ def _seconds(name: str, value: Any) -> float:
 
 def _array(name: str, samples: Any) -> FloatArray:
     """Turn samples that a caller has into numbers, or say what is wrong; what is masked is missing."""
-    try:
-        values = real_array(samples)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is no array of real numbers: of time seconds, of angles radians.") from None
+    values = real_array(samples, f"{name} is no array of real numbers: of time seconds, of angles radians.")
     return np.where(np.ma.getmaskarray(samples), np.nan, values) if np.ma.is_masked(samples) else values
 
 

@@ -327,8 +327,7 @@ class Asked:
         window = WINDOW / min(s.frequency for s in swings)
         rows = [Rows(s, model, names, hertz, window=window) for s in swings]
         if (count := sum(len(k) for r in rows for k in r.kept)) < 3 * len(names):
-            raise InputError(SAYS("few-rows", count=count, recordings=", ".join(s.name for s in swings),
-                                  constants=len(names)))  # fmt: skip
+            raise InputError(SAYS("few-rows", count=count, of=", ".join(s.name for s in swings), constants=len(names)))
         fixed = np.array([fixed_values.get(n, 0.0) for n in names])
         gauge = Gauge(tuple(i for i, n in enumerate(names) if n not in fixed_values), fixed)
         data = Data.of(rows)

@@ -205,12 +205,10 @@ def count_steps(step: float, start: float, end: float, exact: bool) -> tuple[flo
 
 def _number(name: str, value: Any, expected: str) -> float:
     """A plain number, of an array without dimensions too."""
-    try:
-        if np.ndim(value) or isinstance(value, bool | np.bool_):
-            raise TypeError
-        return float(real_array(value))
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {brief(value)}: expected {expected}.") from None
+    number = real_array(value, fault := f"{name} = {brief(value)}: expected {expected}.")
+    if number.ndim or isinstance(value, bool | np.bool_):
+        raise InputError(fault)
+    return float(number)
 
 
 def check_history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
@@ -218,7 +216,7 @@ def check_history(history: ArrayLike | None, x0: FloatArray) -> FloatArray:
     if history is None:
         return np.empty((0, len(x0)))
     past = vector("history", history)
-    past = np.ascontiguousarray(past.reshape(-1, 1) if past.ndim == 1 and len(x0) == 1 else past)
+    past = past.reshape(-1, 1) if past.ndim == 1 and len(x0) == 1 else past
     if past.ndim != 2 or past.shape[1] != len(x0):
         raise InputError(SAYS("history-shape", past=past, states=len(x0)))
     return past
@@ -229,10 +227,7 @@ def check_bounds(bounds: ArrayLike | None, x0: FloatArray) -> FloatArray | None:
     if bounds is None:
         return None
     refuse_masked("bounds", bounds)
-    try:
-        box = real_array(bounds)
-    except (TypeError, ValueError):
-        raise InputError(f"bounds = {brief(bounds)}: expected pairs of numbers (±inf for none).") from None
+    box = real_array(bounds, "bounds = {}: expected pairs of numbers (±inf for none).")
     if box.shape != (len(x0), 2) or np.any(np.isnan(box)):
         raise InputError(SAYS("bounds-shape", box=box, states=len(x0)))
     for i in np.flatnonzero(~((box[:, 0] <= x0) & (x0 <= box[:, 1]))):
@@ -257,7 +252,7 @@ def check_inputs(inputs: ArrayLike | None, steps: int, count: int | None = None)
     if inputs is None:
         return np.zeros((1, 0))
     u = vector("inputs", inputs)
-    u = np.ascontiguousarray(u.reshape(len(u), -1))
+    u = u.reshape(len(u), -1)
     if count is None and len(u) == 1 and u.shape[1] == steps + 1 > 1:
         raise InputError(SAYS("one-row-of-inputs", u=u, points=steps + 1))
     if len(u) not in (1, steps + 1) or (count is not None and u.shape[1] != count):

@@ -56,14 +56,14 @@ import math
 import sys
 from collections.abc import Callable
 from functools import lru_cache
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
-from fracid.errors import InputError, brief
+from fracid.errors import InputError, at_least
 from fracid.findings import Words
 from fracid.solver.trajectory import refuse_masked
 
@@ -105,8 +105,7 @@ def gl_weights(order: float, count: int) -> FloatArray:
     array([ 1., -2.,  1.,  0.,  0.])
     """
     order = _number("order", order)
-    if not isinstance(count, Integral) or count < 1:
-        raise InputError(f"count is {count!r}, expected the number of weights, an integer of at least 1.")
+    at_least("count", count, 1)
     k = np.arange(1.0, count)
     # The first form is exact where a factor is nearly zero; over 10⁶ factors it would drift by 10⁻¹¹, since
     # k - 1 - q rounds alike for many k.  The second, as printed in (19), does not.
@@ -192,10 +191,7 @@ def _number(name: str, value: Any) -> float:
 
 def _signal(signal: ArrayLike) -> FloatArray:
     refuse_masked("signal", signal)
-    try:
-        values = real_array(signal)
-    except (TypeError, ValueError):
-        raise InputError(f"signal is {brief(signal)}, expected real numbers, shape (n,) or (n, channels).") from None
+    values = real_array(signal, "signal is {}, expected real numbers, shape (n,) or (n, channels).")
     if values.ndim not in (1, 2) or values.size == 0:
         raise InputError(f"signal has shape {values.shape}, expected (n,) or (n, channels) with at least one sample.")
     bad = np.argwhere(~(np.abs(values) < SIGNAL_LIMIT))

@@ -54,8 +54,7 @@ def output_along(h: Output, times: FloatArray, states: FloatArray, inputs: Float
         raise
     except Exception as error:
         reason = next((line for line in str(error).splitlines() if line.strip()), type(error).__name__)
-        raise InputError(SAYS("output-fails", name=name_of(h), kind=type(error).__name__, reason=reason,
-                              states=states.shape[1], inputs=inputs.shape[1], parameters=len(p))) from None  # fmt: skip
+        raise InputError(SAYS("output-fails", h=name_of(h), error=error, why=reason, x=states, u=inputs, p=p)) from None
 
 
 @once_for_equals

@@ -165,6 +165,18 @@ def _names(function: Any) -> Iterator[tuple[str, str, Any]]:
             yield step.opname, str(step.argval), value
 
 
+def names_time(rhs: Any) -> bool:
+    """Whether a right-hand side so much as names its first argument.
+
+    Examples
+    --------
+    >>> names_time(lambda t, x, u, p, out: None)
+    False
+    """
+    code = getattr(rhs, "py_func", rhs).__code__
+    return any(code.co_varnames[0] in step.argrepr.split(", ") for step in dis.get_instructions(code))
+
+
 def _content(cell: Any) -> Any:
     try:
         return cell.cell_contents
@@ -272,8 +284,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
     sizes_there = len(x0), len(u), len(p), len(x0) * (1 + relaxing)
     for argument, needed, there in zip(("x", "u", "p", "out"), reach[1:], sizes_there, strict=True):
         if needed > there:
-            raise InputError(SAYS("other-arguments", function=name_of(function), argument=argument, last=needed - 1,
-                                  sizes=sizes))  # fmt: skip
+            raise InputError(SAYS("other-arguments", rhs=name_of(function), of=argument, last=needed - 1, sizes=sizes))
     arguments = {"x": x0.copy(), "u": u.copy(), "p": p.copy()}
     for given in arguments.values():
         given.flags.writeable = False
@@ -289,8 +300,7 @@ def probe(rhs: Any, x0: FloatArray, u: FloatArray, p: FloatArray, relaxing: bool
             raise InputError(f"The right-hand side {name_of(function)} changes {CHANGED}") from None
         raise InputError(SAYS("does-not-fit", function=name_of(function), error=error, sizes=sizes)) from None
     except Exception as error:
-        raise InputError(SAYS("fails", function=name_of(function), kind=type(error).__name__, error=error,
-                              sizes=sizes)) from None  # fmt: skip
+        raise InputError(SAYS("fails", function=name_of(function), error=error, sizes=sizes)) from None
     if returned is not None:
         raise InputError(SAYS("returns", function=name_of(function)))
     untouched = np.flatnonzero(out == UNWRITTEN)

@@ -298,9 +298,7 @@ def integrate(
         last, how = (loop or method.run)(address_of(equation.rhs), run, out)
     except Exception as error:
         forget_mode()
-        raise InputError(SAYS("fails", name=name_of(equation.rhs), kind=type(error).__name__, error=error,
-                              states=len(initial.values), inputs=equation.inputs.shape[1],
-                              parameters=len(equation.parameters))) from None  # fmt: skip
+        raise InputError(SAYS("fails", name=name_of(equation.rhs), error=error, of=equation)) from None
     count = max(0, last) // options.every + 1
     return _trajectory(out[:count], how, equation, initial, step=step, options=options)
 

@@ -142,10 +142,7 @@ def refuse_masked(name: str, values: Any) -> None:
 def vector(name: str, values: ArrayLike) -> FloatArray:
     """Turn a caller's numbers into an array, or say what is wrong with them."""
     refuse_masked(name, values)
-    try:
-        numbers = np.array(real_array(values), ndmin=1)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {brief(values)}: expected numbers.") from None
+    numbers = np.array(real_array(values, f"{name} = {{}}: expected numbers."), ndmin=1)
     if not np.all(np.isfinite(numbers)):
         raise InputError(f"{name} = {brief(values)}: every value must be a finite number.")
     return numbers

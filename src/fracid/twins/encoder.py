@@ -52,7 +52,7 @@ def simulated(problem: Problem, x: FloatArray, finer: int = FINER) -> Problem:
         run = exact.fitted(x, e)
         if isinstance(run, Failure):
             raise InputError(f"The truth cannot be simulated: {run}. Give values whose run reaches the end.")
-        twins.append(replace(e, measured=np.ascontiguousarray(run)))
+        twins.append(replace(e, measured=run))
     return replace(problem, experiments=tuple(twins))
 
 

@@ -36,7 +36,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
-from fracid.errors import InputError, refuse_unknown
+from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.models import Model, model
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
@@ -104,8 +104,7 @@ class Twin(CardDisplay):
                 raise InputError(f"{setting} is not possible; expected an end after the release and a step above 0.")
         if self.end / self.step > MOST:
             raise InputError(f"{self.end / self.step:.3g} samples are too many; expected at most {MOST:,}.")
-        if not 1 <= self.substeps <= 1000:
-            raise InputError(f"substeps = {self.substeps} is not possible; expected a whole number from 1 to 1000.")
+        at_least("substeps", self.substeps, 1, 1000)
 
     @classmethod
     def of_model(cls, model: Model, *, name: str = "", **fields: Any) -> Twin:

@@ -102,8 +102,7 @@ def _two_swings(problem: Problem) -> Problem | None:
         return None
     every = max(1, round(period / SAMPLES)) if e.times is None else 1
     early = e.until(float(e.time[min(len(e.measured), begins + round((SWINGS + 0.25) * period)) - 1]))
-    inputs = early.inputs if len(early.inputs) == 1 else np.ascontiguousarray(early.inputs[::every])
-    short = replace(early, step=every * e.step, measured=np.ascontiguousarray(early.measured[::every]), inputs=inputs,
+    short = replace(early, step=every * e.step, measured=early.measured[::every], inputs=early.inputs[::every],
                     deviation=None)  # fmt: skip
     return replace(problem, experiments=(short,), cost_function=COSTS["rmse"], weights="equal", memo=None,
                    substeps=max(1, round(SAMPLES * every / period)), method="pi2")  # fmt: skip

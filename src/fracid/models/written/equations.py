@@ -76,7 +76,7 @@ class Equations:
     >>> axis = Equations({"position": Equation("speed"), "speed": Equation("force/m", "mu")}, inputs={"force": "N"})
     >>> model = axis.model("axis", [Parameter("m", "kg", 2.0, "")])
     >>> model.orders, model.rates, model.program.constants
-    ((1.0, 'mu'), {}, frozenset({'m'}))
+    ((1.0, 'mu'), {0: 1}, frozenset({'m'}))
     """
 
     equations: Mapping[str, Equation]
@@ -307,14 +307,14 @@ class _Units:
             case Choice(test, yes, no):
                 self.of(test)
                 return self._same(e, "chooses between", yes, no)
-            case Operation("*" | "/" as sign, (a, b)):
+            case Operation("*" | "/" | "//" as sign, (a, b)):
                 over, under = self.of(a), self.of(b)
                 return _times(over, under, 1 if sign == "*" else -1) if over and under else None
             case Operation("**", (a, Number(power))):
                 base = self.of(a)
                 return _times(NONE, base, power) if base else None
             case Operation(sign, operands):
-                unit = self._same(e, {"+": "adds", "-": "subtracts"}.get(sign, "compares"), *operands)
+                unit = self._same(e, {"+": "adds", "-": "subtracts", "%": "divides"}.get(sign, "compares"), *operands)
                 return NONE if sign in (*COMPARISONS, "and", "or", "not") else unit
             case Call("min" | "max" | "abs" | "floor" | "ceil" | "trunc" | "fmod" | "hypot" | "atan2" as f, arguments):
                 unit = self._same(e, f"takes for {f}", *arguments)

@@ -1,4 +1,4 @@
-"""Equations as text, read by a whitelist: numbers, names, ``+ - * / **``, comparisons, ``if else``, functions of math.
+"""Equations as text, read by a whitelist: numbers, names, ``+ - * / // % **``, comparisons, ``if else``, and math.
 
 Nothing here is evaluated as Python.  A text becomes tokens, tokens a tree of :mod:`fracid.models.written.tree`, and of
 the tree the function is made that is compiled: so a project file with equations needs no trust.  Length and depth are
@@ -19,7 +19,7 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
-from fracid.models.written.tree import Expression, Function, Number, Program
+from fracid.models.written.tree import COMPARISONS, Expression, Function, Number, Program
 from fracid.safety.text import printable
 
 SAYS = Words("models/written/refusals.toml")
@@ -42,9 +42,9 @@ CONSTANTS = {"pi": math.pi}
 WORDS = ("if", "else", "and", "or", "not")
 
 TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])|(?P<name>[^\W\d]\w*)"
-                   r"|(?P<sign>\*\*|<=|>=|==|!=|[-+*/()<>,]))", re.ASCII)  # fmt: skip
+                   r"|(?P<sign>\*\*|//|<=|>=|==|!=|[-+*/%()<>,]))", re.ASCII)  # fmt: skip
 
-BINDS = {"or": 1, "and": 2, **dict.fromkeys(("<", "<=", ">", ">=", "==", "!="), 4), "+": 5, "-": 5, "*": 6, "/": 6}
+BINDS = {"or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6, "//": 6, "%": 6}
 
 
 class FormulaError(InputError):
