@@ -22,10 +22,7 @@ from fracid.schemas.draws import PosteriorBlock
 
 SAYS = Words("bayes/result.toml")
 
-METHODS = {
-    "laplace": "Laplace's approximation, corrected by Pareto-smoothed importance sampling",
-    "nested": "nested sampling by nautilus",
-}
+METHODS: dict[str, str] = SAYS.table["methods"]
 """How a posterior is drawn, by name."""
 
 FEW = 100.0

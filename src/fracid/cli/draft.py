@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fracid.cli.app import How, command, say_next, typed
+from fracid.cli.app import SAYS, How, command, say_next, typed
 from fracid.cli.check import column_from_text, columns_from_texts, text_of_column, time_from_text
 from fracid.errors import InputError
 from fracid.safety.text import printable
@@ -77,11 +77,8 @@ def _asked(
     columns: dict[str, dict[str, Any]] = {}
     for signal, what in SIGNALS.items():
         proposed = guess.get(signal)
-        answer = typer.prompt(
-            f"Which column is {signal}, {what}? By name or place, fields after commas"
-            + ("" if signal == "alpha" else "; - for none"),
-            default=text_of_column(proposed) if proposed else "-",
-        )
+        question = SAYS("which-column", signal=signal, what=what, none="" if signal == "alpha" else "; - for none")
+        answer = typer.prompt(question, default=text_of_column(proposed) if proposed else "-")
         if answer.strip() not in ("-", ""):
             columns[signal] = column_from_text(f"{signal}={answer}")[1]
     rig = rig or typer.prompt(f"Which rig is it most like? {', '.join(RIGS)}", default="srv02-rotpen")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fracid.cli.app import How, assigned, command, numbers, typed
+from fracid.cli.app import SAYS, How, assigned, command, numbers, typed
 from fracid.errors import InputError
 
 SWING = (5.0, 150.0)
@@ -59,7 +59,6 @@ def _voltage(text: str) -> Any:
     kind, _, rest = text.partition(",")
     values = numbers("--voltage", rest) if rest else ()
     if kind not in kinds or len(values) != 3:
-        raise InputError(f"--voltage {text!r} is not possible; expected multisine,0.2,8,6 (from Hz, to Hz, peak), "
-                         "chirp,0.3,4,6 or pulses,0.1,1,6 (shortest s, longest s, peak).")  # fmt: skip
+        raise InputError(SAYS("voltage", text=text))
     low, high, peak = values
     return kinds[kind](low, high, peak)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import How, assigned, command, each_once, say_next, typed
+from fracid.cli.app import SAYS, How, assigned, command, each_once, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
 
@@ -138,13 +138,10 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
 
     twin, run, data, files = simulated.twin, simulated.run, simulated.recording, simulated.files
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
-    console.print(
-        f"[bold]{escape(source)}[/bold]: {escape(twin.model.name)}{', ' * bool(twin.model.zero)}{twin.model.zero}; "
-        f"{escape(orders)}; "
-        f"{run.method}, memory {run.memory}, step {1e3 * run.step:g} ms, {data.time.size:,} samples to "
-        f"{data.time[-1]:g} s: {run.outcome.value}",
-        soft_wrap=True,
-    )
+    zero = f", {twin.model.zero}" if twin.model.zero else ""
+    said = SAYS("simulated", source=escape(source), model=escape(twin.model.name), zero=zero, orders=escape(orders),
+                run=run, step=1e3 * run.step, samples=data.time.size, end=data.time[-1])  # fmt: skip
+    console.print(said, soft_wrap=True)
     print_signals(console, data.report, {})
     print_sketches(console, data)
     kinds = {".json": "truth", ".png": "figure", ".svg": ""}

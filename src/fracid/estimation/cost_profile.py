@@ -59,6 +59,7 @@ from fracid.estimation.covariance import METHODS
 from fracid.estimation.fit_figures import FitPictures
 from fracid.estimation.profile_walk import LOWER, Branch, End, Surface, crossing, refit, walk
 from fracid.figures import Figure, Style, draw
+from fracid.findings import Words
 from fracid.problem import Problem
 from fracid.problem.checks import require_free
 from fracid.problem.project import Project
@@ -83,6 +84,8 @@ from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Counter, Progress, in_threads
 from fracid.units import GREEK, with_unit
+
+SAYS = Words("estimation/cost_profile.toml")
 
 Two = Annotated[tuple[str, ...], Pair]
 
@@ -347,10 +350,7 @@ def _index(problem: Problem, name: str) -> int:
     if name in problem.names:
         return problem.names.index(name)
     if name in problem.orders or name in problem.model.parameter_names:
-        raise InputError(
-            f"{name} is not free, so it has no profile; free it with {name} = {{ start = ..., lower = ..., "
-            f"upper = ... }}. What is free: {', '.join(problem.names)}."
-        )
+        raise InputError(SAYS("not-free", name=name, free=", ".join(problem.names)))
     raise unknown_name("name", name, problem.names)
 
 

@@ -77,6 +77,7 @@ References
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,18 +100,13 @@ from fracid.estimation.tangent import Tangent, tangent
 from fracid.optimise import Space
 from fracid.problem import Problem
 from fracid.quantiles import NORMAL_95
+from fracid.safety.door import own_text
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 
 LEAST_SHIFT = 1e-4
 """An order that moves by less does not matter, however narrow its interval."""
 
-METHODS = {
-    "sandwich": "sandwich with the prewhitened Newey-West long-run covariance",
-    "white": "sigma² (J'J)⁻¹, right only where the residuals are white",
-    "walk": "the cost at the ends of the interval, the others refitted, its limit scaled by the sandwich",
-    "profile": "profile likelihood, its threshold scaled by the sandwich",
-    "bootstrap": "moving-block bootstrap of the residuals",
-}
+METHODS: dict[str, str] = tomllib.loads(own_text("estimation/covariance.toml"))
 """What an interval's method is called, and what it is."""
 
 OF_FITS = {name: METHODS[name] for name in ("sandwich", "white", "walk")}

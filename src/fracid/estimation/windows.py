@@ -35,9 +35,12 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, brief
+from fracid.findings import Words
 from fracid.problem import Experiment, Problem
 from fracid.signals.resolution import noise_level, resolution
 from fracid.tasks.simulation_cache import Recent
+
+SAYS = Words("estimation/windows.toml")
 
 SWINGS = 3
 """Of a window."""
@@ -261,11 +264,9 @@ def chosen_window(problem: Problem) -> float | None:
         return None
     seconds, least = problem.windows, 2 * max(e.step for e in problem.experiments)
     if isinstance(seconds, bool | str) or not least <= seconds < math.inf:
-        raise InputError(f'windows = {brief(seconds)}; expected "auto", "none", or the seconds of a window, '
-                         f"{least:g} or more: two samples.")  # fmt: skip
+        raise InputError(SAYS("seconds", seconds=brief(seconds), least=least))
     if not can_be_windowed(problem):
-        raise InputError("windows: a window begins anew, and not all states of this model can be read from what was "
-                         'measured. Type windows = "none".')  # fmt: skip
+        raise InputError(SAYS("unread-states"))
     return float(seconds)
 
 

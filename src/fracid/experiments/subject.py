@@ -167,8 +167,7 @@ class Subject:
         e = Experiment(
             "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial,
             constants={**pattern.constants, **dict(c.constants)}, units=pattern.units, sensors=pattern.sensors,
-            actuators=pattern.actuators,
-            between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
+            actuators=pattern.actuators, between=between, release_time=Free(0.0, -moment, moment) if moment else 0.0,
         )  # fmt: skip
         clamped = {"J_theta": CLAMPED} if c.arm == "clamped" else {}
         return replace(

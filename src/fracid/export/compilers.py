@@ -7,13 +7,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 from fracid.errors import InputError
-from fracid.safety.door import bytes_of, write_whole
+from fracid.safety.door import bytes_of, own_text, write_whole
 
 
 class Platform(NamedTuple):
@@ -26,13 +27,7 @@ class Platform(NamedTuple):
     """As zig calls it."""
 
 
-PLATFORMS = {
-    "x86_64-linux": Platform("linux64", ".so", "x86_64-linux-gnu.2.17"),
-    "aarch64-linux": Platform("aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
-    "x86_64-windows": Platform("win64", ".dll", "x86_64-windows-gnu"),
-    "x86_64-darwin": Platform("darwin64", ".dylib", "x86_64-macos"),
-    "aarch64-darwin": Platform("aarch64-darwin", ".dylib", "aarch64-macos"),
-}
+PLATFORMS = {n: Platform(**row) for n, row in tomllib.loads(own_text("export/compilers.toml")).items()}
 
 COMPILERS = ("cc", "gcc", "clang")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import threading
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,9 @@ from matplotlib.figure import Figure
 
 from fracid.errors import InputError, refuse_unknown, writing
 from fracid.plots.appearance import spoken, style_of
-from fracid.safety.door import write_files
+from fracid.safety.door import own_text, write_files
 
-SETTINGS: dict[str, Any] = {"svg.hashsalt": "fracid", "svg.fonttype": "path", "pdf.fonttype": 42, "ps.fonttype": 42,
-                            "text.usetex": False, "figure.autolayout": False,
-                            "figure.constrained_layout.use": False}  # fmt: skip
+SETTINGS: dict[str, Any] = tomllib.loads(own_text("plots/writing.toml"))
 """Of matplotlib, while a file is written: identifiers that are not random, fonts, no LaTeX, which would take names
 of recordings for commands, and no layout but ours."""
 

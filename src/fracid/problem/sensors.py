@@ -40,13 +40,7 @@ SAYS = Words("problem/sensors.toml")
 
 Quantity = Literal["delay", "gain", "bias", "lowpass", "radius"]
 
-QUANTITIES: dict[Quantity, str] = {
-    "delay": "how late the channel is",
-    "gain": "by what the channel is scaled",
-    "bias": "what the channel adds",
-    "lowpass": "time constant of the channel's low-pass",
-    "radius": "how far the accelerometer is from the axis",
-}
+QUANTITIES: dict[Quantity, str] = SAYS.table["quantities"]
 """What a channel may have, and what it is."""
 
 

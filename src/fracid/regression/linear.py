@@ -348,8 +348,7 @@ def _at(
 ) -> Regression:
     """Regress at given orders; `how` they and the filters were found is told with it."""
     system = data.system(orders)
-    warnings = [f"{r.swing.name} has no theta that moves: its arm is taken as clamped."
-                for r in data.rows if not r.swing.arm]  # fmt: skip
+    warnings: list[str] = [SAYS("clamped", r=r) for r in data.rows if not r.swing.arm]
     if any(v != 1.0 for v in orders.values()):
         moving = (r for r in data.rows if r.swing.in_motion)
         warnings += [SAYS("starts-in-motion", r=r, speed=r.swing.initial[1][1]) for r in moving]

@@ -15,6 +15,7 @@ checks      did the search end, does the step matter, what is left over?
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping
 from math import isfinite
 from typing import Any
@@ -22,12 +23,11 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from fracid.optimise.base import Outcome
+from fracid.safety.door import own_text
 from fracid.safety.text import printable
 from fracid.units import GREEK, half_of, interval_beside, number, to_second_digit, typeset
 
-SEE = {"Fit": "fitted", "Orders": "finding-orders", "Prediction": "finding-prediction", "Checks": "checks",
-       "Each recording alone": "alone", "Where the record begins": "begins", "Data": "data",
-       "Ladder": "ladder"}  # fmt: skip
+SEE: dict[str, str] = tomllib.loads(own_text("report/sentences.toml"))
 """Headings that a claim refers to → where they stand on the page."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
 from fracid.report.sentences import counted, digits, half_width, joined, letter, said, search_sentence, state_letter
+from fracid.safety.door import own_text
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
@@ -43,12 +45,7 @@ def verdict(material: Material) -> tuple[Line, ...]:
     return (_claim(material, lines), *lines)
 
 
-CLAIMS = {
-    "fractional": "The recordings show fractional dynamics",
-    "integer": "There is no evidence of fractional dynamics",
-    "undecided": "The recordings do not decide whether the rig is fractional",
-    "": "The model does not fit, so nothing is known of its orders",
-}
+CLAIMS: dict[str, str] = tomllib.loads(own_text("report/verdict.toml"))
 """What each claim means, in words; and what a fit that is none."""
 
 
@@ -63,7 +60,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
         orders += f" ({_inside(list(inside), inside)})"
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
     doubt = f", but {joined([f'{clause} (see {name})' for name, clause in against.items()])}" if against else ""
-    says = f"{CLAIMS['' if does_not_fit(material.result['claim_codes']) else claim]}: {reason}{doubt}."
+    says = f"{CLAIMS['no-fit' if does_not_fit(material.result['claim_codes']) else claim]}: {reason}{doubt}."
     return Line("Claim", says, claim != "undecided" and not against)
 
 

@@ -269,9 +269,7 @@ def refuse_anothers(folder: Path, project: Path) -> None:
     except InputError:
         return
     if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
-        raise InputError(
-            f"{folder} holds the fit of another project, {fitted}, and would lose it; give another folder: --out DIR."
-        )
+        raise InputError(SAYS("other-project", folder=folder, fitted=fitted))
 
 
 CODE, VERSION = "the code ", "the version of "

@@ -239,9 +239,7 @@ def _read(path: Path) -> dict[str, Any]:
         ended = f"was finished, but its {path.name} cannot be read; fit it again"
         missing = ended if state["finished"] else f"is not finished; type fracid resume {path.parent}"
         raise InputError(f"The fit in {path.parent} {missing}.")
-    raise InputError(
-        f"{path.parent} is no run folder: it has no {path.name} that can be read. Give one that fracid fit wrote."
-    )
+    raise InputError(SAYS("no-run", path=path))
 
 
 def _project(folder: Path, result: Mapping[str, Any], trust: bool) -> Project:

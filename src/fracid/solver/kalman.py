@@ -163,14 +163,21 @@ def _jacobian(rhs, F, t, x, u, f, J, G):
 
 
 @helper
+def _add_product(A, B, into):
+    """Add A B to a matrix; many entries of A are 0."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            if A[i, j] != 0.0:
+                for k in range(B.shape[1]):
+                    into[i, k] += A[i, j] * B[j, k]
+
+
+@helper
 def _solve(W, B):
     """B becomes A⁻¹ B, with A⁻¹ in the right half of W."""
-    right, n = B.copy(), len(B)
+    right = B.copy()
     B[:] = 0.0
-    for i in range(n):
-        for k in range(n):
-            for col in range(B.shape[1]):
-                B[i, col] += W[i, n + k] * right[k, col]
+    _add_product(W[:, len(B) :], right, B)
 
 
 @helper
@@ -190,24 +197,14 @@ def _times(F, c, J, G, W, ca, w0, dx0, dx1, inside, out):
             for k in range(N):
                 X0[i, k] += dx0[i] * inside[modes + s, k]
                 X1[i, k] += dx1[i] * inside[modes + s, k]
+    _add_product(J, X0, U0)
+    _add_product(G, inside[modes:], U0)
+    _add_product(G, inside[modes:], U1)
     for r in range(states):
-        for i in range(states):
-            if J[r, i] != 0.0:
-                for k in range(N):
-                    U0[r, k] += J[r, i] * X0[i, k]
-        for s in range(slow):
-            if G[r, s] != 0.0:
-                for k in range(N):
-                    U0[r, k] += G[r, s] * inside[modes + s, k]
-                    U1[r, k] += G[r, s] * inside[modes + s, k]
         for k in range(N):
             X1[r, k] += ca[r] * U0[r, k] + w0[r] * U1[r, k]
     _solve(W, X1)
-    for r in range(states):
-        for i in range(states):
-            if J[r, i] != 0.0:
-                for k in range(N):
-                    U1[r, k] += J[r, i] * X1[i, k]
+    _add_product(J, X1, U1)
     for i in range(states):
         for j in range(F.begin[i], F.begin[i + 1]):
             z, a, b, row, into = F.z[j], F.a[j], F.b[j], inside[j], out[j]
@@ -311,8 +308,7 @@ def _correct(outputs, F, t, u, c, dc, measured, variance, innovation):
                     row[j] += H[m, i] * c[j]
                     if F.of[i] >= 0:
                         row[modes + F.of[i]] += H[m, i] * dc[j] * before[j]
-        for j in range(N):
-            gain[j] = 0.0
+        gain[:] = 0.0
         for k in range(N):
             if row[k] != 0.0:
                 for j in range(N):

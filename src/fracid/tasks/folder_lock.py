@@ -95,9 +95,7 @@ def refuse_links(folder: Path) -> None:
             if entry.is_dir(follow_symlinks=False):
                 left.append(entry.path)
             elif not entry.is_file(follow_symlinks=False):
-                raise InputError(
-                    f"{entry.path} is no plain file but a pipe or a device: remove it, or give another folder."
-                )
+                raise InputError(SAYS("no-plain-file", path=entry.path))
 
 
 def _entries(place: str) -> list[os.DirEntry[str]]:
@@ -108,9 +106,7 @@ def _entries(place: str) -> list[os.DirEntry[str]]:
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:  # no right, or a path that is too long
-        raise InputError(
-            f"The folder {shortened(place)} cannot be looked into: {error.strerror}; give another folder."
-        ) from None
+        raise InputError(SAYS("no-look", folder=shortened(place), why=error.strerror)) from None
 
 
 MOST_ENTRIES = 100_000

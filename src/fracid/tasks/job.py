@@ -29,6 +29,7 @@ from typing import Any, TypeVar
 
 from fracid.errors import InputError
 from fracid.safety.door import text_of
+from fracid.tasks import SAYS
 from fracid.tasks.folder_lock import Json
 
 FEW = 3
@@ -144,9 +145,7 @@ class Job:
         try:
             return dumps(self)
         except (TypeError, AttributeError, pickle.PickleError) as error:
-            raise InputError(
-                f"This study cannot be sent to other processes: {error}. Type --executor threads."
-            ) from None
+            raise InputError(SAYS("not-sent", error=error)) from None
 
 
 def perform_elsewhere(own: dict[int, Any], job: Job) -> Ended:

@@ -210,10 +210,7 @@ def append_whole(file: RawIOBase, content: Sequence[bytes | memoryview], end: in
 
 def _cut_short(path: Path, error: OSError) -> Unfinished:
     why = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else error.strerror
-    return Unfinished(
-        f"{path} cannot be written: {why}. What was done before is kept: make room, then type fracid resume "
-        f"{resumable(path)}."
-    )
+    return Unfinished(SAYS("not-written", path=path, why=why, resumable=resumable(path)))
 
 
 def _read(

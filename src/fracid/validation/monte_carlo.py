@@ -417,8 +417,7 @@ def planned(
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
     cells, true = _cells(levels, resolutions, relative), _checked_truth(problem, x)
     at_least("seeds", seeds, 1)
-    if optimiser != "multistart":
-        optimiser_from_name(optimiser)
+    optimiser_from_name(optimiser)  # refuses an unknown one
     how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival,
            "sizes": _sizes(problem, true) if relative else None}  # fmt: skip
     return Plan(problem, true, cells, seeds, seed=seed, how=how)

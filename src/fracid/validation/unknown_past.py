@@ -333,8 +333,7 @@ def _with_past(problem: Problem, records: Records) -> Problem | Failure:
     return _changed(problem, changed, "estimate")
 
 
-def _without_past(problem: Problem, records: Records) -> Problem | Failure:
-    del records
+def _without_past(problem: Problem, _records: Records) -> Problem | Failure:
     changed = {e.name: replace(e, past=None, past_inputs=None) for e in problem.experiments if e.past is not None}
     if not changed:
         return Failure(FailureReason.UNCHANGED, "the fit has none")

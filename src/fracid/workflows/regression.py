@@ -161,10 +161,7 @@ def _of_recording(
     """The nine lumped constants of a rig, from one recording."""
     if columns is None or "alpha" not in columns:
         raise InputError(SAYS("which-column", path=path))
-    recording = load_recording(
-        path, columns, time=time, start=start, stop=stop,
-        variable=variable, resample="needed",
-    )  # fmt: skip
+    recording = load_recording(path, columns, time=time, start=start, stop=stop, variable=variable, resample="needed")
     words: dict[str, Any] = {n: v for n, v in (("rig", rig), ("zero", zero)) if v is not None}
     model = rotary_pendulum(actuation="torque" if "torque" in columns else "voltage", **words)
     return (recording,), Asked(model, dict.fromkeys(model.order_names, SEARCHED), LUMPED)

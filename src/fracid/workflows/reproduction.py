@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.runs.folder import JOURNAL, open_folder, refuse_used
+from fracid.runs.folder import JOURNAL, SAYS, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, not_as_before, reproduce
 from fracid.safety.door import write_files
 from fracid.safety.paths import STUDIES, kind_of, refuse_mistaken
@@ -66,8 +66,7 @@ def reproduce_run(
     if not run.is_dir():
         refuse_mistaken(run, "run")
     if kind_of(run) is None:
-        raise InputError(f"{run} cannot be done again: expected what fracid fit, compare, noise, posterior or control "
-                         "wrote. Any other command does it again where you type it again.")  # fmt: skip
+        raise InputError(SAYS("not-again", run=run))
     refuse_links(run)
     if out is not None:
         refuse_used(out)  # before the time is spent

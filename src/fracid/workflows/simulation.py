@@ -283,11 +283,6 @@ def _values(record: Mapping[str, Any]) -> str:
     orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items())
     initial = ", ".join(f"{n} = {v:.6g}" for n, v in record["initial"].items() if v)
     levels = ", ".join(f"{n} {v:.3g}" for n, v in record["noise"].items() if v)
-    read = [
-        f"noise {levels}" if levels else "no noise",
-        f"{record['counts']} counts a turn" if record["counts"] else "",
-    ]
-    return (
-        f"{orders}; at the start {initial or 'at rest'}; {record['method']}, step {record['step']:g} s / "
-        f"{record['substeps']}; {', '.join(filter(None, read))}; seed {record['seed']}"
-    )
+    read = [f"noise {levels}" if levels else "no noise"]
+    read += [f"{record['counts']} counts a turn"] if record["counts"] else []
+    return SAYS("values", orders=orders, initial=initial or "at rest", record=record, read=", ".join(read))

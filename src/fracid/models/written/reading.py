@@ -13,6 +13,7 @@ import math
 import operator
 import textwrap
 import tokenize
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -46,34 +47,27 @@ from fracid.models.written.tree import (
     mentioned,
     parts,
 )
+from fracid.safety.door import own_text
 
 SAYS = Words("models/written/refusals.toml")
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
-             "exp", "expm1", "log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil", "trunc", "hypot",
-             "copysign", "fmod", "erf", "erfc", "gamma", "lgamma")  # fmt: skip
+_TABLE = tomllib.loads(own_text("models/written/reading.toml"))
+
+FUNCTIONS: tuple[str, ...] = tuple(_TABLE["functions"])
 """Of ``math``, by their names there; ``abs``, ``min``, ``max`` and ``sign`` are known too."""
 
-_IN_NUMPY = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "asinh": "arcsinh",
-             "acosh": "arccosh", "atanh": "arctanh"}  # fmt: skip
-
 _CALLED: dict[Any, str] = {
-    **{f: n for n in FUNCTIONS for f in (getattr(np, _IN_NUMPY.get(n, n), None), getattr(math, n)) if f},
+    **{f: n for n in FUNCTIONS for f in (getattr(np, _TABLE["numpy"].get(n, n), None), getattr(math, n)) if f},
     abs: "abs", math.fabs: "abs", np.absolute: "abs", np.fabs: "abs", min: "min", np.minimum: "min", max: "max",
     np.maximum: "max", np.sign: "sign", int: "trunc", pow: "**", math.pow: "**", np.power: "**",
 }  # fmt: skip
 """Python's function → its name in a tree."""
 
-_SIGNS: dict[type, str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.Mod: "%", ast.FloorDiv: "//",
-    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
-}  # fmt: skip
+_SIGNS: dict[type, str] = {getattr(ast, node): sign for sign, (node, _) in _TABLE["signs"].items()}
 
 _VALUES: dict[str, Callable[..., Any]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "**": operator.pow,
-    "%": operator.mod, "//": operator.floordiv, "<": operator.lt, "<=": operator.le, ">": operator.gt,
-    ">=": operator.ge, "==": operator.eq, "!=": operator.ne, "neg": operator.neg, "not": operator.not_,
-    "and": lambda a, b: a and b, "or": lambda a, b: a or b,
+    **{sign: getattr(operator, name) for sign, (_, name) in _TABLE["signs"].items()},
+    "neg": operator.neg, "not": operator.not_, "and": lambda a, b: a and b, "or": lambda a, b: a or b,
 }  # fmt: skip
 
 UNROLLED = 100
