@@ -336,8 +336,8 @@ def test_what_cannot_be_designed_is_refused(space, options, told):
 
 
 def test_the_noise_of_outputs_that_are_no_angles_is_asked_for():
-    cell = fracid.Model("cell", lambda *_: None, ("volts",), ("q",), {"volts": 0}, zero="", source="",
-                        parameters=(fracid.Parameter("rate", "1/s", 1.0, "of loss"),), inputs=("current",))  # fmt: skip
+    cell = fracid.Model("cell", lambda t, x, u, p, out: out.fill(0.0), ("volts",), ("q",), {"volts": 0}, ("current",),
+                        (fracid.Parameter("rate", "1/s", 1.0, "of loss"),), "", "")  # fmt: skip
     with pytest.raises(InputError, match="The outputs of cell are not known as angles of encoders: give noise"):
         fracid.design(cell, fracid.DesignSpace(voltage=fracid.Pulses(1.0, 2.0, peak=1.0)))
 
