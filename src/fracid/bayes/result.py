@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,12 +18,13 @@ from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Problem
+from fracid.safety.door import own_text
 from fracid.safety.schema import as_json
 from fracid.schemas.draws import PosteriorBlock
 
 SAYS = Words("bayes/result.toml")
 
-METHODS: dict[str, str] = SAYS.table["methods"]
+METHODS: dict[str, str] = tomllib.loads(own_text("bayes/methods.toml"))
 """How a posterior is drawn, by name."""
 
 FEW = 100.0

@@ -241,7 +241,7 @@ def conditions_of(
     if not model.inputs:
         raise InputError(f"{model.name} has no input: there is nothing to control it with.")
     for channel, s in {**e.sensors, **e.actuators}.items():
-        if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):  # type: ignore[arg-type]
+        if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):
             raise InputError(SAYS("sensor", channel=channel))
     moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
     name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])

@@ -22,6 +22,7 @@ counts as such.  What the first samples show of the time before the start, up to
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -35,12 +36,13 @@ from fracid.models import Model, Parameter
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Entry, Function, Number, Return
 from fracid.problem.unknowns import Free, Value
+from fracid.safety.door import own_text
 
 SAYS = Words("problem/sensors.toml")
 
 Quantity = Literal["delay", "gain", "bias", "lowpass", "radius"]
 
-QUANTITIES: dict[Quantity, str] = SAYS.table["quantities"]
+QUANTITIES: dict[str, str] = tomllib.loads(own_text("problem/quantities.toml"))
 """What a channel may have, and what it is."""
 
 
@@ -103,11 +105,11 @@ class Sensor:
         for value in gain:
             refuse_beyond("gain's size", abs(value), SMALLEST)
         for name, what in (("lowpass", "a time constant"), ("radius", "a distance")):
-            if self.range(name)[0] < 0:  # type: ignore[arg-type]
-                limits = _text(*self.range(name))  # type: ignore[arg-type]
+            if self.range(name)[0] < 0:
+                limits = _text(*self.range(name))
                 raise InputError(f"{name} = {limits} {UNITS[name]} is not possible; expected {what} of 0 or more.")
 
-    def range(self, name: Quantity) -> tuple[float, float]:
+    def range(self, name: str) -> tuple[float, float]:
         """Lowest and highest value, the same for a number."""
         value = getattr(self, name)
         return (value.lower, value.upper) if isinstance(value, Free) else (float(value), float(value))
@@ -212,7 +214,7 @@ def with_sensors(
 
 
 def _parameter(name: str, value: Free, channel: str, unit: str) -> Parameter:
-    quantity: Quantity = name.partition("_")[0]  # type: ignore[assignment]
+    quantity = name.partition("_")[0]
     return Parameter(
         name, UNITS.get(quantity, unit), value.start, f"{QUANTITIES[quantity]}: {channel}",
         lower=0.0 if quantity in ("lowpass", "radius") else -math.inf,
