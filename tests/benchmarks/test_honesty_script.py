@@ -26,9 +26,10 @@ LEFT_OUT = {
     "still",
     "counted-backwards",
     "dropout",
+    "between",
 }
-"""No faults of a twin: of a search, of a scheme by itself, of physics that a model lacks (benchmarks/claims.py has
-those), of a recording that is not fitted, does not move or loses its encoder, and of clocks, which a twin in memory
+"""No faults of a twin: of a search, of a scheme by itself, of physics that a model lacks and of what inputs do between
+samples (benchmarks/claims.py has those), of a recording that is not fitted, does not move or loses its encoder, and of clocks, which a twin in memory
 has none of."""
 
 
