@@ -29,8 +29,8 @@ LEFT_OUT = {
     "between",
 }
 """No faults of a twin: of a search, of a scheme by itself, of physics that a model lacks and of what inputs do between
-samples (benchmarks/claims.py has those), of a recording that is not fitted, does not move or loses its encoder, and of clocks, which a twin in memory
-has none of."""
+samples (benchmarks/claims.py has those), of a recording that is not fitted, does not move or loses its encoder, and of
+clocks, which a twin in memory has none of."""
 
 
 def test_every_fault_of_the_page_is_made(script):

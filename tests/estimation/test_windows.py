@@ -210,7 +210,7 @@ def test_a_piece_of_uneven_samples_has_its_own_times_inputs_and_deviations():
 
 @pytest.mark.parametrize("seconds", [0, -1.0, 1e-9, math.inf, math.nan, "long", True])
 def test_a_length_of_windows_that_is_none_is_refused(stand, seconds):
-    with pytest.raises(InputError, match='expected ("auto", "none", or the seconds of a window|a number or a text)'):
+    with pytest.raises(InputError, match=r'expected ("auto", "none", or the seconds of a window|a number or a text)'):
         chosen_window(replace(stand, windows=seconds))
 
 
