@@ -247,8 +247,8 @@ def as_fitted(problem: Problem, x: FloatArray) -> Problem:
     >>> import fracid
     >>> still = Experiment("still", 1e-3, np.full((300_000, 2), 0.1), np.zeros((1, 1)))
     >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0}, initial_state="rest")
-    >>> [len(as_fitted(problem, problem.start).experiments[0].measured), problem.experiments[0].sampled is still]
-    [75000, True]
+    >>> [len(p.experiments[0].measured) for p in (problem, as_fitted(problem, problem.start))]
+    [300000, 75000]
     """
     coarse = coarse_problem(problem)
     if not is_coarse(coarse):
