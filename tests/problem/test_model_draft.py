@@ -107,6 +107,20 @@ def test_check_proposes_the_command_that_works(tmp_path, capsys, monkeypatch):
     assert "--model NAME --column NAME=COLUMN" in run(capsys, "check", "mass.csv")[1]
 
 
+def test_a_current_that_no_column_has_for_it_does_not_change_is_named_as_a_constant(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    t = np.arange(0, 40, 0.1)
+    np.savetxt("cell.csv", np.c_[t, 3.0 - 3.0 * 0.02 - 3.0 * t / 50.0], delimiter=",", header="time,value", comments="")
+    unsaid = run(capsys, "init", "cell.csv", "--model", "capacitor", "--column", "voltage=value")[1]
+    assert '--column current=constant=VALUE,unit="A"' in unsaid
+    assert '# current = { constant = 0, unit = "A" }' in (tmp_path / "cell.toml").read_text(encoding="utf-8")
+    columns = ("--column", "voltage=value", "--column", "current=constant=-3000,unit=mA")
+    run(capsys, "init", "cell.csv", "--model", "capacitor", *columns, "--force")
+    problem = fracid.load_project(tmp_path / "cell.toml").problem
+    assert np.all(problem.experiments[0].inputs == -3.0)
+    assert problem.parameters["C0"].start == pytest.approx(50.0, rel=0.1)
+
+
 def test_init_writes_nothing_where_no_model_fits(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mass(tmp_path, "rain [m],wind [N]")

@@ -156,14 +156,15 @@ def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def _channel(option: str, text: str) -> dict[str, Any]:
-    """Parse ``2,unit=deg``: a column, by name or place, with what is said of it."""
+    """Parse ``2,unit=deg``: a column, by name or place, or ``constant=3``, with what is said of it."""
     column, *fields = text.split(",")
-    return {"column": _number(column)} | each_once(option, map(_field, fields))
+    which = [_field(column)] if column.startswith("constant=") else [("column", _number(column))]
+    return each_once(option, [*which, *map(_field, fields)])
 
 
 def text_of_column(fields: Mapping[str, Any]) -> str:
     """``2,unit=rad``: as :func:`column_from_text` reads it."""
-    return ",".join([str(fields["column"]), *(f"{k}={v}" for k, v in fields.items() if k != "column")])
+    return ",".join(str(v) if k == "column" else f"{k}={v}" for k, v in fields.items())
 
 
 def columns_from_texts(texts: list[str] | None) -> dict[str, dict[str, Any]] | None:

@@ -143,12 +143,14 @@ class _Page:
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.recordings = [self._recording_of(file) for file in files]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
-        self.scaled = any(moving_inputs(r, self.model) - gains for r in self.recordings)  # by inputs of known gain
+        kept = {n for n, c in self.columns.items() if c.get("constant")}
+        self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
         if self.first.explained < POOR:
             self.notes.append(SAYS("poor", percent=100 * self.first.explained, name=self.name))
+            self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in self.unsaid]
 
     def _recording_of(self, file: Path) -> Recording:
         recording = replace(self.source, file=file).fit(_channels(self.columns))
@@ -157,6 +159,13 @@ class _Page:
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
             raise InputError(SAYS("still", file=file, outputs=", ".join(self.outputs)))
         return recording
+
+    @property
+    def unsaid(self) -> list[str]:
+        """The inputs of which nobody says anything, where no input has a column."""
+        m = self.model
+        said = {*self.columns, *m.input_rates, *m.input_defaults}
+        return [] if {*m.inputs} & {*self.columns} else [n for n in m.inputs if n not in said]
 
     def is_released(self, recording: Recording) -> bool:
         """Whether it is held and let go, and nothing drives it."""
@@ -205,7 +214,7 @@ class _Page:
         for name in self.source.read(_channels(columns)).assumed if given else ():
             if (unit := _own_unit(self.model, name)) != "rad":
                 columns[name]["unit"] = unit
-        taken = [*roles.values(), *(c["column"] for c in columns.values())]
+        taken = [*roles.values(), *(c.get("column") for c in columns.values())]
         unused = [c for c in self.raws if c not in taken]
         if given is None and unused:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
@@ -234,7 +243,7 @@ class _Page:
         """
         outputs, found = [*self.model.outputs], dict(columns)
         encoders = {n for n, c in columns.items() if "gain" not in c}
-        for column in (c for c in self.raws if c not in [f["column"] for f in columns.values()]):
+        for column in (c for c in self.raws if c not in [f.get("column") for f in columns.values()]):
             shown = [(o, *s) for o in outputs if (s := self._sensor(o, column))]
             new = len(shown) == 1 and shown[0][1] not in found
             if new and ("radius" in shown[0][2] or shown[0][0] not in encoders):

@@ -49,7 +49,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-import numpy as np
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -578,17 +577,14 @@ class _Channels(NamedTuple):
     """What stands between it and the model."""
     between: dict[str, Between]
     """What an input does between its samples."""
-    constants: dict[str, tuple[float, str]]
-    """Inputs that no column has, for they do not change: the value and its unit [SI]."""
 
 
 def _channels(spec: _Recording, model: Model) -> _Channels:
     """Part the tables of the signals."""
-    channels = _Channels(dict(spec.model_extra or {}), {}, {}, {})
+    channels = _Channels(dict(spec.model_extra or {}), {}, {})
     for name, table in [*channels.columns.items()]:
         if isinstance(table, dict) and name in (*model.outputs, *model.inputs):
             if "constant" in table and name in model.inputs:
-                channels.constants[name] = _constant(name, channels.columns.pop(name))
                 continue
             known = (*CHANNEL, *QUANTITIES, *(("between", "constant") if name in model.inputs else ("sd",)))
             refuse_unknown(f"field of {name}", known, *table)
@@ -603,17 +599,6 @@ def _channels(spec: _Recording, model: Model) -> _Channels:
             if "between" in table:
                 channels.between[name] = table["between"]
     return channels
-
-
-def _constant(name: str, table: Mapping[str, Any]) -> tuple[float, str]:
-    """An input that does not change: its value in SI, and its unit there."""
-    value, unit = table["constant"], table.get("unit", "1")
-    refuse_unknown(f"field of {name}, which is constant", ("constant", "unit"), *table)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
-    refuse_unknown(f"unit of {name}", tuple(UNITS), unit)
-    factor, si = UNITS[unit]
-    return factor * float(value), si
 
 
 def _deviation(channel: Mapping[str, Any], name: str, column: Any) -> dict[str, Any]:
@@ -681,9 +666,6 @@ def _load(
         recording = load(columns | {n: replace(Channel.of(columns[n]), unit=unit) for n, unit in own.items()})
     held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
     recording = resampled(replace(recording, held=recording.held | held), spec.resample)
-    constants = {n: np.full(len(recording.time), v) for n, (v, _) in channels.constants.items()}
-    units = {n: unit for n, (_, unit) in channels.constants.items()}
-    recording = replace(recording, signals={**recording.signals, **constants}, units={**recording.units, **units})
     if not past:
         return recording, None
     after = recording.trim(spec.start)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, is_number, refuse_beyond
+from fracid.errors import LARGEST, SMALLEST, DataError, InputError, brief, is_number, refuse_beyond, refuse_unknown
 from fracid.findings import Words
 from fracid.safety.door import own_text
 from fracid.signals.swing import tail
@@ -161,6 +161,28 @@ class Channel:
             value[mask] = np.unwrap(value[mask])
         value = self.sign * self.scale * value
         return value - (_rest(value, name) if self.zero == "rest" else float(self.zero))
+
+
+def constant(name: str, fields: Mapping[str, Any]) -> tuple[float, str]:
+    """A signal that does not change, and that no column has: its value in SI, and its unit there.
+
+    Raises
+    ------
+    InputError
+        For other fields than ``constant`` and ``unit``, no number, or an unknown unit.
+
+    Examples
+    --------
+    >>> constant("current", {"constant": 300, "unit": "mA"})
+    (0.3, 'A')
+    """
+    value, unit = fields["constant"], fields.get("unit", "1")
+    refuse_unknown(f"field of {name}, which is constant", ("constant", "unit"), *fields)
+    if not _is_finite(value):
+        raise InputError(f"{name}: constant = {value!r} is not possible; expected a number, constant = 3.0.")
+    refuse_unknown(f"unit of {name}", tuple(UNITS), unit)
+    factor, si = UNITS[unit]
+    return factor * float(value), si
 
 
 Specs = Mapping[str, Channel | Mapping[str, Any] | int | str]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, header_unit, measurable, unit_in_name
+from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable, unit_in_name
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
 from fracid.recording.faults import still
@@ -55,7 +55,8 @@ def load_recording(
     path : str or Path
         The file: text, .mat, .npz, .npy, HDF5, Parquet, JSON, Excel, TDMS, MDF or a bag of ROS 2.
     columns : mapping, optional
-        Signal name to column, or to the fields of a :class:`Channel`.  None guesses; the report says what.
+        Signal name to column, or to the fields of a :class:`Channel`; ``{"constant": 3.0, "unit": "A"}`` is an input
+        that no column has, for it does not change.  None guesses; the report says what.
     time : mapping, optional
         ``{"column": 0}``, ``{"column": "t", "unit": "ms"}`` or ``{"rate": 1000}`` [Hz].  None guesses.
     start, stop : float, optional
@@ -156,6 +157,11 @@ def inspect_recording(
     path = path_of(path, "'release.csv'. Of arrays: fracid.Recording.of(name, time, signals)")
     before = _state(path)
     table = read_table(path, variable)
+    named = columns.items() if isinstance(columns, Mapping) else ()
+    kept = {n: c for n, c in named if isinstance(c, Mapping) and "constant" in c}
+    fixed, unsaid = {n: constant(n, c) for n, c in kept.items()}, {n for n, c in kept.items() if "unit" not in c}
+    if kept:
+        columns = {n: c for n, c in named if n not in kept}
     clock, rows, source = read_clock(table, time)
     clock, rows, repeats = _without_repeats(table, clock, rows)
     channels, more = choose_channels(table, columns, source.column, rows)
@@ -168,10 +174,12 @@ def inspect_recording(
         signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses=guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
+        values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
         made = Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
-            units=units, report=replace(report, findings=(*source.findings, *dead, *report.findings)),
-            held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed,
+            units=units | {n: unit for n, (_, unit) in fixed.items()},
+            report=replace(report, findings=(*source.findings, *dead, *report.findings)),
+            held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed | unsaid,
         )  # fmt: skip
         return made.between_edges()
 
