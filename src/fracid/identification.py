@@ -49,7 +49,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
-from fracid.estimation.horizons import Watch, from_start, refined, uninterrupted
+from fracid.estimation.horizons import Watch, from_start, growing, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     coarse_problem,
@@ -92,6 +92,7 @@ from fracid.validation.after_search import after, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
     COARSE_STEP,
+    LOST,
     Discretisation,
     Refined,
     coarse_step,
@@ -234,7 +235,7 @@ def identify(
                        jobs=jobs, observer=watching)  # fmt: skip
         allowed = max(TIMES * watch.work, LEAST)
         found = _Findings(asked, work, result.best, result.outcome, starts=attempts, allowed=allowed, check=checked,
-                          seen=[*seen])  # fmt: skip
+                          seen=[*seen], substeps=problem.substeps)  # fmt: skip
         if not result.interrupted:
             found.examine(begin)
         found.problem.last_derivatives.clear()  # some hundred megabytes
@@ -319,6 +320,8 @@ class _Findings:
     """The work of a stage after the search, at most."""
     check: Discretisation | None
     seen: list[Finding]
+    substeps: int
+    """Steps of a sample; of coarser recordings of one of their source."""
     known: Uncertainty | Failure = INTERRUPTED
     near: Tangent | None = None
     """Errors and derivatives at the minimum."""
@@ -342,9 +345,12 @@ class _Findings:
         return self.best.point
 
     @property
-    def substeps(self) -> int:
-        """Steps of a coarser sample, of long records, that are those of the fit."""
-        return own_substeps(self.problem, self.asked.problem.substeps)
+    def sampled(self) -> Problem:
+        """The problem on every sample."""
+        return on_every_sample(self.problem, replace(self.asked.problem, substeps=self.substeps))
+
+    def _at_its_step(self, check: Discretisation) -> Refined:
+        return Refined(self.problem, self.substeps, self.best, self.known, check, near=self.near)
 
     def examine(self, begin: Callable[[str, str], None]) -> None:
         """Take the steps after the search, each told, from the first again where one of them sees a lower minimum."""
@@ -369,11 +375,11 @@ class _Findings:
         """Give long records, searched with coarse steps, the residuals of their own."""
         if not is_coarse(self.problem):
             return
-        exact = corrected(self.problem, self.x, self.substeps, self.asked.jobs)
-        if isinstance(exact, Failure):
-            self.warnings.append(f"With a step a sample the best run fails: {exact}.")
-        else:
-            self.problem, self.best = exact
+        exact = corrected(self.problem, self.x, own_substeps(self.problem, self.substeps), self.asked.jobs)
+        if isinstance(exact, Failure) or exact[1].cost > LOST * self.best.cost:  # coarse steps led elsewhere
+            sampled = self.sampled
+            exact = sampled, uninterrupted(growing(sampled, self.x, Watch(self.asked.jobs))).best
+        self.problem, self.best = exact
 
     def open_bounds(self) -> None:
         """Go on beyond the bounds that stop the search, where that is worth it."""
@@ -387,7 +393,7 @@ class _Findings:
     def show(self) -> None:
         """The recordings beside their simulations, to who would draw them while the rest is examined."""
         if (draw := self.asked.observer.recordings) is not None:
-            problem = on_every_sample(self.problem, self.asked.problem)
+            problem = self.sampled
             estimates = _estimates(problem, self.x, self.known, self.verdicts)
             fitted = {n: _recording(problem, self.x, estimates, n, use="fit") for n in problem.recordings}
             draw(fitted | self.validated)
@@ -434,7 +440,7 @@ class _Findings:
         found = self._walked(1)
         if isinstance(found, Uncertainty) and not (found.unwalked or found.walked.any()):
             return False
-        finer = halved(Refined(self.problem, self.best, self.known, self.check, near=self.near), self.asked.jobs)
+        finer = halved(self._at_its_step(self.check), self.asked.jobs)
         if finer is None or finer.near is None or isinstance(finer.uncertainty, Failure):
             return False
         said = SAYS("halved", finer=finer, began=self.asked.problem.substeps)
@@ -443,7 +449,7 @@ class _Findings:
 
     def _take(self, finer: Refined) -> None:
         """Go on at a finer step, with derivatives of its own: those of the coarser one led there."""
-        self.problem, self.check, self.best = finer.problem, finer.check, finer.best
+        self.problem, self.substeps, self.check, self.best = finer.problem, finer.substeps, finer.check, finer.best
         self.settle()
 
     def with_quiet_step(self) -> None:
@@ -454,8 +460,8 @@ class _Findings:
         taken = self.check.refinement if self.check else ""
         check = discretisation_check(problem, x, self.known, asked.jobs, substeps=self.substeps, near=self.near)
         self.check = replace(check, refinement=taken)
-        fixed = asked.fixed_step or asked.optimiser.keeps_its_own or is_coarse(problem)  # nor is what it found polished
-        finer = None if fixed else finer_step(problem, x, self.check, asked.jobs, near=self.near)
+        fixed = asked.fixed_step or asked.optimiser.keeps_its_own  # nor is what it found polished
+        finer = None if fixed else finer_step(self._at_its_step(self.check), asked.jobs)
         if finer is not None:
             self._take(finer)
         if not fixed:  # what no finer step helped
@@ -491,9 +497,8 @@ class _Findings:
 
     def predict(self) -> None:
         """Simulate what was held out; what is wrong with the step is known by now."""
-        problem = on_every_sample(self.problem, self.asked.problem)
         for e in self.asked.validation:
-            self.validated[e.name], reason = _validate(problem, self.x, e, self.asked.window, jobs=self.asked.jobs)
+            self.validated[e.name], reason = _validate(self.sampled, self.x, e, self.asked.window, jobs=self.asked.jobs)
             self.warnings += [f"No run of the validation recording reached its end: {reason}."] if reason else []
         if self.asked.validation:
             self.show()
@@ -601,8 +606,7 @@ class _Findings:
 
     def cut_record(self) -> None:
         """Find how far the orders move with where the record begins."""
-        problem = on_every_sample(self.problem, self.asked.problem)
-        self.cut = cut_check(problem, self.x, self.known, whole=self.asked.whole, jobs=self.asked.jobs)
+        self.cut = cut_check(self.sampled, self.x, self.known, whole=self.asked.whole, jobs=self.asked.jobs)
         if isinstance(self.cut, Failure):
             self.warnings.append(f"The cut was not checked: {self.cut}.")
         else:
@@ -656,7 +660,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
     searched = found.problem
     if found.within is not None:
         searched = replace(searched, parameters=reopened(found.within[0], opened).parameters)
-    problem = on_every_sample(searched, asked.problem)
+    problem = on_every_sample(searched, found.sampled)
     model = problem.model
     estimates = _estimates(problem, best.point, found.known, found.verdicts)
     if not fits:  # the value, and the bound that it may lie at
@@ -712,7 +716,8 @@ def _lengthened(
     Its step is checked and chosen there: at a window's end what half a step changes has grown, and led elsewhere.
     """
     check = discretisation_check(parts, x, uncertainty(parts, x, jobs=jobs), jobs)
-    if not fixed_step and (finer := finer_step(parts, x, check, jobs)) is not None:
+    begun = Refined(parts, parts.substeps, parts.evaluate(x), Failure(FailureReason.NO_FIT, ""), check)
+    if not fixed_step and (finer := finer_step(begun, jobs)) is not None:
         parts, x, check = finer.problem, finer.best.point, finer.check
     whole = replace(whole, substeps=parts.substeps)
     return whole, lengthened(parts, x, whole), check

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid import identification
+from fracid.errors import Failure, FailureReason
 from fracid.estimation import long_records
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
@@ -161,3 +163,39 @@ def test_many_recordings_with_unknowns_of_their_own_keep_every_sample_and_their_
     assert sum(len(e.measured) for e in swings) > long_records.LONG
     assert coarse_problem(many) is many
     assert is_coarse(coarse_problem(replace(many, initial_state="held")))
+
+
+@pytest.fixture
+def swinging(monkeypatch):
+    """A pendulum that a slow torque drives, 70 s at 200 Hz with little noise: one step a sample bends its values."""
+    monkeypatch.setattr(long_records, "LONG", 10_000)
+    monkeypatch.setattr(long_records, "FEWEST", 1_000)
+    model, step, end, finer = fracid.models.model("pendulum"), 5e-3, 70.0, 32
+    t = step * np.arange(round(end / step) + 1)
+    torque = 0.02 * np.sin(2 * np.pi * 0.31 * t)
+    every = np.interp(step / finer * np.arange(finer * (len(t) - 1) + 1), t, torque)[:, None]
+    run = fracid.simulate(model, orders=1.0, parameters=SWING, initial={"angle": 0.8}, step=step / finer, end=end,
+                          inputs=every)  # fmt: skip
+    y = run.states[::finer, :1] + 1e-5 * np.random.default_rng(5).standard_normal((len(t), 1))
+    free = {n: Free(1.1 * v, 0.5 * v, 2 * v) for n, v in SWING.items()}
+    return Problem(model, (Experiment("swing", step, y, torque[:, None]),), {"mu": 1.0}, free, initial_state="held")
+
+
+SWING = {"gravity": 0.15, "J": 0.0032, "b_angle": 5e-4}
+
+
+def test_a_long_record_halves_its_step_as_a_short_one_does(swinging):
+    fit = fracid.identify(swinging, fixed_step=False)
+    assert fit.substeps > 1
+    assert fit.discretisation.refinement.startswith(f"The step was halved to {fit.substeps} a sample; at 1 a sample")
+    for name, true in SWING.items():
+        low, high = fit.parameters[name].interval95
+        assert abs(fit.parameters[name].value - true) < 0.75 * (high - low)
+
+
+def test_a_long_record_whose_coarse_minimum_no_run_follows_is_searched_on_every_sample(swinging, monkeypatch):
+    monkeypatch.setattr(identification, "corrected", lambda *args, **options: Failure(FailureReason.RUN, "diverged"))
+    fit = fracid.identify(swinging, fixed_step=True)
+    half = 1.96 * fit.uncertainty.standard_error
+    every, coarse = (refined(p, p.start, Watch()).best.point for p in (swinging, coarse_problem(swinging)))
+    assert np.max(np.abs(fit.x - every) / half) < 0.05 < np.max(np.abs(fit.x - coarse) / half)

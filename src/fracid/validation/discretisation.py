@@ -19,11 +19,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.errors import Failure, FailureReason
+from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, growing, refined, uninterrupted
 from fracid.estimation.linearised import Linearised
-from fracid.estimation.long_records import corrected, is_coarse, on_all_samples
+from fracid.estimation.long_records import corrected, is_coarse, on_all_samples, own_substeps
 from fracid.estimation.minimum import beside, settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.estimation.tangent import Tangent
@@ -45,10 +45,12 @@ class Refined:
     """A minimum at a finer step, which the fit chose."""
 
     problem: Problem
+    substeps: int
+    """Steps of a sample; of coarser recordings of one of their source."""
     best: Evaluation
     uncertainty: Uncertainty | Failure
     check: Discretisation
-    near: Tangent | None
+    near: Tangent | None = None
     """There, where its derivatives are known."""
 
 
@@ -88,7 +90,7 @@ class Discretisation(Record):
         moves = np.array([self.moves.get(u.name, 0.0) for u in problem.unknowns])
         halves = np.array([half_width(known, x, i) or 0.0 for i in range(len(x))])
         moves[np.abs(moves) <= QUIET * halves] = 0.0
-        return known.wider(problem.space, x, moves) if moves.any() else known
+        return known.wider(problem.space, x, TO_THE_LIMIT * moves) if moves.any() else known
 
 
 COARSE_STEP = "step"
@@ -97,8 +99,15 @@ COARSE_STEP = "step"
 QUIET = 0.2
 """CI half-widths by which half the step may move an unknown."""
 
+TO_THE_LIMIT = 4 / 3
+"""What all finer steps move, of what half the step does, by a scheme of second order."""
+
 FINEST = 32
 """Steps a sample that a fit chooses at most."""
+
+LOST = 1.5
+"""Times the cost at a step: a minimum at half of it that costs more is another one, for beside a separatrix the same
+values fall to another side.  The check looks for its own from the first swing on; a fit keeps its step."""
 
 BUMPS = 0.5
 """Part of the rise that ends an interval, by which the step may raise the cost."""
@@ -110,8 +119,8 @@ def discretisation_check(
 ) -> Discretisation:  # fmt: skip
     """Score at half the step and with the second-order method, and refine the orders there.
 
-    On coarser recordings `substeps` are those of a fit, for each coarse sample; half of them correct the coarse steps.
-    The derivatives of `near`, the tangent at x, serve at half the step.
+    Of coarser recordings `substeps` are the steps of a sample of their source that corrected them; of others they are
+    the problem's.  The derivatives of `near`, the tangent at x, serve at half the step.
     """
     if is_coarse(problem):
         return _corrected_check(problem, x, known, jobs, substeps=substeps)
@@ -125,11 +134,14 @@ def discretisation_check(
         return Discretisation(*costs, {}, {})
     if problem.in_windows:  # at a window's end what a start is off by has grown
         best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
-        return _judged(problem, x, known, (costs[0], best.cost, best.cost), finer=best.point)
+        return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point, substeps=problem.substeps)
     finer = _minimum_beside(problem, x, second, jobs, near=near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
         finer = x + finer - _minimum_beside(problem, x, problem, jobs, near=near)
-    return _judged(problem, x, known, costs, finer=finer)
+    if second.cost(finer) > LOST * costs[0]:
+        best = uninterrupted(growing(second, x, Watch(jobs))).best
+        costs, finer = (costs[0], best.cost, best.cost), best.point
+    return _judged(problem, x, known, costs, finer, substeps=problem.substeps)
 
 
 def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, near: Tangent | None) -> FloatArray:
@@ -148,17 +160,18 @@ def _corrected_check(
     problem: Problem, x: FloatArray, known: Uncertainty | Failure, jobs: int, substeps: int
 ) -> Discretisation:
     """The same of a problem whose coarse steps the fit's own have corrected: those are halved."""
-    finer = corrected(replace(problem, method="pi2"), x, 2 * substeps, jobs, rounds=1)
+    finer = corrected(replace(problem, method="pi2"), x, own_substeps(problem, 2 * substeps), jobs, rounds=1)
     here = problem.cost(x)
     if isinstance(finer, Failure):
         return Discretisation(here, np.inf, np.inf, {}, shift={}, warning=SAYS("fails", reason=finer))
     there = finer[0].cost(x)
-    return _judged(problem, x, known, (here, there, there), finer=finer[1].point)
+    return _judged(problem, x, known, (here, there, there), finer=finer[1].point, substeps=substeps)
 
 
 def _judged(
-    problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float], finer: FloatArray
-) -> Discretisation:
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, costs: tuple[float, float, float],
+    finer: FloatArray, *, substeps: int,
+) -> Discretisation:  # fmt: skip
     """How far the orders move from x to the minimum at half the step, and what that means."""
     at = problem.free_orders
     at |= {name: at[to] for name, to in problem.ties.items() if to in at}
@@ -169,14 +182,14 @@ def _judged(
         SAYS("moves", name=GREEK.get(n, n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
              method=problem.method) for n in moved)  # fmt: skip
     if moved:
-        remedy = f"substeps = {_substeps(problem)}" if problem.method == "pi2" else 'method = "pi2"'
+        remedy = f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'
         warning += f" Type {remedy} in [fit]."
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns) if u.experiment is None}
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning, moves=moves)
     if _costs_differ(problem.method, check):
-        warning = SAYS("too-coarse", costs=costs, substeps=_substeps(problem), warning=warning).strip()
+        warning = SAYS("too-coarse", costs=costs, substeps=2 * substeps, warning=warning).strip()
     return replace(check, warning=warning)
 
 
@@ -185,45 +198,45 @@ def _signed(shift: float, width: float) -> str:
     return ("−" if shift < 0 else "+") + to_second_digit(abs(shift), width)
 
 
-def _substeps(problem: Problem) -> int:
-    """Twice those of a sample."""
-    return 2 if is_coarse(problem) else 2 * problem.substeps
-
-
-def finer_step(
-    problem: Problem, x: FloatArray, check: Discretisation, jobs: int, near: Tangent | None = None
-) -> Refined | None:
+def finer_step(begun: Refined, jobs: int) -> Refined | None:
     """The minimum at the coarsest step at which the check is quiet; None where it is quiet, or no half step helps.
 
     What steep friction does is uneven: one half step may not help, and the next one does.
     """
-    best, found = None, Refined(problem, problem.evaluate(x), Failure(FailureReason.NO_FIT, ""), check, near=near)
-    held, idle = check, False
+    best, found, held, idle = None, begun, begun.check, False
+    method = begun.problem.method
     while found.check.warning or found.check.largest > QUIET:
         finer = halved(found, jobs)
-        helps = finer is not None and _helps(problem.method, held, finer.check)
+        helps = finer is not None and _helps(method, held, finer.check)
         if finer is None or (idle and not helps):
             break
         found, idle = finer, not helps
         if helps:
-            sentence = SAYS("halved", finer=finer, problem=problem, complaint=_complaint(problem, check))
+            sentence = SAYS("halved", finer=finer, begun=begun, complaint=_complaint(method, begun.check))
             best = found = replace(finer, check=replace(finer.check, refinement=sentence))
             held = best.check
     return best
 
 
 def halved(at: Refined, jobs: int) -> Refined | None:
-    """The minimum at half the step of another one; None where its run fails, or takes too many steps."""
-    problem, x = at.problem, at.best.point
-    other = replace(problem, substeps=2 * problem.substeps)
-    if other.substeps > FINEST or 2 * max(other.simulator.steps(e) for e in other.experiments) > MOST_STEPS:
+    """The minimum at half the step of another one; None where it is lost, its run fails, or it takes too many steps."""
+    problem, x, substeps = at.problem, at.best.point, 2 * at.substeps
+    other = replace(problem, substeps=own_substeps(problem, substeps))
+    if substeps > FINEST or 2 * max(other.simulator.steps(e) for e in other.experiments) > MOST_STEPS:
         return None
-    minimum, near = _minimum_of(problem, x, other, jobs, near=at.near)
+    if is_coarse(problem):
+        exact = corrected(problem, x, other.substeps, jobs)
+        if isinstance(exact, Failure):
+            return None
+        (other, minimum), near = exact, None
+    else:
+        minimum, near = _minimum_of(problem, x, other, jobs, near=at.near)
     problem.last_derivatives.clear()
-    if minimum.reason:
+    if minimum.reason or minimum.cost > LOST * max(at.best.cost, at.check.cost_second_order):
         return None
     known = uncertainty(other, minimum.point, jobs=jobs, near=near)
-    return Refined(other, minimum, known, discretisation_check(other, minimum.point, known, jobs, near=near), near=near)
+    check = discretisation_check(other, minimum.point, known, jobs, substeps=substeps, near=near)
+    return Refined(other, substeps, minimum, known, check, near=near)
 
 
 def is_rough(near: Tangent, known: Uncertainty | Failure) -> bool:
@@ -259,8 +272,8 @@ def _costs_differ(method: str, check: Discretisation) -> bool:
 
 
 def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
-    """Whether a half step makes smaller what the check of the coarse one complains of."""
-    if not math.isfinite(coarse.cost_second_order):
+    """Whether a half step makes smaller what the check of the coarse one complains of, or the least cost."""
+    if not math.isfinite(coarse.cost_second_order) or finer.cost < (1 - COARSE) * coarse.cost:
         return True
     before, after = (
         abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else check.largest
@@ -269,9 +282,9 @@ def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
     return after <= HELPS * before
 
 
-def _complaint(problem: Problem, check: Discretisation) -> str:
+def _complaint(method: str, check: Discretisation) -> str:
     """What the check had to say, in few words."""
-    if _costs_differ(problem.method, check):
+    if _costs_differ(method, check):
         return SAYS("changes-cost", check=check)
     return SAYS("moves-a-value" if math.isfinite(check.cost_second_order) else "run-fails", check=check)
 
