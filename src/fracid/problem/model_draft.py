@@ -124,7 +124,7 @@ class _Page:
         zero: str | None,
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
-        files = [source.file, *more]
+        files, self.stems = [source.file, *more], [file.stem for file in (source.file, *more)]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
         self.model: Model = either[0]
@@ -157,6 +157,8 @@ class _Page:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
             raise InputError(SAYS("still", file=file, outputs=", ".join(self.outputs)))
+        if self.stems.count(file.stem) > 1:  # a logger's name, in the folder of each run
+            recording = replace(recording, name=f"{file.resolve().parent.name} {file.stem}")
         taken, why = let_go_again(recording, self.model)
         self.notes += why
         self.taken |= {recording.name: taken} if taken else {}
