@@ -270,3 +270,16 @@ def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_
         assert problem.experiments[0].times is not None
         assert np.ptp(problem.experiments[0].inputs[:, 0]) == pytest.approx(0.02)
         assert {"nu", "k", "c"} <= {*problem.names}
+
+
+@pytest.mark.broad
+def test_an_element_that_may_not_be_there_is_drafted_from_0_and_found_to_be_0(tmp_path, without_rivals):
+    t = np.arange(0, 30, 0.05)
+    stretch = np.clip(t - 1, 0, 0.5)
+    force = 2.0 * stretch + 2e-3 * np.random.default_rng(1).standard_normal(len(t))
+    np.savez(tmp_path / "spring.npz", t=t, stretch=stretch, force=force)
+    (tmp_path / "rig.toml").write_text(draft_of_model("relaxation", tmp_path / "spring.npz", folder=tmp_path).text)
+    fit = fracid.identify(fracid.load_project(tmp_path / "rig.toml"))
+    assert fit.parameters["c"].interval95[0] == 0.0
+    assert fit.parameters["k"].interval95[0] < 2.0 < fit.parameters["k"].interval95[1]
+    assert any("c lies at its bound: 0; it is zero within the resolution of the data" in w for w in fit.warnings)

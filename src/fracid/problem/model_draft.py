@@ -296,13 +296,13 @@ class _Page:
         return Draft(text, self.columns, (*self.notes, *(n for r in self.recordings for n in doubts(r, self.model))))
 
     def range(self, p: Parameter, start: float) -> tuple[float, float, float]:
-        """Start and bounds: a factor about what is positive; friction from 0 on; else to both sides."""
+        """Start and bounds: a factor about what is positive; from 0 on what may be 0; else to both sides."""
         reach = self.first.reach.get(p.name, 0.0)
         if self._slides(p.name):
             start = max(start, self.model.friction[p.name].begins * reach)
         wide = max(SPAN * abs(start), reach if start == 0.0 else 0.0)
         off = p.value == 0.0 or p.name in self.model.friction
-        lower = (0.0 if off else start / SPAN) if p.lower >= 0.0 else -wide
+        lower = (0.0 if off or p.lower == 0.0 else start / SPAN) if p.lower >= 0.0 else -wide
         return start, max(lower, p.lower), min(max(wide, reach if off else 0.0), p.upper)
 
     def states_of(self, order: str) -> list[str]:
