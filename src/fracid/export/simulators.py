@@ -175,8 +175,8 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
     load, directional, stribeck = (constants[n].value != 0.0 for n in elements)
     name = f"m{5 if directional else 1 + 2 * load + stribeck}"
     values, rows = _Values(model, "BAM"), _table()["bam"]
-    written = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
-    written = {"source": _source(model), **written, "model": name, "actuator": actuator}
+    written: dict[str, float | str] = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
+    written |= {"model": name, "actuator": actuator, "source": f"fracid {__version__}, {model.run}"}
     return written, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
 
 
@@ -245,11 +245,7 @@ def heading(rig: Rig, said: Sequence[str]) -> list[str]:
     'heading'
     """
     known = [f"{q.name} = {q.value!r} {q.unit}: {q.description}" for q in rig.model.parameters if q.interval]
-    return [f"{_source(rig.model)}.", *known, *said]
-
-
-def _source(model: Identified) -> str:
-    return f"Identified by fracid {__version__} from {model.run}"
+    return [f"Identified by fracid {__version__} from {rig.model.run}.", *known, *said]
 
 
 def error_in_mujoco(rig: Rig, text: str) -> str:

@@ -182,13 +182,10 @@ def doubts(recording: Recording, model: Model) -> tuple[str, ...]:
 
 def let_go_again(recording: Recording, model: Model) -> tuple[float | None, tuple[str, ...]]:
     """When a hand takes what was let go again [s], None where it does not; and what to type for other releases."""
-    r = recording.report.release
-    if r is None or moving_inputs(recording, model):
+    r, swing = recording.report.release, swinging(recording.signals, recording.units)
+    if r is None or moving_inputs(recording, model) or len(spans := releases(recording.time, swing)) < 2:
         return None, ()
-    spans = releases(recording.time, swinging(recording.signals, recording.units))
-    (start, stop), *others = sorted(spans, key=lambda span: abs(span[0] - r)) or [(r, r)]
-    if not others:
-        return None, ()
+    (start, stop), *others = sorted(spans, key=lambda span: abs(span[0] - r))
     pairs = "; ".join(f"from = {a:.6g}, to = {b:.6g}" for a, b in sorted(others))
     said = SAYS("releases", name=recording.name, count=len(spans), start=start, stop=stop, pairs=pairs)
     return None if stop == recording.time[-1] else float(f"{stop:.6g}"), (said,)
