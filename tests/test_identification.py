@@ -546,4 +546,4 @@ def test_a_step_too_coarse_for_steep_friction_is_told():
     steep = {"slip_speed": 5e-3, "coulomb_theta": Free(0.04, 0.0, 0.1)}
     fit = identify(problem(swing, parameters=steep, orders={"lambda": 1.0, "mu": 1.0}))
     assert "The step is too coarse: at half of it the same values cost" in fit.discretisation.warning
-    assert "type substeps = 2 in [fit]" in fit.discretisation.warning
+    assert "Type substeps = 2 in [fit]" in fit.discretisation.warning

@@ -73,6 +73,8 @@ MISTAKES = {
     # a folder or a file of nobody
     "resid empty": "empty is no run folder: it has no result.json that can be read. Give one that fracid fit wrote.",
     "resume empty": "Type the command itself again.",
+    "resume runs/rig --out other": "leave --out out. For another, begin anew: fracid fit PROJECT --out DIR --seed N.",
+    "resume runs/rig --seed 2": "leave --seed out. For another, begin anew: fracid fit PROJECT",
     "check log.docx": "log.docx: unknown ending '.docx'; fracid reads .csv",
     # misspelt words
     "simulate qube-servo": "did you mean qube-servo2",

@@ -9,6 +9,7 @@ import fracid
 from fracid.models.library import table_of
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.roles import likely_models, model_of_columns, roles_of
+from fracid.workflows.draft import write_draft
 from program import run
 
 
@@ -56,6 +57,15 @@ def mass(folder, header="displacement [m],force [N]"):
             state = state + 1e-3 * np.array([state[1], f - 50.0 * state[0] - 2.0 * state[1]])
     np.savetxt(folder / "mass.csv", np.c_[t, rows, force], delimiter=",", header=f"time [s],{header}", comments="")
     return folder / "mass.csv"
+
+
+def test_recordings_whose_files_are_called_alike_have_their_folders_in_their_names(tmp_path):
+    for name in ("monday", "tuesday"):
+        (tmp_path / name).mkdir()
+    files = [mass(tmp_path / name) for name in ("monday", "tuesday")]
+    write_draft(files[0], tmp_path / "rig.toml", None, more=files[1:])
+    experiments = fracid.load_project(tmp_path / "rig.toml").problem.experiments
+    assert [e.name for e in experiments] == ["monday mass", "tuesday mass"]
 
 
 def test_a_draft_begins_near_and_loads(tmp_path):
@@ -274,3 +284,16 @@ def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_
         assert problem.experiments[0].times is not None
         assert np.ptp(problem.experiments[0].inputs[:, 0]) == pytest.approx(0.02)
         assert {"nu", "k", "c"} <= {*problem.names}
+
+
+@pytest.mark.broad
+def test_an_element_that_may_not_be_there_is_drafted_from_0_and_found_to_be_0(tmp_path, without_rivals):
+    t = np.arange(0, 30, 0.05)
+    stretch = np.clip(t - 1, 0, 0.5)
+    force = 2.0 * stretch + 2e-3 * np.random.default_rng(1).standard_normal(len(t))
+    np.savez(tmp_path / "spring.npz", t=t, stretch=stretch, force=force)
+    (tmp_path / "rig.toml").write_text(draft_of_model("relaxation", tmp_path / "spring.npz", folder=tmp_path).text)
+    fit = fracid.identify(fracid.load_project(tmp_path / "rig.toml"))
+    assert fit.parameters["c"].interval95[0] == 0.0
+    assert fit.parameters["k"].interval95[0] < 2.0 < fit.parameters["k"].interval95[1]
+    assert any("c lies at its bound: 0; it is zero within the resolution of the data" in w for w in fit.warnings)

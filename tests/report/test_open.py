@@ -11,6 +11,7 @@ import pytest
 import fracid
 from browser import CHROMIUM, Browser
 from fracid.cli.app import main
+from fracid.problem.model_draft import draft_of_model
 from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import read_table
 from fracid.report.open import _spec, open_page_text, write_open_page
@@ -161,6 +162,7 @@ DIALECTS = {
     "commas": "time,alpha\n0.0,1.5\n0.1,1.25\n0.2,-1e-3\n",
     "semicolons with decimal commas": "t;alpha [deg]\n0,0;1,5\n0,1;1,25\n0,2;-0,001\n",
     "tabs": "# rig 4\ntime\talpha\n0\t1\n1\t2\n2\t3\n",
+    "bars": "time|alpha [deg]\n0,0|1,5\n0,1|1,25\n0,2|-0,001\n",
     "blanks": "  0.0   1.0\n  0.5   2.0\n  1.0   3.0\n",
     "units in a line of their own": "time,alpha\n[s],[deg]\n0,1\n1,2\n2,3\n",
     "quotes": '"time, s","alpha"\n"0,0","1,5"\n"0,1","2,5"\n"0,2","3,5"\n',
@@ -218,6 +220,40 @@ def test_no_text_makes_the_reader_throw_or_wait(tmp_path):
     assert int(done.stdout) < 60_000
 
 
+PULSES, SINE = np.sign(np.sin(0.9 * np.arange(400) * 0.02)), np.sin(0.9 * np.arange(400) * 0.02)
+INPUTS = {"pulses of a force": ("oscillator", {"displacement": SINE, "force [N]": PULSES}),
+          "a force that goes smoothly": ("oscillator", {"displacement": PULSES, "force [N]": SINE}),
+          "a pump's volts": ("tanks", {"upper": SINE, "lower": SINE, "pump [V]": SINE}),
+          "a force that stays": ("oscillator", {"displacement": SINE, "force [N]": 0 * SINE}),
+          "a length whose rate the model takes": ("relaxation", {"force": SINE, "stretch [m]": PULSES})}  # fmt: skip
+
+
+@in_node
+@pytest.mark.parametrize("case", INPUTS)
+def test_the_page_says_what_inputs_do_between_their_samples_as_a_draft_does(tmp_path, case):
+    name, signals = INPUTS[case]
+    file = tmp_path / "log.csv"
+    np.savetxt(file, np.column_stack([0.02 * np.arange(400), *signals.values()]), "%.6g", ",", comments="",
+               header=",".join(["time [s]", *signals]))  # fmt: skip
+    units = {"signal": TABLES["signal"], "time": TABLES["time"]}
+    script = "".join(own_text(f"report/{part}.js") for part in ("fitting", "reading", "drafting")) + f"""
+        const spec = {json.dumps(plain(_spec(name, fracid.model(name))))}, units = {json.dumps(units)};
+        const read = Reading.parse(Reading.decode(new TextEncoder().encode({json.dumps(file.read_text())})));
+        const table = {{ ...read, name: "log.csv" }};
+        const setup = Drafting.guess(table, {{ {name!r}: spec }}, units, {name!r});
+    """ + """
+        const values = { orders: Object.fromEntries(spec.orders.map(q => [q.name, q.start])),
+                         parameters: Object.fromEntries(spec.parameters.map(p => [p.name, p.value])) };
+        const found = { values, free: new Set(), fixedOrders: {}, rmse: "", units };
+        console.log(Drafting.project(table, spec, setup, found));
+    """  # fmt: skip
+    done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=True, timeout=100)
+    ours, drafts = (tomllib.loads(text)["recording"][0] for text in (done.stdout, draft_of_model(name, file).text))
+    inputs = fracid.model(name).inputs
+    said = [{n: row[n]["between"] for n in inputs if "between" in row.get(n, {})} for row in (ours, drafts)]
+    assert said[0] == said[1]
+
+
 @pytest.mark.broad
 @in_node
 def test_whatever_files_and_columns_are_called_the_project_is_toml_of_one_recording():
@@ -242,7 +278,7 @@ def test_whatever_files_and_columns_are_called_the_project_is_toml_of_one_record
           const parameters = Object.fromEntries(spec.parameters.map(p => [p.name, p.value]));
           const values = { orders, parameters };
           const free = new Set(spec.parameters.filter(p => p.free === "always").map(p => p.name));
-          return Drafting.project(table, spec, setup, { values, free, fixedOrders: {}, rmse: word() });
+          return Drafting.project(table, spec, setup, { values, free, fixedOrders: {}, rmse: word(), units: UNITS });
         });
         console.log(JSON.stringify(texts));
     """  # fmt: skip

@@ -324,6 +324,21 @@ def test_a_division_by_zero_ends_the_run_with_a_reason(method):
     assert np.all(np.isfinite(trajectory.states))
 
 
+def _half_written(t, x, u, p, out):
+    out[0] = x[1]
+    if x[0] > 0.0:
+        out[1] = -4.0 * x[0]
+
+
+@pytest.mark.parametrize("method", SCHEMES)
+def test_a_branch_that_leaves_an_entry_of_out_unwritten_ends_the_run_with_a_reason(method):
+    trajectory = solve_fde(_half_written, 1.0, [1.0, 0.0], step=1e-2, end=3.0, method=method)
+    assert trajectory.time[-1] == pytest.approx(np.pi / 4, abs=0.02)
+    newton = "Newton's method does not solve the equation of the step"
+    said = newton if method == "pi2-implicit" else "a branch that leaves an entry of out unwritten"
+    assert said in trajectory.fault.sentence
+
+
 # --- callers' mistakes ------------------------------------------------------------------------------
 
 

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import How, command, type_again
+from fracid.cli.app import SAYS, How, command, type_again
 from fracid.cli.fit import tell_fit, watched
+from fracid.errors import InputError
 from fracid.safety.text import printable
 
 
@@ -25,6 +26,8 @@ def resume(run: Path, how: How) -> None:
     """
     from fracid.workflows.resumption import finished_result, resume_run, state_of
 
+    for option in (f"--{name}" for name in ("out", "seed") if getattr(how, name) is not None):
+        raise InputError(SAYS("resumed-as-begun", run=run, option=option))
     state = state_of(run)
     if state is None:
         _typed_again(run, how)

@@ -175,8 +175,9 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
     load, directional, stribeck = (constants[n].value != 0.0 for n in elements)
     name = f"m{5 if directional else 1 + 2 * load + stribeck}"
     values, rows = _Values(model, "BAM"), _table()["bam"]
-    written = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
-    return {**written, "model": name, "actuator": actuator}, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
+    written: dict[str, float | str] = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
+    written |= {"model": name, "actuator": actuator, "source": f"fracid {__version__}, {model.run}"}
+    return written, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
 
 
 def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:

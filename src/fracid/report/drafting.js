@@ -6,6 +6,7 @@ const Drafting = (() => {
   const TIME = /(^|[^a-z])(t|time|timestamp|stamp|seconds?|secs?|zeit)([^a-z]|$)/;
   const NAMELESS = /^(col(umn)?|ch(annel)?|sig(nal)?|data|var|val(ue)?|sensor|adc|enc(oder)?|[a-z])?[ _:.-]*\d*$/;
   const FALLING = [0.02, 0.15];                          // of the way to the fastest motion
+  const JUMP = 0.125, EVEN = 10, MOST = 0.5;             // of the range, of its neighbours, of all squares: a step that is a jump
   const TURN = 2 * Math.PI, DEGREE = Math.PI / 180;
 
   const bare = name => name.toLowerCase().replace(/\s*[[(].*$/, "").trim();
@@ -121,8 +122,29 @@ const Drafting = (() => {
     setup.held = release !== null && spec.outputs.every(o => o.state !== null || !(o.name in signals));
   }
 
+  // --- between its samples
+
+  // Whether a signal goes by jumps, as a test stand's steps and pulses do.
+  function jumps(t, x) {
+    const dt = t.slice(1).map((v, n) => v - t[n]), step = Preview.median(dt), steps = dt.map((d, n) => (Math.abs(x[n + 1] - x[n]) / d) * step), range = spread(x);
+    const squares = of => steps.reduce((sum, s, n) => (of(s, n) ? sum + s * s : sum), 0), beside = n => Math.max(steps[n - 1], steps[n + 1]);
+    return squares((s, n) => n > 0 && n < steps.length - 1 && s > Math.max(JUMP * range, EVEN * beside(n))) > MOST * squares(() => true);
+  }
+
+  // What each input that moves does: volts and what goes by jumps keep their value; one whose rate the model takes goes in lines.
+  function betweenOf(table, spec, units, { time, signals }) {
+    const { kept, t } = Preview.clock(table, { column: time.column, rate: time.rate, factor: units.time[time.unit].factor }), rated = spec.inputs.map(({ rateOf }) => rateOf);
+    const values = name => Preview.signal(table, { ...signals[name], factor: factorOf(signals[name], units) }, kept), volts = name => units.signal[signals[name].unit].of === "V";
+    const moving = spec.inputs.map(({ name }) => name).filter(name => name in signals && !rated.includes(name) && spread(values(name)) > 0);
+    return Object.fromEntries(moving.map(name => [name, volts(name) || jumps(t, values(name)) ? "hold" : "line"]));
+  }
+
   // --- the project
 
+  const BETWEEN = {
+    hold: 'each value holds until the next sample; "line" if it goes straight to the next',
+    line: 'it goes straight from sample to sample; "hold" if each value holds until the next',
+  };
   const text = words => JSON.stringify(String(words).replace(/[\ud800-\udbff](?![\udc00-\udfff])|(?<![\ud800-\udbff])[\udc00-\udfff]/g, "\ufffd")).replace(/\x7f/g, "\\u007f");
   const number = (v, digits = 6) => {
     const short = String(Number.isFinite(v) ? Number(v.toPrecision(digits)) : 0);
@@ -140,7 +162,7 @@ const Drafting = (() => {
   const around = (start, lower, upper) => [Math.min(start, Number(lower.toPrecision(3))), Math.max(start, Number(upper.toPrecision(3)))].map(Number);
 
   function project(table, spec, setup, { values, free, fixedOrders, rmse, units }) {
-    const { time, signals } = setup, shown = spec.outputs.filter(o => o.name in signals), stem = table.name.replace(/\.[^.]*$/, "").slice(0, 60) || "recording";
+    const { time, signals } = setup, between = betweenOf(table, spec, units, setup), shown = spec.outputs.filter(o => o.name in signals), stem = table.name.replace(/\.[^.]*$/, "").slice(0, 60) || "recording";
     const parts = [[
       `# Drafted in a browser, a preview: ${comment(rmse)}; no interval, no claim.`, "#", "# Look at every line, then:   fracid fit THIS-FILE",
     ], [
@@ -159,7 +181,7 @@ const Drafting = (() => {
       "[[recording]]", line("name", text(stem)), line("file", text(table.name), "beside this file, or the path to it"),
       ...(table.variable ? [line("variable", text(table.variable))] : []),
       line("time", time.rate ? `{ rate = ${number(time.rate, 12)} }` : `{ column = ${columnOf(table, time.column)}, unit = ${text(time.unit)} }`),
-      ...Object.entries(signals).map(([name, s]) => line(key(name), `{ column = ${columnOf(table, s.column)}, unit = ${text(s.unit)}${s.unit === "counts" ? `, counts_per_turn = ${s.counts}` : ""}${s.zero ? `, zero = ${number(s.zero)}` : ""} }`)),
+      ...Object.entries(signals).map(([name, s]) => line(key(name), `{ column = ${columnOf(table, s.column)}, unit = ${text(s.unit)}${s.unit === "counts" ? `, counts_per_turn = ${s.counts}` : ""}${s.zero ? `, zero = ${number(s.zero)}` : ""}${between[name] ? `, between = ${text(between[name])}` : ""} }`, BETWEEN[between[name]])),
       ...(setup.held ? [line("from", text("release"), `found at ${number(setup.from, 5)} s`), line("release_time", `{ start = 0.0, lower = ${-RELEASE}, upper = ${RELEASE} }`, "[s] of the release after that sample; it lies between two")] : [line("from", number(setup.from, 12), "[s]")]),
       line("to", number(setup.to, 12), "[s]"), line("use", text("fit"), 'or "validate": held out for validation'),
     ], [

@@ -226,7 +226,7 @@ class Page {
       return tr;
     }));
     this.explore(found, setup);
-    this.text = Drafting.project(this.table, spec, this.setup, { values: found.values, free: setup.free, fixedOrders: setup.fixedOrders, rmse: `RMSE ${listed(errors)}` });
+    this.text = Drafting.project(this.table, spec, this.setup, { values: found.values, free: setup.free, fixedOrders: setup.fixedOrders, rmse: `RMSE ${listed(errors)}`, units: DATA.units });
     const stem = this.table.name.replace(/\.[^.]*$/, "").replace(/[^\w.-]+/g, "-").slice(0, 60) || "recording";
     Object.assign(this, { projectName: `${stem}.toml` });
     element("command").textContent = `fracid fit ${this.projectName}`;

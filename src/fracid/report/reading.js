@@ -6,9 +6,9 @@ const Reading = (() => {
   const BLANK = new Set(["", "nan", "-nan", "na", "n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"]);
   const NUMBER = { ".": /^[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?$/i, ",": /^[+-]?(?:\d+(?:,\d+)?|,\d+)(?:e[+-]?\d+)?$/i };
   const STAMP = /^(?:(\d{4})-(\d\d)-(\d\d)[ T])?(\d{1,2}):(\d\d):(\d\d(?:\.\d+)?)Z?$/;
-  const COMMENT = /^\s*(?:#|%|\/\/)/, WORDS = { ",": "commas", ";": "semicolons", "\t": "tabs", "": "blanks" };
+  const COMMENT = /^\s*(?:#|%|\/\/)/, WORDS = { ",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", "": "blanks" };
   const MOST = { characters: 1 << 26, line: 1 << 18, columns: 1000, name: 100 };
-  const DIALECTS = [false, true].flatMap(stamped => [[",", "."], [";", ","], [";", "."], ["\t", "."], ["\t", ","], ["", "."], ["", ","], [",", ","]].map(([delimiter, decimal]) => ({ delimiter, decimal, stamped })));
+  const DIALECTS = [false, true].flatMap(stamped => [[",", "."], [";", ","], [";", "."], ["\t", "."], ["\t", ","], ["", "."], ["", ","], ["|", "."], ["|", ","], [",", ","]].map(([delimiter, decimal]) => ({ delimiter, decimal, stamped })));
 
   function quoted(line, delimiter) {
     const cells = [];

@@ -91,9 +91,7 @@ def _compared(record: Mapping[str, Any]) -> Found:
          "ΔBIC against the orders": counted(m.gain), "as good": "yes" if m.as_well else "no"} for m in memories
     ]  # fmt: skip
     against = comparison.doubts.values()
-    sentence = {"fractional": "Fractional: the orders are needed.",
-                "integer": "Integer: no evidence of fractional dynamics.",
-                "undecided": "Undecided whether it is fractional."}[comparison.claim]  # fmt: skip
+    sentence = _SAID["claims"][comparison.claim]
     reasons = dict.fromkeys((*comparison.claim_reasons, comparison.verdict))
     drifts = (f"{name}: {sentence}" for name, test in comparison.amplitude.items() for sentence in test.sentences)
     best = comparison.best(fractional=comparison.claim == "fractional")

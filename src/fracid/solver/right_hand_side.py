@@ -96,6 +96,7 @@ def _reading(function: Any, options: dict[str, Any]) -> Any:
     inner = kept(READING, keep=False, **bare, **options)(function)
 
     def rhs(t: float, x: FloatArray, u: FloatArray, p: FloatArray, out: FloatArray) -> None:
+        out[: len(x)] = np.nan  # what a branch leaves unwritten would be the value of another state
         inner(t, x, u, p, out)
 
     rhs.__name__ = name_of(function)
