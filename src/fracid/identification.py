@@ -467,7 +467,7 @@ class _Findings:
 
     def look(self) -> Evaluation | None:
         """Look for faults; where the search stopped short, for a lower minimum too."""
-        found = after(self.problem, self.x, self.known, jobs=self.asked.jobs)
+        found = after(self.problem, self.x, self.known, jobs=self.asked.jobs, near=self.near)
         says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
         self.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
         return self._onward() if self.restarts < RESTARTS else None

@@ -28,6 +28,7 @@ from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_ste
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import is_coarse
+from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -80,7 +81,9 @@ NEXT_TO_NOTHING = 1e-4
 """Of its size, by which an unknown may be off, however narrow its interval."""
 
 
-def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1) -> tuple[Finding, ...]:
+def after(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
+) -> tuple[Finding, ...]:
     """Look at a minimum.
 
     Parameters
@@ -92,6 +95,8 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
+    near : Tangent, optional
+        Errors and derivatives there; found if left out.
 
     Returns
     -------
@@ -115,7 +120,7 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += _misread(problem, x, uncertainty, jobs)
+        findings += _misread(problem, x, uncertainty, jobs, near=near)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -294,9 +299,11 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
                            here=here)  # fmt: skip
 
 
-def _misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> list[Finding]:
+def _misread(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int, near: Tangent | None
+) -> list[Finding]:
     """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
-    found, best = [*misread(problem, x, uncertainty, jobs=jobs)], problem.evaluate(x)
+    found, best = [*misread(problem, x, uncertainty, jobs=jobs, near=near)], problem.evaluate(x)
     for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
         there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
