@@ -169,7 +169,7 @@ def compared(units):
 
 def test_the_arrow_is_explained_where_a_row_has_it():
     with_paper = compared({"a": "rad"})
-    assert [*_ladder(with_paper)][0].endswith("; ← the paper's")
+    assert next(iter(_ladder(with_paper))).endswith("; ← the paper's")
     without = replace(with_paper, rows=tuple(replace(row, paper=False) for row in with_paper.rows))
     assert "paper" not in str(_ladder(without))
 

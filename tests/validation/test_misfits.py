@@ -1,5 +1,7 @@
 """A misfit is said by its size, a recording that is not predicted as loudly, and first what costs most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,12 @@ def test_a_recording_of_another_rig_is_missed_and_one_that_is_predicted_is_not()
 def test_findings_are_told_by_how_far_they_are_beyond_their_limits():
     far, near, below = (Finding("x", "", n, 3.0, "", "") for n in (30.0, 3.3, 1.0))
     assert sorted([near, far, below], key=cost_of, reverse=True) == [far, below, near]
+
+
+def test_rounding_is_an_encoders_of_an_angle_alone_and_noise_is_a_cause_where_it_is_coloured():
+    force = {n: replace(r, units={"alpha": "N"}) for n, r in beside(0.97).items()}
+    [angle], [other], [noise] = misfits(beside(0.97), 1), misfits(force, 1), misfits(force, 1, ["swing, α"])
+    assert "times the encoder's rounding" in angle.sentence
+    assert (other.unit, "encoder" in other.sentence) == ("times the recording's rounding", False)
+    assert "autocorrelated: the model lacks something" in other.sentence
+    assert "autocorrelated: correlated noise, or a model that lacks something" in noise.sentence

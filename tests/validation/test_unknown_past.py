@@ -120,7 +120,7 @@ def test_a_recording_without_an_arm_has_no_past_and_the_check_says_so():
     whole = replace(whole, measured=whole.measured[:, [1]])
     problem = Problem(RIG, (cut(whole, PLATEAU + 0.7),), {"lambda": 0.9, "mu": FREE["mu"]}, outputs=("alpha",))
     found = cut_check(problem, problem.start, None, whole={"twin": whole}, budget=1)
-    assert "a past needs every angle among the outputs, which are alpha" in found.left_out["with the past"]
+    assert "a past needs all that moves among the outputs, which are alpha" in found.left_out["with the past"]
 
 
 def test_a_motion_that_does_not_turn_early_is_not_cut_later():
