@@ -674,8 +674,7 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     fitted = {n: _recording(problem, best.point, estimates, n, use="fit") for n in problem.recordings}
-    as_noise = [where for where, e in found.left.items() if e.coloured]
-    misfit = misfits(fitted, len(found.starts), as_noise)
+    misfit = misfits(fitted, len(found.starts), [where for where, e in found.left.items() if e.coloured])
     ended = () if found.outcome is Outcome.INTERRUPTED else (*misfit, *found.missed())
     later = (*found.seen[len(asked.seen) :], *ended)
     findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead

@@ -33,7 +33,7 @@ as strong as in the last row the past mends μ alone.  Best is a start cut at th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -58,6 +58,8 @@ class Past:
     model: Model
     outputs: tuple[str, ...]
     """The scored ones, in the order of the columns of the past."""
+    rates: Mapping[int, int]
+    """For each of their states i the state j with D^q x_i = x_j, where that is none of them."""
     substeps: int
     """Steps per sample."""
 
@@ -70,10 +72,10 @@ class Past:
         """The states from the release to the start, `substeps` a sample, shape (n, n_states)."""
         signals, rise = self._columns
         past, unit = np.zeros((len(signals[0]), len(orders))), time_scale(self.model, parameters)
-        past[:, self._measured] = np.column_stack(signals)
-        for k, j in self._rates.items():
-            q = float(orders[self._measured[k]])
-            past[:, j] = unit ** (q - 1) * rise(k, q)
+        for k, i in enumerate(self._measured):
+            past[:, i] = signals[k]
+            if i in self.rates:
+                past[:, self.rates[i]] = unit ** (orders[i] - 1) * rise(k, float(orders[i]))
         for name, other in self.model.follows.items():
             past[:, self.model.states.index(name)] = past[:, self.model.states.index(other)]
         return past
@@ -84,15 +86,9 @@ class Past:
         return [self.model.output_states[name] for name in self.outputs]
 
     @cached_property
-    def _rates(self) -> dict[int, int]:
-        """Of each output whose state has a rate that is not recorded, that rate's state."""
-        rates = {k: self.model.rates[i] for k, i in enumerate(self._measured) if i in self.model.rates}
-        return {k: j for k, j in rates.items() if j not in self._measured}
-
-    @cached_property
     def _columns(self) -> tuple[list[FloatArray], Callable[[int, float], FloatArray]]:
         """The outputs, and D^q of one of them, on the grid of a run."""
-        outputs, release = smooth_past(self.experiment, [*self._rates])
+        outputs, release = smooth_past(self.experiment, [k for k, i in enumerate(self._measured) if i in self.rates])
         place = np.arange((len(outputs) - 1 - release) * self.substeps + 1) / self.substeps
 
         def on_the_grid(values: FloatArray) -> FloatArray:

@@ -120,7 +120,7 @@ def after(
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += _misread(problem, x, uncertainty, jobs, near=near)
+        findings += _between(problem, x, [*misread(problem, x, uncertainty, jobs=jobs, near=near)], jobs)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -299,11 +299,9 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
                            here=here)  # fmt: skip
 
 
-def _misread(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int, near: Tangent | None
-) -> list[Finding]:
+def _between(problem: Problem, x: FloatArray, found: list[Finding], jobs: int) -> list[Finding]:
     """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
-    found, best = [*misread(problem, x, uncertainty, jobs=jobs, near=near)], problem.evaluate(x)
+    best = problem.evaluate(x)
     for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
         there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]

@@ -51,8 +51,7 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     if np.abs(e).max() <= 1e-12 * size:
         return SAYS("nothing-left")
     if np.ptp(e) <= 1e-9 * np.abs(e).max():
-        zero = SAYS("zero-of-angle" if unit == "rad" else "zero-of-signal")
-        return SAYS("constant", count=e.size, value=with_unit(e[0], unit, ".2g"), zero=zero)
+        return SAYS("constant", count=e.size, value=with_unit(e[0], unit, ".2g"), of=words_of(unit))
     return ""
 
 
@@ -166,8 +165,7 @@ def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool)
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
     """Said where a tenth of the power is the mean."""
-    whose = "an angle's zero or rest" if unit == "rad" else "the signal's zero or rest"
-    text = f", of which a constant {with_unit(mean, unit, '.2g')}: {whose} is off"
+    text = f", of which a constant {with_unit(mean, unit, '.2g')}: {words_of(unit)['whose']} is off"
     return text if mean**2 > 0.1 * rms**2 else ""
 
 

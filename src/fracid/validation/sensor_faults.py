@@ -178,8 +178,7 @@ def misreadings(
     if length < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
         return []
     if length < max(len(e.measured) for e in problem.experiments):
-        problem = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None)
-        near = None
+        problem, near = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None), None
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
     forms, here = _forms(problem, x), near or tangent(problem, x, jobs=jobs)
     if isinstance(here, Failure) or forms is None or math.sqrt(np.mean(joined(here.errors) ** 2)) < NOTHING:
