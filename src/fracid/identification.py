@@ -473,7 +473,7 @@ class _Findings:
 
     def look(self) -> Evaluation | None:
         """Look for faults; where the search stopped short, for a lower minimum too."""
-        found = after(self.problem, self.x, self.known, jobs=self.asked.jobs)
+        found = after(self.problem, self.x, self.known, jobs=self.asked.jobs, near=self.near)
         says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
         self.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
         return self._onward() if self.restarts < RESTARTS else None
@@ -678,8 +678,9 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     fitted = {n: _recording(problem, best.point, estimates, n, use="fit") for n in problem.recordings}
-    cut, friction = found.outcome is Outcome.INTERRUPTED, bool(model.friction)
-    ended = () if cut else (*misfits(fitted, len(found.starts), friction=friction), *found.missed())
+    cut = found.outcome is Outcome.INTERRUPTED
+    coloured = [where for where, e in found.left.items() if e.coloured]
+    ended = () if cut else (*misfits(fitted, len(found.starts), coloured), *found.missed())
     later = (*found.seen[len(asked.seen) :], *ended)
     findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     messages = (PARTIAL * cut, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),

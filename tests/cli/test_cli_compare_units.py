@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import fracid
 from fracid.cli.app import main
-from fracid.cli.comparison import _errors
+from fracid.cli.comparison import _errors, _ladder
 from fracid.selection.amplitude import Drift, Window
 from fracid.selection.comparison_records import Comparison, Row, Score
 from fracid.workflows.records import csv_text
@@ -164,6 +165,13 @@ def compared(units):
             scores, "") for free in (False, True)
     )  # fmt: skip
     return Comparison(rows, "", (), tuple(units), 9.0, False, "rmse", 1, 1, units=units)
+
+
+def test_the_arrow_is_explained_where_a_row_has_it():
+    with_paper = compared({"a": "rad"})
+    assert next(iter(_ladder(with_paper))).endswith("; ← the paper's")
+    without = replace(with_paper, rows=tuple(replace(row, paper=False) for row in with_paper.rows))
+    assert "paper" not in str(_ladder(without))
 
 
 UNITS = [{"a": "rad"}, {"f": "N"}, {"s": "m", "alpha": "rad"}, {"alpha": "rad", "v": "V"},

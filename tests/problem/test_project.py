@@ -169,6 +169,28 @@ def test_validation_recordings_stand_apart(project):
     assert [r.name for r in found.recordings] == ["swing", "held out"]
 
 
+SECOND = ONE + 'name = "second"\n'
+
+
+@pytest.mark.parametrize(
+    ("recordings", "shared"),
+    [
+        (ONE + "to = 0.5\n" + SECOND + "mask = [[0.0, 0.5]]\n", []),
+        (ONE + SECOND.replace('"alpha", unit = "deg"', '"theta", unit = "deg"'), []),
+        (ONE + SECOND + "mask = [[0.0, 1.0]]\n", [
+            "swing and second score the same samples of swing.csv from 1.01 to 1.99 s",
+        ]),
+        (ONE + SECOND + "from = 0.2\nto = 0.4\n" + SECOND.replace("second", "third") + "from = 0.6\n", [
+            "swing and second score the same samples of swing.csv from 0.2 to 0.4 s",
+            "swing and third score the same samples of swing.csv from 0.6 to 1.99 s",
+        ]),
+    ],
+    ids=["parted by a mask", "other columns", "in part", "not neighbours"],
+)  # fmt: skip
+def test_recordings_that_score_the_same_samples_of_a_column_are_named_and_no_others(project, recordings, shared):
+    assert [note.partition(":")[0] for note in project(recordings).notes] == shared
+
+
 def test_only_outputs_that_all_recordings_have_are_scored_unless_told(project):
     assert project(BOTH + ONE + 'name = "b"\n').problem.outputs == ("alpha",)
     assert project(BOTH).problem.outputs == ("theta", "alpha")

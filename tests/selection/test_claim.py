@@ -69,7 +69,7 @@ def test_an_order_without_integer_value_is_not_said_to_be_untold():
 def test_where_the_model_lacks_something_its_orders_are_no_evidence():
     claim = claim_of(CLEAR, nearest(), MISFIT)
     assert claim.claim == "undecided"
-    assert "9 times the encoder's rounding, and correlated" in " ".join(claim.reasons)
+    assert "9 times the recording's rounding, and correlated" in " ".join(claim.reasons)
     assert claim.reasons[-1].startswith("To decide")
 
 
@@ -144,7 +144,7 @@ def test_several_residuals_that_are_no_noise_are_one_sentence():
     both = MISFIT | {"swing, theta": LeftOver(8e-3, STEP / math.sqrt(12), 0.01)}
     [sentence] = [r for r in claim_of([OrderFound("mu", 1.0, 0.01)], None, both).reasons if "lacks" in r]
     assert sentence == (
-        "The residuals of swing, alpha (9 times the encoder's rounding) and swing, theta (18 times the encoder's "
+        "The residuals of swing, alpha (9 times the recording's rounding) and swing, theta (18 times the recording's "
         "rounding) are correlated: the model lacks something."
     )
 

@@ -16,7 +16,9 @@ from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.minimum import settled
 from fracid.identification import identify
+from fracid.models import Parameter
 from fracid.models.library import from_library
+from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording import Recording
@@ -617,6 +619,17 @@ def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
         for m in misreadings(freed, better, uncertainty(freed, better))
         if m.code == "off-zero" and m.signal == "alpha"
     ]
+
+
+def test_a_fault_is_sized_by_derivatives_that_hold_over_an_interval_not_by_a_jump_within_their_step():
+    """A jump of 6×10⁻⁵ within a difference of 2×10⁻⁵ looks like a slope of 3: it hides a zero that is off."""
+    outputs = {"y": Equation("slope*x + 3e-5*tanh((slope - 1.3)/1e-7)", unit="1")}
+    line = Equations({"x": Equation("1")}, outputs).model("line", [Parameter("slope", "", 1.3, "")])
+    y = np.linspace(0, 1, 101) + 0.2 + 0.05 * np.random.default_rng(1).standard_normal(101)
+    e = Experiment("line", 0.01, y[:, None], np.zeros((1, 0)), initial={"x": 0.0})
+    p = Problem(line, (e,), {}, {"slope": Free(1.3, 0.0, 2.0)}, initial_state="held")
+    [zero] = [m for m in misreadings(p, p.start, uncertainty(p, p.start)) if m.code == "off-zero"]
+    assert zero.sure > 10
 
 
 STRUCTURES = {

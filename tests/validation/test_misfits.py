@@ -1,5 +1,7 @@
 """A misfit is said by its size, a recording that is not predicted as loudly, and first what costs most."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,26 +23,19 @@ def beside(factor, name="swing"):
 
 
 def test_what_hangs_together_and_is_above_three_times_the_rounding_is_said_with_its_size():
-    [said] = misfits(beside(0.97), 1, friction=True)
+    [said] = misfits(beside(0.97), 1)
     rms = np.std(0.03 * SWING)
     assert (said.code, said.where, said.limit) == ("misfit", "swing: alpha", 3.0)
     assert said.number == pytest.approx(rms / (STEP / np.sqrt(12)), rel=0.05)
 
 
-@pytest.mark.parametrize("friction", [True, False])
-def test_compare_is_named_only_where_the_model_has_friction_of_which_it_tries_more(friction):
-    [said] = misfits(beside(0.97), 1, friction=friction)
-    assert "fracid resid shows what" in said.sentence
-    assert ("fracid compare" in said.sentence) == friction
-
-
 @pytest.mark.parametrize("factor", [1.0, 0.999])
 def test_rounding_is_no_misfit(factor):
-    assert not list(misfits(beside(factor), 1, friction=True))
+    assert not list(misfits(beside(factor), 1))
 
 
 def test_a_fit_that_is_no_better_than_a_constant_is_said_once():
-    assert [f.code for f in misfits(beside(-1.0), 1, friction=True)] == ["cannot-explain"]
+    assert [f.code for f in misfits(beside(-1.0), 1)] == ["cannot-explain"]
 
 
 def test_a_recording_of_another_rig_is_missed_and_one_that_is_predicted_is_not():
@@ -55,3 +50,12 @@ def test_a_recording_of_another_rig_is_missed_and_one_that_is_predicted_is_not()
 def test_findings_are_told_by_how_far_they_are_beyond_their_limits():
     far, near, below = (Finding("x", "", n, 3.0, "", "") for n in (30.0, 3.3, 1.0))
     assert sorted([near, far, below], key=cost_of, reverse=True) == [far, below, near]
+
+
+def test_rounding_is_an_encoders_of_an_angle_alone_and_noise_is_a_cause_where_it_is_coloured():
+    force = {n: replace(r, units={"alpha": "N"}) for n, r in beside(0.97).items()}
+    [angle], [other], [noise] = misfits(beside(0.97), 1), misfits(force, 1), misfits(force, 1, ["swing, α"])
+    assert "times the encoder's rounding" in angle.sentence
+    assert (other.unit, "encoder" in other.sentence) == ("times the recording's rounding", False)
+    assert "autocorrelated: the model lacks something" in other.sentence
+    assert "autocorrelated: correlated noise, or a model that lacks something" in noise.sentence

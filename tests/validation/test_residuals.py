@@ -377,6 +377,15 @@ def measured_by_an_encoder(signal, noise):
     return ENCODER * np.round((signal + noise) / ENCODER) - signal
 
 
+@pytest.mark.parametrize("residual", [
+    wave(SWING, 0.6), wave(2 * SWING, 0.6), wave(3 * SWING, 0.6), np.cumsum(white()), white() * (1 + 4 * FAR),
+    np.round(white() / 1e-3) * 1e-3,
+])  # fmt: skip
+def test_of_a_signal_that_is_no_angle_nothing_is_said_that_a_rig_alone_has(residual):
+    sentences = residual_analysis(replace(twin(residual), units={"alpha": "V"}), "alpha", {"alpha": 1e-3}).sentences
+    assert not re.findall("encoder|angle|Coulomb|presliding|cable|axis|joint", " ".join(sentences.values()))
+
+
 def test_rounding_alone_is_the_encoders_floor_and_no_better_model_is_seen():
     found = analysed(measured_by_an_encoder(FITTED, 0), resolution={"alpha": ENCODER})
     assert found.level.floor == pytest.approx(ENCODER / np.sqrt(12))
@@ -402,7 +411,7 @@ def test_the_spread_is_told_in_steps_of_the_encoder(noise, words):
     found = analysed(measured_by_an_encoder(FITTED, noise * ENCODER * rng().standard_normal(N)))
     with_step = analysed(measured_by_an_encoder(FITTED, noise * ENCODER * rng().standard_normal(N)),
                          resolution={"alpha": ENCODER})  # fmt: skip
-    assert "No step of an encoder is seen" in found.sentences["level"]
+    assert "No rounding is seen" in found.sentences["level"]
     assert with_step.level.steps == pytest.approx(np.hypot(noise, 1 / np.sqrt(12)), rel=0.03)
     assert re.search(words, with_step.sentences["level"])
 

@@ -53,7 +53,7 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
             assert by[name].shift[order] == by[name].orders[order] - fit.orders[order]
         assert by[name].cost < 0.1 * fit.cost
     warning = found.warnings[-1]
-    assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls from ")
+    assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls, of ")
     assert f"(λ {fit.orders['lambda']:.4g} → {by['with the past'].orders['lambda']:.4g}, μ " in warning
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
@@ -120,7 +120,7 @@ def test_a_recording_without_an_arm_has_no_past_and_the_check_says_so():
     whole = replace(whole, measured=whole.measured[:, [1]])
     problem = Problem(RIG, (cut(whole, PLATEAU + 0.7),), {"lambda": 0.9, "mu": FREE["mu"]}, outputs=("alpha",))
     found = cut_check(problem, problem.start, None, whole={"twin": whole}, budget=1)
-    assert "a past needs every angle among the outputs, which are alpha" in found.left_out["with the past"]
+    assert "a past needs all that moves among the outputs, which are alpha" in found.left_out["with the past"]
 
 
 def test_a_motion_that_does_not_turn_early_is_not_cut_later():
@@ -183,7 +183,7 @@ LATER = Treatment({"mu": 1.08}, 0.1, {"alpha": 0.1}, {"mu": 0.08}, False)
     (made(None, 0.05), "No order moves by more than its interval"),
     (made(1e-9, 5e-5), "No order moves by more than its interval"),  # too little to matter
     (made(0.006, 0.05, level=0.2), "Nothing else that is taken for the motion before the start fits as well"),
-    (made(0.1, 0.05, level=0.05), "with it the rms falls from α 5.73° to α 2.86° (μ 1 → 1.05). Give the "
+    (made(0.1, 0.05, level=0.05), "with it the rms falls, of α by 50% (μ 1 → 1.05). Give the "
                                   'fit its past: type history = "measured".'),
 ])  # fmt: skip
 def test_the_verdict_is_a_sentence_to_act_on(found, words):

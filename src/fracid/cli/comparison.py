@@ -49,7 +49,8 @@ def _ladder(c: Comparison) -> dict[str, list[dict[str, str]]]:
             return f"fitted: {', '.join(names)}"
         return f"held out: {names[0] if len(names) == 1 else f'the mean of {len(names)}'}"
 
-    worth = f"structures: BIC above the lowest, of {c.effective_samples:.0f} effective samples; ← the paper's"
+    arrow = "; ← the paper's" * any(row.paper for row in c.rows)
+    worth = f"structures: BIC above the lowest, of {c.effective_samples:.0f} effective samples{arrow}"
     return {worth: [_worth(c, row) for row in c.rows]} | {
         f"{caption(use, names)}: RMSE and fit": [
             _structure(row) | _errors(c, [s for n, s in getattr(row, use).items() if n in names]) for row in c.rows

@@ -169,7 +169,7 @@ class Parametrisation:
     def pasts(self) -> dict[str, Past]:
         """Of the recordings that start in motion and have one, by name."""
         begun = [e for e in self.experiments if e.past is not None]
-        return {e.name: Past(e, self.model, self.outputs, self.substeps) for e in begun}
+        return {e.name: Past(e, self.model, self.outputs, self.rates, self.substeps) for e in begun}
 
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""
@@ -384,9 +384,9 @@ class Parametrisation:
 
     @cached_property
     def rates(self) -> dict[int, int]:
-        """For each scored output's state i the state j with D^q x_i = x_j."""
+        """For each scored output's state i the state j with D^q x_i = x_j, where that is no scored output itself."""
         indices = [self.model.output_states[name] for name in self.outputs if name in self.model.output_states]
-        return {i: self.model.rates[i] for i in indices if i in self.model.rates}
+        return {i: j for i, j in self.model.rates.items() if i in indices and j not in indices}
 
     @cached_property
     def told(self) -> set[str]:

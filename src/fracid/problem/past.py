@@ -5,7 +5,9 @@ An experiment with a `past`, the samples before its start, gives it in three ste
 
 1. the release in the past, with which the memory begins: of a plateau on which a hand holds the rig the equations know
    nothing, nor does it leave a memory (:func:`release_in_past`);
-2. past and recording together, low-passed with zero phase at :data:`CUTOFF` swings (:func:`smooth_past`);
+2. of an output whose rate is not recorded, past and recording together, low-passed with zero phase at :data:`CUTOFF`
+   swings (:func:`smooth_past`): its derivative is needed.  All others stay as recorded, since the memory averages
+   their noise, and a filter would bend what begins like t^q;
 3. the states: each scored output of order q is the state x of the past and :math:`x_j = τ_0^{q-1} D^q x` its rate's,
    with the orders of the moment (:meth:`Past.states`).
 
@@ -31,7 +33,7 @@ as strong as in the last row the past mends μ alone.  Best is a start cut at th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -56,6 +58,8 @@ class Past:
     model: Model
     outputs: tuple[str, ...]
     """The scored ones, in the order of the columns of the past."""
+    rates: Mapping[int, int]
+    """For each of their states i the state j with D^q x_i = x_j, where that is none of them."""
     substeps: int
     """Steps per sample."""
 
@@ -68,18 +72,23 @@ class Past:
         """The states from the release to the start, `substeps` a sample, shape (n, n_states)."""
         signals, rise = self._columns
         past, unit = np.zeros((len(signals[0]), len(orders))), time_scale(self.model, parameters)
-        for k, name in enumerate(self.outputs):
-            i = self.model.output_states[name]
+        for k, i in enumerate(self._measured):
             past[:, i] = signals[k]
-            past[:, self.model.rates[i]] = unit ** (orders[i] - 1) * rise(k, float(orders[i]))
+            if i in self.rates:
+                past[:, self.rates[i]] = unit ** (orders[i] - 1) * rise(k, float(orders[i]))
         for name, other in self.model.follows.items():
             past[:, self.model.states.index(name)] = past[:, self.model.states.index(other)]
         return past
 
     @cached_property
+    def _measured(self) -> list[int]:
+        """The state of each output."""
+        return [self.model.output_states[name] for name in self.outputs]
+
+    @cached_property
     def _columns(self) -> tuple[list[FloatArray], Callable[[int, float], FloatArray]]:
         """The outputs, and D^q of one of them, on the grid of a run."""
-        outputs, release = smooth_past(self.experiment)
+        outputs, release = smooth_past(self.experiment, [k for k, i in enumerate(self._measured) if i in self.rates])
         place = np.arange((len(outputs) - 1 - release) * self.substeps + 1) / self.substeps
 
         def on_the_grid(values: FloatArray) -> FloatArray:
@@ -122,8 +131,8 @@ def release_in_past(e: Experiment) -> int:
     return int(np.clip(round(-offset / slope), 0, len(e.past) - 1)) if slope > 0 else near
 
 
-def smooth_past(e: Experiment) -> tuple[FloatArray, int]:
-    """The low-passed past and the start [rad], shape (n, n_outputs), and the row of the release.
+def smooth_past(e: Experiment, columns: list[int]) -> tuple[FloatArray, int]:
+    """The past and the start, shape (n, n_outputs), these columns low-passed, and the row of the release.
 
     The samples after the start take part, so that no border of the filter is near it.  Of a plateau what the filter
     reaches is kept.
@@ -133,10 +142,10 @@ def smooth_past(e: Experiment) -> tuple[FloatArray, int]:
     period = common_period(whole) if e.whole is None else e.whole.period
     cutoff = CUTOFF / (e.step * min(period, len(whole) / 3))
     reach = math.ceil(2 / (cutoff * e.step))
-    if cutoff < 0.4 / e.step:
+    if columns and cutoff < 0.4 / e.step:
         from scipy.signal import butter, sosfiltfilt
 
         low_pass = butter(4, cutoff, fs=1 / e.step, output="sos")
-        whole = sosfiltfilt(low_pass, whole, axis=0, padlen=min(len(whole) - 1, reach))
+        whole[:, columns] = sosfiltfilt(low_pass, whole[:, columns], axis=0, padlen=min(len(whole) - 1, reach))
     first = max(0, release - reach)
     return np.asarray(whole[first : n + 1]), release - first

@@ -42,13 +42,14 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from itertools import pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -481,7 +482,10 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         initial_state=fit.initial_state, method=fit.method, memory=memory_from_name(fit.memory, fit.tolerance),  # type: ignore[arg-type]
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
-    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled] + _shared(recordings)
+    columns = [{(r.sha256, s.variable, Channel.of(c.columns[n]).column) for n in outputs}
+               for r, s, c in zip(recordings, content.recording, channels, strict=True)]  # fmt: skip
+    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
+    notes += _shared(zip(recordings, experiments, columns, strict=True))
     notes += [f"{r.name}: {note}" for r in recordings for note in with_code(r.report.reading, "interpolated")]
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
@@ -689,14 +693,15 @@ def _name(spec: _Recording) -> str:
     return refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
 
 
-def _shared(recordings: tuple[Recording, ...]) -> list[str]:
-    """Say which recordings share samples: these count twice, or judge what was fitted to them."""
-    by_start = sorted(recordings, key=lambda r: (r.sha256, r.time[0], r.time[-1]))
-    return [
-        SAYS("same-samples", one=one, other=other, begin=other.time[0], end=min(one.time[-1], other.time[-1]))
-        for one, other in pairwise(by_start)
-        if one.sha256 == other.sha256 and other.time[0] < one.time[-1]
-    ]
+def _shared(read: Iterable[tuple[Recording, Experiment, set[Any]]]) -> Iterator[str]:
+    """Say which recordings score the same samples of a column: these count twice, or judge what was fitted to them."""
+    for (one, e, own), (other, f, others) in combinations(read, 2):
+        if own.isdisjoint(others):
+            continue
+        there = np.interp(one.time, other.time, np.ones(len(f.time)) if f.scored is None else f.scored, left=0, right=0)
+        both = one.time[(there > 0.5) & (e.scored is None or e.scored)]
+        if len(both) > 1:
+            yield SAYS("same-samples", one=one, other=other, begin=both[0], end=both[-1])
 
 
 def _orders(specs: Mapping[str, _Value], model: Model) -> dict[str, Value]:

@@ -332,7 +332,7 @@ def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
     if all(a.whiteness.white for a in tested):
         yield "The residuals are white noise.", True
     elif not _structured(material, "fit"):
-        yield "The residuals are noise and the encoder's rounding.", True
+        yield "The residuals are noise and rounding.", True
     else:
         time = number(worst.whiteness.correlation_time, ".2g")
         what = f"The residual of {letter(worst.output)}"

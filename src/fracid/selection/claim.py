@@ -275,7 +275,7 @@ def _unexplained(left_over: Mapping[str, LeftOver]) -> list[str]:
 def _size(e: LeftOver) -> str:
     if e.known:
         return f"{plain(e.rms)} of the standard deviations that the recording has"
-    return f"{plain(e.times)} times the encoder's rounding" if math.isfinite(e.times) else "larger than noise"
+    return f"{plain(e.times)} times the recording's rounding" if math.isfinite(e.times) else "larger than noise"
 
 
 def _no_more_than(memory: FiniteMemory, orders: str, coloured: Sequence[str]) -> Claim:

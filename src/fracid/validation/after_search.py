@@ -28,6 +28,7 @@ from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_ste
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, refined, uninterrupted
 from fracid.estimation.long_records import is_coarse
+from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -80,7 +81,9 @@ NEXT_TO_NOTHING = 1e-4
 """Of its size, by which an unknown may be off, however narrow its interval."""
 
 
-def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1) -> tuple[Finding, ...]:
+def after(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
+) -> tuple[Finding, ...]:
     """Look at a minimum.
 
     Parameters
@@ -92,6 +95,8 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
+    near : Tangent, optional
+        Errors and derivatives there; found if left out.
 
     Returns
     -------
@@ -115,7 +120,7 @@ def after(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += _misread(problem, x, uncertainty, jobs)
+        findings += _between(problem, x, [*misread(problem, x, uncertainty, jobs=jobs, near=near)], jobs)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -294,9 +299,9 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
                            here=here)  # fmt: skip
 
 
-def _misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> list[Finding]:
+def _between(problem: Problem, x: FloatArray, found: list[Finding], jobs: int) -> list[Finding]:
     """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
-    found, best = [*misread(problem, x, uncertainty, jobs=jobs)], problem.evaluate(x)
+    best = problem.evaluate(x)
     for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
         there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
@@ -327,5 +332,4 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield SAYS.finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part,
                                rms=with_unit(rms, e.units.get(o, 'rad')), percent=100 * part,
-                               plain_times=plain(times),
-                               friction=SAYS("friction") * bool(problem.model.friction))  # fmt: skip
+                               plain_times=plain(times))  # fmt: skip

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
 from fracid.selection.doubts import POOR
 from fracid.signals.left_over import left_over
-from fracid.units import plain, with_unit
+from fracid.units import GREEK, plain, with_unit
+from fracid.validation.residual_sentences import words_of
 
 SAYS = Words("validation/misfits.toml")
 
 MISFIT = 3.0
-"""Times the encoder's rounding, from which on an autocorrelated residual is reported."""
+"""Times the rounding, from which on an autocorrelated residual is reported."""
 
 WORSE = 3.0
 """Times what is left over of the recordings that were fitted, from which on one that was not is missed."""
 
 
-def misfits(recordings: Mapping[str, RecordingFit], starts: int, *, friction: bool) -> Iterator[Finding]:
+def misfits(recordings: Mapping[str, RecordingFit], starts: int, coloured: Collection[str] = ()) -> Iterator[Finding]:
     """What a fit leaves over of the recordings that it was made from, where it is no noise.
 
     Parameters
@@ -28,8 +29,9 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int, *, friction: bo
     recordings : mapping
     starts : int
         Of the search.
-    friction : bool
-        Whether the model has friction, of which ``fracid compare`` tries more.
+    coloured : collection of str
+        Recordings and outputs, in words, whose residual is correlated as noise is:
+        :func:`fracid.selection.residual_noise.leftovers`.
     """
     again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
     for r in recordings.values():
@@ -39,13 +41,14 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int, *, friction: bo
                 yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again)
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
+            cause = SAYS("coloured" if f"{r.name}, {GREEK.get(output, output)}" in coloured else "lacks")
             if left.known:
                 if not left.explained:
-                    yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0)
+                    yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
             elif MISFIT < left.times < math.inf and not left.white:
-                yield SAYS.finding("misfit", f"{r.name}: {output}", left.times, MISFIT,
+                yield SAYS.finding("misfit", f"{r.name}: {output}", left.times, MISFIT, cause=cause,
                                    rms=with_unit(left.rms, r.unit(output), '.2g'), times=plain(left.times),
-                                   looks=SAYS("looks") * friction)  # fmt: skip
+                                   of=words_of(r.unit(output)))  # fmt: skip
 
 
 def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -> Iterator[Finding]:

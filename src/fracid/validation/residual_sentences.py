@@ -37,6 +37,11 @@ FAST = 0.05
 """Of the swing's period: a correlation shorter than that is not of what swings."""
 
 
+def words_of(unit: str) -> dict[str, str]:
+    """What reads a signal of this unit, and what else an angle has."""
+    return dict(SAYS.table["angle" if unit == "rad" else "other"])
+
+
 def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     """Why there is nothing to test, or nothing."""
     if not e.size:
@@ -46,8 +51,7 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     if np.abs(e).max() <= 1e-12 * size:
         return SAYS("nothing-left")
     if np.ptp(e) <= 1e-9 * np.abs(e).max():
-        zero = SAYS("zero-of-angle" if unit == "rad" else "zero-of-signal")
-        return SAYS("constant", count=e.size, value=with_unit(e[0], unit, ".2g"), zero=zero)
+        return SAYS("constant", count=e.size, value=with_unit(e[0], unit, ".2g"), of=words_of(unit))
     return ""
 
 
@@ -73,50 +77,50 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
     return SAYS("autocorrelated", time=_seconds(seconds), n=n, p=_p(p), count=n / T, cause=cause)
 
 
-def spectrum_sentences(spectrum: Spectrum) -> Iterator[str]:
+def spectrum_sentences(spectrum: Spectrum, unit: str) -> Iterator[str]:
     """What the spectrum shows: drift, the swing's band, a line."""
     line, slow = spectrum.line, SAYS("slow", share=_percent(spectrum.slow_share), below=spectrum.slow_below)
     if spectrum.slow_share >= DRIFT:
-        yield SAYS("drift", slow=slow)
+        yield SAYS("drift", slow=slow, of=words_of(unit))
     elif line is None and spectrum.swing and spectrum.swing_share >= BROAD:
-        yield SAYS(
-            "swing", share=_percent(spectrum.swing_share), swing=spectrum.swing, what=SAYS("harmonic-1"), slow=slow
-        )
+        what = SAYS("harmonic-1", of=words_of(unit))
+        yield SAYS("swing", share=_percent(spectrum.swing_share), swing=spectrum.swing, what=what, slow=slow)
     elif line is None:
         yield SAYS("no-line", slow=slow)
     if line is None:
         return
     if line.harmonic is None:
-        where, what = SAYS("no-multiple" if spectrum.swing else "nothing-simulated", swing=spectrum.swing), "other-part"
+        where, code = SAYS("no-multiple" if spectrum.swing else "nothing-simulated", swing=spectrum.swing), "other-part"
     else:
         where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
-        what = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
-    yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=SAYS(what))
+        code = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
+    what = SAYS(code, of=words_of(unit))
+    yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=what)
 
 
-def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, independent: int) -> str:
+def normality_sentence(ppcc: float, shape_and_cure: tuple[str, str], p: float, independent: int, unit: str) -> str:
     """What the distribution shows, and what to do."""
     tested = SAYS("tested" if math.isfinite(p) else "too-few", p=_p(p), count=independent)
     if ppcc >= NORMAL:
-        return SAYS("normal-but" if p < SIGNIFICANT else "normal", ppcc=ppcc, tested=tested)
+        return SAYS("normal-but" if p < SIGNIFICANT else "normal", ppcc=ppcc, tested=tested, of=words_of(unit))
     shape, cure = shape_and_cure
     return SAYS("not-normal" if p < SIGNIFICANT else "perhaps", ppcc=ppcc, shape=shape, tested=tested, cure=cure)
 
 
-def shape_phrases(lean: float, tails: float, variance: Variance) -> tuple[str, str]:
+def shape_phrases(lean: float, tails: float, variance: Variance, unit: str) -> tuple[str, str]:
     """In what a distribution differs most from the normal one, and what to do."""
     if abs(lean) > 0.5 and lean**2 > 0.5 * tails:  # of gamma's family tails = 1.5 lean²
         return f"longer {'above' if lean > 0 else 'below'} than on the other side", SAYS("cure-lean")
     if tails > 0:
         return "with heavy tails", SAYS("cure-spread" if any(c.sure for c in variance.contrasts) else "cure-far")
-    return "with cut tails", SAYS("cure-cut")
+    return "with cut tails", SAYS("cure-cut", of=words_of(unit))
 
 
 CONTRASTS = ("late", "far", "fast")
 """Of each the words say where it is, what a residual suggests that is larger there, and one that is smaller."""
 
 
-def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float) -> str:
+def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float, unit: str) -> str:
     """What the spread over time, size and speed shows."""
     pairs = [(c, name) for c, name in zip(contrasts, CONTRASTS, strict=True) if math.isfinite(c.ratio)]
     uneven = [(c, name) for c, name in pairs if c.uneven]
@@ -127,7 +131,8 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float)
     if not sure:
         return SAYS("by-chance", text=text, worth=effective_samples)
     most, name = _telling(sure)
-    return SAYS("uneven", text=text, cause=SAYS(f"{name}-{'larger' if most.ratio > 1 else 'smaller'}"))
+    side = "larger" if most.ratio > 1 else "smaller"
+    return SAYS("uneven", text=text, cause=SAYS(f"{name}-{side}", of=words_of(unit)))
 
 
 def _telling(sure: list[tuple[Contrast, str]]) -> tuple[Contrast, str]:
@@ -148,20 +153,19 @@ def _tail(c: Contrast) -> str:
 
 def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     """What the size of the residual shows beside the encoder's step."""
-    floor = step / math.sqrt(12)
-    steps, rest = f"{_times(rms / step)} steps of the encoder", "noise" if white else "the model or a disturbance"
+    floor, of, rest = step / math.sqrt(12), words_of(unit), "noise" if white else "the model or a disturbance"
+    steps = f"{_times(rms / step)} steps of the {of['reader']}"
     text = f"rms {with_unit(rms, unit, '.2g')}, {steps}{offset_phrase(mean, rms, unit)}"
     if rms < AT_THE_FLOOR * floor:
-        return SAYS("rounding", text=text, least=floor / step)
+        return SAYS("rounding", text=text, least=floor / step, of=of)
     if rms < 2 * floor:
         return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2), rest=rest)
-    return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest)
+    return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest, of=of)
 
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
     """Said where a tenth of the power is the mean."""
-    whose = "an angle's zero or rest" if unit == "rad" else "the signal's zero or rest"
-    text = f", of which a constant {with_unit(mean, unit, '.2g')}: {whose} is off"
+    text = f", of which a constant {with_unit(mean, unit, '.2g')}: {words_of(unit)['whose']} is off"
     return text if mean**2 > 0.1 * rms**2 else ""
 
 

@@ -156,12 +156,12 @@ def residual_analysis(
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
-    spectrum = _spectrum(e, speed, step) if even else Spectrum("")
+    spectrum = _spectrum(e, speed, step, unit) if even else Spectrum("")
     whiteness = _whiteness(e, ρ, step, quantum, swing=spectrum.swing)
     thin = slice(None, None, whiteness.thinning)
-    variance = _variance(e, fitted, speed, whiteness)
+    variance = _variance(e, fitted, speed, whiteness, unit=unit)
     return ResidualAnalysis(
-        *head, whiteness, spectrum, _normality(e, e[thin], variance), variance,
+        *head, whiteness, spectrum, _normality(e, e[thin], variance, unit), variance,
         _level(raw[part], quantum, unit, white=whiteness.white), unit,
         residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
     )  # fmt: skip
@@ -191,7 +191,7 @@ def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None
     )  # fmt: skip
 
 
-def _spectrum(e: FloatArray, speed: FloatArray, step: float) -> Spectrum:
+def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str) -> Spectrum:
     f, S = power_spectrum(e, step)
     band = swing_band(speed, step)
     swing = band[1] if band else None
@@ -206,7 +206,7 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float) -> Spectrum:
     around = NAN if band is None else _around(f, share, band)
     spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
                         swing_share=around)  # fmt: skip
-    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum)))
+    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit)))
 
 
 def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) -> float:
@@ -218,13 +218,13 @@ def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) 
 # --- normality -------------------------------------------------------------------------------------
 
 
-def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality:
+def _normality(e: FloatArray, thin: FloatArray, variance: Variance, unit: str) -> Normality:
     _, _, ppcc = normal_probability(e)
     A2, p = anderson_darling(thin) if is_testable(thin) else (NAN, NAN)
     z = (e - e.mean()) / e.std()
     lean, tails = float(np.mean(z**3)), float(np.mean(z**4)) - 3
     return Normality(
-        normality_sentence(ppcc, shape_phrases(lean, tails, variance), p, thin.size), ppcc, lean, tails,
+        normality_sentence(ppcc, shape_phrases(lean, tails, variance, unit), p, thin.size, unit), ppcc, lean, tails,
         anderson_darling=A2, p_value=p,
     )  # fmt: skip
 
@@ -232,7 +232,7 @@ def _normality(e: FloatArray, thin: FloatArray, variance: Variance) -> Normality
 # --- constant variance -----------------------------------------------------------------------------
 
 
-def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness) -> Variance:
+def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness, unit: str) -> Variance:
     by = (np.arange(e.size, dtype=np.float64), np.abs(fitted - fitted.mean()), np.abs(speed))
     ratios, few = [spread_ratio(e, z) for z in by], e[:: whiteness.thinning]
     if is_testable(few):
@@ -240,7 +240,7 @@ def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: W
     else:
         p = [fisher(ratio, whiteness.effective_samples / 3) for ratio in ratios]
     contrasts = tuple(Contrast(*pair) for pair in zip(ratios, p, strict=True))
-    return Variance(variance_sentence(contrasts, whiteness.effective_samples), *contrasts)
+    return Variance(variance_sentence(contrasts, whiteness.effective_samples, unit), *contrasts)
 
 
 # --- level -----------------------------------------------------------------------------------------
@@ -251,7 +251,7 @@ def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Leve
         return Level("")
     mean, rms = float(np.mean(e)), float(np.sqrt(np.mean(e**2)))
     if step is None or not 0 < step < math.inf:
-        text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No step of an encoder is seen."
+        text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No rounding is seen."
         return Level(text, mean, rms)
     floor = step / math.sqrt(12)
     return Level(level_sentence(mean, rms, step, unit, white=white), mean, rms, step, steps=rms / step, floor=floor)

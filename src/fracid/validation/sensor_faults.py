@@ -49,7 +49,8 @@ import numpy as np
 from fracid.arrays import FloatArray, joined, run_lengths
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
-from fracid.estimation.derivatives import by_all, row_weights
+from fracid.estimation.derivatives import row_weights
+from fracid.estimation.tangent import Tangent, tangent
 from fracid.findings import Finding, Words
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
@@ -113,7 +114,9 @@ class Misreading:
     """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
-def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1) -> Iterator[Finding]:
+def misread(
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
+) -> Iterator[Finding]:
     """Say the fault that explains most of what is left over at a minimum, if it matters.
 
     Parameters
@@ -125,6 +128,8 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
         What :func:`fracid.estimation.covariance.uncertainty` gave there.
     jobs : int
         Threads.
+    near : Tangent, optional
+        Errors and derivatives there; found if left out.
 
     Examples
     --------
@@ -143,7 +148,7 @@ def misread(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure,
     >>> [(f.code, f.where) for f in misread(problem, fit.x, fit.uncertainty)]
     [('late', 'alpha')]
     """
-    every = misreadings(problem, x, uncertainty, jobs=jobs)
+    every = misreadings(problem, x, uncertainty, jobs=jobs, near=near)
     candidates = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
     most = max((m.share for m in candidates), default=0.0)
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
@@ -161,24 +166,27 @@ def _moves(m: Misreading) -> bool:
 
 
 def misreadings(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1
+    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
 ) -> list[Misreading]:
-    """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals."""
+    """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals.
+
+    By derivatives that hold over the width of the intervals: beside a steep friction others are a matter of rounding.
+    """
     if isinstance(uncertainty, Failure) or not np.any(np.isfinite(uncertainty.standard_error)):
         return []
     length = int(NUMBERS / (len(x) * len(problem.outputs) * len(problem.experiments)))
     if length < min(FEWEST, max(len(e.measured) for e in problem.experiments)):
         return []
     if length < max(len(e.measured) for e in problem.experiments):
-        problem = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None)
+        problem, near = replace(problem.until(length * max(e.step for e in problem.experiments)), memo=None), None
     free = np.flatnonzero(np.isfinite(uncertainty.standard_error))
-    forms, J = _forms(problem, x), by_all(problem, x, jobs=jobs)
-    if isinstance(J, Failure) or forms is None or math.sqrt(np.mean(joined(J.errors) ** 2)) < NOTHING:
+    forms, here = _forms(problem, x), near or tangent(problem, x, jobs=jobs)
+    if isinstance(here, Failure) or forms is None or math.sqrt(np.mean(joined(here.errors) ** 2)) < NOTHING:
         return []
-    roots = zip(row_weights(problem, J.errors), problem.experiments, strict=True)
+    roots = zip(row_weights(problem, here.errors), problem.experiments, strict=True)
     weight = joined(root / np.sqrt(run_lengths(e.measured)) for root, e in roots)
-    e = weight * joined(J.errors)
-    Q, R = np.linalg.qr(weight[:, None] * np.concatenate([j[..., free].reshape(-1, len(free)) for j in J.parts]))
+    e, J = weight * joined(here.errors), [j[..., free].reshape(-1, len(free)) for j in here.derivatives]
+    Q, R = np.linalg.qr(weight[:, None] * np.concatenate(J))
     if not np.all(np.abs(np.diag(R)) > 1e-9 * np.abs(R).max()):
         return []  # unknowns that cannot be told apart: nothing of more can be told
     half = NORMAL_95 * uncertainty.standard_error[free]

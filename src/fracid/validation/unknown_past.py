@@ -164,14 +164,11 @@ class CutCheck(CardDisplay, Record):
         t, fit = self.treatments.get("with the past"), self.as_fitted
         if t is None or self._ratio(t) > BETTER:
             return ""
-        was, now = (
-            ", ".join(f"{GREEK.get(n, n)} {math.degrees(v):.3g}°" for n, v in at.items())
-            for at in (fit.levels, t.levels)
-        )
+        falls = ", ".join(f"{GREEK.get(n, n)} by {1 - t.levels[n] / v:.0%}" for n, v in fit.levels.items())
         orders = ", ".join(f"{GREEK.get(n, n)} {fit.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
         plateau = "from the plateau" in self.treatments
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
-        return SAYS("better", was=was, now=now, orders=orders, what=what)
+        return SAYS("better", falls=falls, orders=orders, what=what)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.
@@ -250,9 +247,7 @@ def cut_check(
     for name, treatment in TREATMENTS.items():
         try:
             other = treatment(problem, records)
-            result = (
-                other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs=jobs, budget=budget)
-            )
+            result = other if isinstance(other, Failure) else _refitted(name, problem, x, other, jobs, budget=budget)
         except InputError as error:  # a problem that cannot be: a past, where not every angle was recorded
             result = Failure(FailureReason.REFUSED, str(error))
         if isinstance(result, Failure):
