@@ -88,7 +88,7 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.units import GREEK, with_half_width
-from fracid.validation.after_search import after, failed, with_start
+from fracid.validation.after_search import after, between_samples, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
     COARSE_STEP,
@@ -467,6 +467,12 @@ class _Findings:
         if not fixed:  # what no finer step helped
             self.known = self.check.widened(self.problem, self.x, self.known)
 
+    def allow_for_inputs(self) -> None:
+        """Allow for what inputs do between their samples."""
+        self.known, found, notes = between_samples(self.problem, self.x, self.known, jobs=self.asked.jobs)
+        self.seen += found
+        self.warnings += notes
+
     def identify(self) -> None:
         """Say of each unknown whether it is identifiable."""
         self.verdicts = identifiability(self.problem, self.x, self.known, jobs=self.asked.jobs)
@@ -475,7 +481,9 @@ class _Findings:
         """Look for faults; where the search stopped short, for a lower minimum too."""
         found = after(self.problem, self.x, self.known, jobs=self.asked.jobs, near=self.near)
         says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
-        self.seen += [f for f in found if not (says_more and f.code == "stopped-short")]
+        said = {"stopped-short"} if says_more else set[str]()
+        said |= {"late"} if any(f.code == "between" for f in self.seen) else set()  # an input that is held is late
+        self.seen += [f for f in found if f.code not in said]
         return self._onward() if self.restarts < RESTARTS else None
 
     def _onward(self) -> Evaluation | None:
@@ -622,6 +630,7 @@ STEPS: tuple[tuple[str, str, Step], ...] = (
     ("intervals", "uncertainty", _Findings.settle),
     ("check of the step", "discretisation", _Findings.with_quiet_step),
     ("ends of the intervals", "walk", _Findings.walk),
+    ("inputs between samples", "honesty", _Findings.allow_for_inputs),
     ("identifiability", "uncertainty", _Findings.identify),
     ("checks of the fit", "honesty", _Findings.look),
     ("validation", "validation", _Findings.predict),

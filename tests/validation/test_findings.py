@@ -11,7 +11,7 @@ import pytest
 
 import fracid
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import uncertainty
+from fracid.estimation.covariance import half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step, start_shift
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.minimum import settled
@@ -23,7 +23,7 @@ from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS
 from fracid.recording import Recording
 from fracid.solver.memory import compressed, full, short
-from fracid.validation.after_search import after, noisy_start, with_start
+from fracid.validation.after_search import after, between_samples, noisy_start, with_start
 from fracid.validation.before_search import before
 from fracid.validation.reversed_signs import _most_moved
 from fracid.validation.sensor_faults import FORMS, misreadings
@@ -558,9 +558,30 @@ def test_an_input_that_is_held_between_samples_is_said_with_what_to_type_and_a_l
         p = problem(run.states[::8, [0, 2]] + noise, MOTOR, step=8 * STEP, inputs=slow, parameters={}, substeps=8,
                     initial_state="held", initial={"theta": 0.0, "alpha": 0.1})  # fmt: skip
         x = refined(p, p.start, Watch()).best.point
-        found = [f for f in after(p, x, uncertainty(p, x)) if f.code in ("between", "late")]
+        known = uncertainty(p, x)
+        found = between_samples(p, x, known)[1] or [f for f in after(p, x, known) if f.code == "late"]
         assert codes(found) == [code]
         assert ('between = "hold"' in str(found[0])) == (code == "between")
+
+
+@pytest.mark.parametrize("way", ["line", "hold"])
+def test_what_a_current_does_between_its_samples_moves_a_resistance_unseen_so_its_interval_allows_for_both(way):
+    t, true = 0.1 * np.arange(900), {"C0": 15.0, "R": 0.05}
+    current = np.interp(t, [5, 5.1, 25, 25.1, 45, 45.1, 65, 65.1], [0, 1, 1, 0, 0, -1, -1, 0])[:, None]
+    run = fracid.simulate(from_library("capacitor"), orders={"q": 0.9}, parameters=true, initial={"v": 0.0}, step=0.1,
+                          end=t[-1], inputs=current, between=way)  # fmt: skip
+    y = run.states[:, [0]] + true["R"] * current + 3e-3 * np.random.default_rng(3).standard_normal((len(t), 1))
+    e = Experiment("cell", 0.1, y, current, between={"current": "hold"})
+    free = {n: Free(v, 0.1 * v, 10 * v) for n, v in true.items()}
+    p = Problem(from_library("capacitor"), (e,), {"q": Free(0.9, 0.6, 1.2)}, free, initial_state="rest")
+    x = refined(p, p.start, Watch()).best.point
+    narrow = uncertainty(p, x)
+    known, found, (said,) = between_samples(p, x, narrow)
+    i = p.names.index("R")
+    assert (abs(x[i] - true["R"]) > 3 * half_width(narrow, x, i)) == (way == "line")
+    assert abs(x[i] - true["R"]) < half_width(known, x, i)
+    assert not found  # nothing speaks against a claim
+    assert "The intervals allow for both" in said
 
 
 def later(x, samples):

@@ -37,6 +37,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,7 @@ WAYS: Mapping[Between, str] = {"hold": "held", "line": "in lines"}
 PARTS = 3
 """Of a recording, each with its own friction where that changes with time."""
 
-ROUGH = {"tolerance": 1e-3, "budget": 12}
+ROUGH: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 12}
 """Least squares from each entry of an element."""
 
 FINE = {"tolerance": 1e-4, "budget": 12}

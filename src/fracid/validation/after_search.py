@@ -18,20 +18,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure, FailureReason
-from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty
+from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
 from fracid.estimation.horizons import Watch, refined, uninterrupted
-from fracid.estimation.long_records import is_coarse
+from fracid.estimation.long_records import corrected, is_coarse, own_substeps
 from fracid.estimation.tangent import Tangent
-from fracid.findings import Finding, Words
+from fracid.findings import Finding, Note, Words
+from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
+from fracid.recording.guess import jumps
 from fracid.selection.bic import STRONG
 from fracid.selection.integer_alternatives import ROUGH, other_inputs
 from fracid.selection.integer_rival import Rival, gain_over
@@ -43,6 +46,7 @@ from fracid.solver.right_hand_side import compile_rhs
 from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
+from fracid.validation.discretisation import QUIET
 from fracid.validation.sensor_faults import misread
 
 SAYS = Words("validation/after_search.toml")
@@ -120,7 +124,7 @@ def after(
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += _between(problem, x, [*misread(problem, x, uncertainty, jobs=jobs, near=near)], jobs)
+        findings += misread(problem, x, uncertainty, jobs=jobs, near=near)
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -282,6 +286,51 @@ def with_start(
     return known if shift is None else replace(known.wider(problem.space, x, shift), start=shift)
 
 
+def between_samples(
+    problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1
+) -> tuple[Uncertainty | Failure, tuple[Finding, ...], tuple[Note, ...]]:
+    """The intervals with what inputs that jump may do between their samples, where no data tell; findings, and notes.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    known : Uncertainty or Failure
+        There, of inputs as they are taken.
+    jobs : int
+        Threads.
+    """
+    best, found, notes = problem.evaluate(x), list[Finding](), list[Note]()
+    for name, between, other in other_inputs(problem):
+        if isinstance(known, Failure) or best.residuals is None:
+            break
+        unsure = _jumps(problem, name)
+        other, there = _minimum_of(other, x, jobs, **({} if unsure else ROUGH))
+        gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
+        moves = np.abs(there.point - x) / np.array([half_width(known, x, i) or math.inf for i in range(len(x))])
+        most = int(np.argmax(moves))
+        if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
+            found.append(SAYS.finding("between", name, -gain, STRONG, between=between, best=best, there=there))
+        elif there.residuals is not None and abs(gain) <= STRONG and moves[most] > QUIET and unsure:
+            known = known.wider(problem.space, x, np.where(moves > QUIET, there.point - x, 0.0))
+            notes.append(Note(SAYS("either", name=name, between=between, of=problem.unknowns[most],
+                                   value=float(there.point[most])), "either", name))  # fmt: skip
+    return known, tuple(found), tuple(notes)
+
+
+def _minimum_of(other: Problem, x: FloatArray, jobs: int, **options: Any) -> tuple[Problem, Evaluation]:
+    """Of another problem of the same unknowns, with the residuals of its own steps; none where a run fails."""
+    there = uninterrupted(refined(other, x, Watch(jobs), **options)).best
+    exact = corrected(other, there.point, own_substeps(other), jobs) if is_coarse(other) else (other, there)
+    return (other, replace(there, residuals=None)) if isinstance(exact, Failure) else exact
+
+
+def _jumps(problem: Problem, name: str) -> bool:
+    i = problem.model.inputs.index(name)
+    return any(jumps(e.sampled.time, e.sampled.inputs[:, i]) for e in problem.experiments if len(e.inputs) > 1)
+
+
 def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jobs: int) -> Iterator[Finding]:
     """Whether the cost falls on along a Newton step: further than half of half an interval, or by a hundredth."""
     parabola = _parabola(problem, x, uncertainty, jobs)
@@ -297,18 +346,6 @@ def _stopped_short(problem: Problem, x: FloatArray, uncertainty: Uncertainty, jo
         name, number, limit = ("stopped-short", intervals[i], SHORT) if beyond else ("by-cost", lower, FALLS)
         yield SAYS.finding(name, problem.names[i], float(number), limit, step=step[i], times=intervals[i], cost=cost,
                            here=here)  # fmt: skip
-
-
-def _between(problem: Problem, x: FloatArray, found: list[Finding], jobs: int) -> list[Finding]:
-    """Signals that were misread; an input that does something else between samples, where that leaves but noise."""
-    best = problem.evaluate(x)
-    for name, between, other in other_inputs(problem) if best.residuals is not None and not is_coarse(problem) else ():
-        there = uninterrupted(refined(other, x, Watch(jobs), **ROUGH)).best
-        gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
-        if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
-            said = SAYS.finding("between", name, -gain, STRONG, between=between, best=best, there=there)
-            return [said, *(f for f in found if f.code != "late")]
-    return found
 
 
 def _noise_at_the_start(problem: Problem, x: FloatArray) -> dict[str, FloatArray]:
