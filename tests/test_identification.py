@@ -9,17 +9,19 @@ import pytest
 
 import fracid
 from fracid import identification
-from fracid.errors import InputError
+from fracid.errors import Failure, FailureReason, InputError
 from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.search import search
 from fracid.estimation.tangent import tangent
+from fracid.models.library import from_library
 from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
 from fracid.problem.limits import opened
 from fracid.selection.opened_bounds import open_bounds
 from fracid.validation import discretisation
+from fracid.validation.discretisation import discretisation_check
 from program import no_rivals
 from twins import release
 
@@ -539,6 +541,17 @@ def test_a_model_that_explains_nothing_is_told():
     assert not any("--multi-start" in w for w in identify(other, starts=2).warnings)
 
 
+def test_a_step_too_coarse_is_not_laid_on_dry_friction_where_the_model_has_none():
+    duffing = from_library("oscillator")
+    run = fracid.simulate(duffing, orders=[1.0] * 2, initial={"displacement": 0.1}, step=1e-3, end=3.0)
+    swing = Experiment("swing", 0.05, run.states[::50, [0]], np.zeros((1, 1)), initial={"displacement": 0.1})
+    smooth = Problem(duffing, (swing,), orders={"mu": 1.0}, parameters={"k": Free(41.0, 20.0, 80.0)})
+    check = discretisation_check(smooth, smooth.start, Failure(FailureReason.NO_FIT, ""), 1)
+    assert "The step is too coarse: at half of it" in check.warning
+    assert "Type substeps = 2 in [fit]" in check.warning
+    assert "friction" not in check.warning
+
+
 def test_a_step_too_coarse_for_steep_friction_is_told():
     run = fracid.simulate(RIG, orders=[1.0] * 4, initial={"alpha": 0.4}, step=1e-3, end=3.0,
                           parameters={"coulomb_theta": 0.05, "slip_speed": 5e-3})  # fmt: skip
@@ -546,4 +559,5 @@ def test_a_step_too_coarse_for_steep_friction_is_told():
     steep = {"slip_speed": 5e-3, "coulomb_theta": Free(0.04, 0.0, 0.1)}
     fit = identify(problem(swing, parameters=steep, orders={"lambda": 1.0, "mu": 1.0}))
     assert "The step is too coarse: at half of it the same values cost" in fit.discretisation.warning
-    assert "type substeps = 2 in [fit]" in fit.discretisation.warning
+    assert "Steep dry friction does this." in fit.discretisation.warning
+    assert "Type substeps = 2 in [fit]" in fit.discretisation.warning

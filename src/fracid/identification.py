@@ -674,11 +674,11 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     fitted = {n: _recording(problem, best.point, estimates, n, use="fit") for n in problem.recordings}
-    ended = () if found.outcome is Outcome.INTERRUPTED else (*misfits(fitted, len(found.starts)), *found.missed())
+    cut, friction = found.outcome is Outcome.INTERRUPTED, bool(model.friction)
+    ended = () if cut else (*misfits(fitted, len(found.starts), friction=friction), *found.missed())
     later = (*found.seen[len(asked.seen) :], *ended)
     findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
-    partial = PARTIAL if found.outcome is Outcome.INTERRUPTED else ""
-    messages = (partial, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
+    messages = (PARTIAL * cut, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),
                 *_warnings(problem, precision, found.verdicts), *found.warnings,
                 *_followed(problem, best.point, asked.window))  # fmt: skip
     starts, warnings = found.starts, tuple(filter(None, messages))

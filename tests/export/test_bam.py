@@ -63,6 +63,7 @@ def test_bam_accelerates_a_servo_as_fracid_does(name):
     data, lost = bam(found, "xl330")
     data = json.loads(json.dumps(data))
     assert (data["model"], data["actuator"], lost) == (name, "xl330", [])
+    assert data["source"] == f"Identified by fracid {fracid.__version__} from a servo"  # BAM reads the names it knows
     model, c = found.problem.model, {n: q.value for n, q in found.constants.items()}
     rng, out = np.random.default_rng(1), np.zeros(len(model.states))
     for goal, q, dq in rng.uniform(-1.5, 1.5, (200, 3)):

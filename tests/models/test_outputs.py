@@ -115,7 +115,7 @@ def test_another_function_is_not_what_the_memo_keeps():
         ({"force": lambda t, x: 0.0}, r"the output 'force' fails: TypeError: .*; expected a function h\(t, x, u, p\)"),
         ({"force": lambda t, x, u, p: x[7]}, "the output 'force' fails: IndexError"),
         ({"force": lambda t, x, u, p: "much"}, "the output 'force' returns 'much'; expected one number"),
-        ({"force": "x"}, r"points to state 'x'; expected an index from 0 to 1, or a function h\(t, x, u, p\)"),
+        ({"force": "x"}, r"outputs force = 'x': expected each output with .* a function h\(t, x, u, p\)"),
     ],
 )
 def test_an_output_that_cannot_be_is_refused_in_one_sentence(outputs, message):

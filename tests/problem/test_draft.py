@@ -1,5 +1,7 @@
 """A project drafted from a recording runs as it is, and says what was guessed."""
 
+import re
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -9,6 +11,7 @@ from fracid.cli import app
 from fracid.errors import InputError
 from fracid.problem.draft import draft_project, guess_columns
 from fracid.recording import Recording, inspect_recording
+from fracid.workflows.draft import write_draft
 
 TIME = np.arange(0, 10, 0.01)
 SWING = np.where(TIME < 1, 0.9, 0.9 * np.exp(-(TIME - 1)) * np.cos(6.73 * (TIME - 1)))
@@ -252,6 +255,27 @@ def begins(tmp_path, alpha):
 
 def test_a_release_begins_at_the_release(tmp_path):
     assert begins(tmp_path, SWING).startswith('from = "release"')
+
+
+def several(*heights):
+    """A pendulum that a hand lifts within 1 s to each of these heights [rad], holds there for 1 s, and lets swing."""
+    t, s = np.arange(0, 7, 0.01), np.linspace(0, 1, 100)
+    swing = np.exp(-t / 1.5) * np.cos(6.73 * t)
+    return np.concatenate([part * height for height in heights for part in (s * s * (3 - 2 * s), np.ones(100), swing)])
+
+
+@pytest.mark.parametrize(("model", "column"), [("rotary-pendulum", "alpha"), ("pendulum", "angle")])
+@pytest.mark.parametrize(("heights", "drafted"), [((0.9, 0.5, 0.3), 0), ((0.3, 0.9, 0.5), 1), ((0.3, 0.5, 0.9), 2)])
+def test_of_several_releases_the_fastest_is_drafted_and_the_others_are_said(tmp_path, heights, drafted, model, column):
+    alpha, spans = several(*heights), [(1.99, 9.0), (10.99, 18.0), (19.99, 26.99)]
+    np.savez(tmp_path / "swing.npz", time=np.arange(len(alpha)) / 100, alpha=alpha)
+    draft = write_draft(tmp_path / "swing.npz", tmp_path / "rig.toml", {column: {"column": "alpha"}}, model=model)
+    [said] = [note for note in draft.notes if "is let go 3 times" in note]
+    start, stop = spans.pop(drafted)
+    found = [float(x) for x in re.findall(r"(?:from|to) =? ?([\d.]+)", said)]
+    assert found == pytest.approx([start, stop, *spans[0], *spans[1]], abs=0.1)
+    time = fracid.load_project(tmp_path / "rig.toml").problem.experiments[0].time
+    assert time[-1] == pytest.approx(stop - start, abs=0.1)
 
 
 def decay(start, first=1.5):

@@ -9,6 +9,7 @@ import fracid
 from fracid.models.library import table_of
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.roles import likely_models, model_of_columns, roles_of
+from fracid.workflows.draft import write_draft
 from program import run
 
 
@@ -56,6 +57,15 @@ def mass(folder, header="displacement [m],force [N]"):
             state = state + 1e-3 * np.array([state[1], f - 50.0 * state[0] - 2.0 * state[1]])
     np.savetxt(folder / "mass.csv", np.c_[t, rows, force], delimiter=",", header=f"time [s],{header}", comments="")
     return folder / "mass.csv"
+
+
+def test_recordings_whose_files_are_called_alike_have_their_folders_in_their_names(tmp_path):
+    for name in ("monday", "tuesday"):
+        (tmp_path / name).mkdir()
+    files = [mass(tmp_path / name) for name in ("monday", "tuesday")]
+    write_draft(files[0], tmp_path / "rig.toml", None, more=files[1:])
+    experiments = fracid.load_project(tmp_path / "rig.toml").problem.experiments
+    assert [e.name for e in experiments] == ["monday mass", "tuesday mass"]
 
 
 def test_a_draft_begins_near_and_loads(tmp_path):

@@ -69,6 +69,12 @@ def test_a_step_that_no_clock_has_is_refused(step):
         Experiment("a", step, np.zeros((9, 1)), np.zeros((1, 1)))
 
 
+@pytest.mark.parametrize("deviation", [0.1, [0.1, 0.2], np.zeros((9, 1)), np.full((9, 1), np.nan)])
+def test_a_standard_deviation_is_above_0_and_of_each_sample(deviation):
+    with pytest.raises(InputError, match=r"a: deviation = .*above 0 for each sample, shape \(9, 1\): numpy.full"):
+        Experiment("a", 0.1, np.zeros((9, 1)), np.zeros((1, 1)), deviation=deviation)
+
+
 def swing(t, x, u, p, out):
     out[0] = x[1]
     out[1] = u[0] + u[1] - p[0] * x[1] - p[1] * x[0]

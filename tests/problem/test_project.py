@@ -377,6 +377,7 @@ RANGE = r"expected a number or a table \{ start = \.\.\., lower = \.\.\., upper 
         (ONE.replace('"alpha"', '"alfa"'), "has no column 'alfa'. Did you mean 'alpha'"),
         (ONE.replace("alpha =", "alfa ="), r"unknown key of .* 'alfa': did you mean alpha\?"),
         (ONE + 'beta = { column = 1 }', r"unknown key of .* 'beta'"),
+        (ONE + 'torque = { column = 1 }', r'a torque, type actuation = "torque" in \[model\]'),
         (ONE.replace('"deg"', '"grad"'), "unit = 'grad' is not possible"),
         (ONE + 'use = "test"', "use = 'test'; expected 'fit' or 'validate'"),
         (ONE + 'use = "validate"', r'no \[\[recording\]\] has use = "fit"'),

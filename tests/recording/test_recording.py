@@ -28,7 +28,8 @@ THETA = 0.1 * np.sin(3 * TIME)
 # --------------------------------------------------------------------------- text dialects
 
 finite = st.floats(-1e6, 1e6).map(lambda x: float(f"{x:.6g}"))
-dialects = st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", "."), ("   ", ".")])
+dialects = st.sampled_from([(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (" ", "."), ("   ", "."),
+                            ("|", "."), (" | ", ",")])  # fmt: skip
 headers = st.sampled_from(["none", "names", "names and units", "remarks"])
 
 
@@ -137,6 +138,8 @@ def test_other_encodings_are_read(tmp_path, encoding):
         ("t,x\n0,1\n1,stuck\n2,3\n", r"line 3, column 1 \(x\): 'stuck' is not a number"),
         ("t,x\n0,abc\n1,2\n2,3\n", "'abc' in column 1"),
         ("0 1\n1 2\n2\n", "line 3: 1 cell where other lines have 2"),
+        ("t;x\n0;999.5\n1;1,000.5\n2;998.5\n", "'1,000.5' has a separator between its thousands: .*, as 1000.5"),
+        ("t;x\n" + "0,5;1 000,5\n" * 3, "'1 000,5' has a separator between its thousands: .*, as 1000,5"),
         ("a\0b", "is not text"),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_project_that_says_its_substeps_keeps_them_and_is_told(folder, chosen)
     (folder / "fixed.toml").write_text(STEEP + "substeps = 1\n", encoding="utf-8")
     fit = fracid.identify(fracid.load_project(folder / "fixed.toml"))
     assert fit.problem.substeps == 1
-    assert "type substeps = 2 in [fit]" in fit.discretisation.warning
+    assert "Type substeps = 2 in [fit]" in fit.discretisation.warning
     assert fit.discretisation.refinement == ""
     # and no result of another step is taken for one of this project
     run, _ = chosen

@@ -245,7 +245,7 @@ TEXTS = [
         "log.csv, line 9, column 1 (theta): '0.5' is not a number.", 3),
     Row("thousands separators", "log.csv", text(head="t;alpha", change=lambda lines: lines.__setitem__(
         slice(1, None), [f"{k};1.234,5" for k in range(50)])),
-        "log.csv holds no row of numbers; its line 26, for example, is '24;1.234,5'.", 3),
+        "'1.234,5' has a separator between its thousands: save the numbers without, as 1234,5.", 3),
     Row("dates as time", "log.csv", text(head="t,alpha", change=lambda lines: lines.__setitem__(
         slice(1, None), [f"2024-01-01 12:00:{k / 10:06.3f},{k % 7}" for k in range(50)])),
         "Time is counted from the first stamp, 1704110400.000000 s.", 0),

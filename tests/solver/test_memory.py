@@ -229,11 +229,16 @@ def test_the_tolerance_holds_for_any_order_length_and_tolerance(q, steps, log_to
         assert np.all(error <= tolerance * np.abs(exact))
 
 
-@pytest.mark.parametrize("name", ["full", "short(25)", "compressed(1e-10)"])
-def test_a_memory_keeps_its_name(name):
-    asked = "compressed" if name.startswith("compressed") else name
-    assert memory_from_name(asked).name == name
-    assert memory_from_name(memory_from_name(asked)).name == name
+@pytest.mark.parametrize("memory", [full(), short(25), compressed(), compressed(2.5e-7), compressed(1e-8, lags=16)])
+def test_a_memory_is_typed_as_it_is_printed(memory):
+    typed = memory_from_name(memory.name)
+    assert (typed.name, typed.tolerance) == (memory.name, memory.tolerance)
+    assert memory_from_name(typed) is typed
+
+
+def test_a_compressed_memory_without_its_tolerance_has_the_one_beside_it():
+    assert memory_from_name("compressed", 1e-6).name == "compressed(1e-06)"
+    assert memory_from_name("compressed(1e-8)", 1e-6).name == "compressed(1e-08)"
 
 
 @pytest.mark.parametrize(
@@ -241,6 +246,8 @@ def test_a_memory_keeps_its_name(name):
     [
         (lambda: memory_from_name("endless"), "no memory 'endless'.*'full', 'short"),
         (lambda: memory_from_name("short(x)"), "no memory 'short"),
+        (lambda: memory_from_name("compressed(1..2)"), r"'compressed\(1e-8\)' with its tolerance"),
+        (lambda: memory_from_name("compressed(1)"), "between 1e-13 and 1e-2"),
         (lambda: memory_from_name("short(0)"), "whole number of lags"),
         (lambda: short(2.5), "whole number of lags"),
         (lambda: compressed(0.0), "between 1e-13 and 1e-2"),

@@ -21,19 +21,26 @@ def beside(factor, name="swing"):
 
 
 def test_what_hangs_together_and_is_above_three_times_the_rounding_is_said_with_its_size():
-    [said] = misfits(beside(0.97), 1)
+    [said] = misfits(beside(0.97), 1, friction=True)
     rms = np.std(0.03 * SWING)
     assert (said.code, said.where, said.limit) == ("misfit", "swing: alpha", 3.0)
     assert said.number == pytest.approx(rms / (STEP / np.sqrt(12)), rel=0.05)
 
 
+@pytest.mark.parametrize("friction", [True, False])
+def test_compare_is_named_only_where_the_model_has_friction_of_which_it_tries_more(friction):
+    [said] = misfits(beside(0.97), 1, friction=friction)
+    assert "fracid resid shows what" in said.sentence
+    assert ("fracid compare" in said.sentence) == friction
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.999])
 def test_rounding_is_no_misfit(factor):
-    assert not list(misfits(beside(factor), 1))
+    assert not list(misfits(beside(factor), 1, friction=True))
 
 
 def test_a_fit_that_is_no_better_than_a_constant_is_said_once():
-    assert [f.code for f in misfits(beside(-1.0), 1)] == ["cannot-explain"]
+    assert [f.code for f in misfits(beside(-1.0), 1, friction=True)] == ["cannot-explain"]
 
 
 def test_a_recording_of_another_rig_is_missed_and_one_that_is_predicted_is_not():

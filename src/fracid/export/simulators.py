@@ -176,7 +176,8 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
     name = f"m{5 if directional else 1 + 2 * load + stribeck}"
     values, rows = _Values(model, "BAM"), _table()["bam"]
     written = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
-    return {**written, "model": name, "actuator": actuator}, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
+    written = {"source": _source(model), **written, "model": name, "actuator": actuator}
+    return written, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
 
 
 def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:
@@ -244,7 +245,11 @@ def heading(rig: Rig, said: Sequence[str]) -> list[str]:
     'heading'
     """
     known = [f"{q.name} = {q.value!r} {q.unit}: {q.description}" for q in rig.model.parameters if q.interval]
-    return [f"Identified by fracid {__version__} from {rig.model.run}.", *known, *said]
+    return [f"{_source(rig.model)}.", *known, *said]
+
+
+def _source(model: Identified) -> str:
+    return f"Identified by fracid {__version__} from {model.run}"
 
 
 def error_in_mujoco(rig: Rig, text: str) -> str:

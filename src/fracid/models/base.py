@@ -67,6 +67,7 @@ from fracid.models.joints import Complement
 from fracid.models.scene import Scene
 from fracid.models.written.reading import read, read_outputs
 from fracid.models.written.tree import Program
+from fracid.safety.kinds import refuse_other_kinds
 from fracid.units import GREEK
 
 SAYS = Words("models/base.toml")
@@ -291,6 +292,9 @@ class Model(CardDisplay):
         if isinstance(self.angles, Mapping):
             object.__setattr__(self, "pendulum", next((n for n, a in self.angles.items() if a.of_zero), ""))
             object.__setattr__(self, "angles", tuple(self.angles))
+        refuse_other_kinds(self, f"model {self.name}: ")
+        for name in ("states", "orders", "inputs", "parameters"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         _check_names(self)
         _check_shapes(self)
 
@@ -734,10 +738,7 @@ def _check_order(model: Model, name: str, order: float) -> None:
 
 
 def _check_names(model: Model) -> None:
-    """Tuples of distinct names, a known zero."""
-    for what in ("states", "orders", "inputs", "parameters"):
-        if not isinstance(getattr(model, what), tuple):
-            raise InputError(f"model {model.name}: {what} must be a tuple, got {getattr(model, what)!r}")
+    """Distinct names, a known zero."""
     for what in ("states", "inputs", "parameter_names"):
         names = getattr(model, what)
         twice = [name for name in names if names.count(name) > 1]
@@ -765,7 +766,7 @@ def _check_output(model: Model, name: str, h: Output) -> None:
 
 
 def _check_shapes(model: Model) -> None:
-    """An order for each state, a state for each output, a right-hand side to call."""
+    """An order for each state, a state for each output."""
     if not model.states or len(model.orders) != len(model.states):
         raise InputError(SAYS("orders-count", model=model, states=len(model.states), orders=len(model.orders)))
     for order in model.orders:
@@ -785,8 +786,6 @@ def _check_shapes(model: Model) -> None:
         refuse_unknown(f"order in integer_orders of {model.name}", model.order_names, name)
         if value is not None and (not is_number(value) or value not in (0, 1)):
             raise InputError(SAYS("integer-order", model=model, name=name, value=value))
-    if not callable(model.rhs):
-        raise InputError(f"model {model.name}: rhs is {model.rhs!r}; expected a function rhs(t, x, u, p, out)")
 
 
 def symbol_of(text: str) -> tuple[str, str]:

@@ -60,8 +60,17 @@ from fracid.recording.faults import clock_jumps, unit_of_time, wraps
 from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units, jumps
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
-from fracid.recording.report import LONG_GAP
-from fracid.signals.swing import common_period, final_value, half_periods, half_swings, quickening, stands, swing_period
+from fracid.recording.report import LONG_GAP, swinging
+from fracid.signals.swing import (
+    common_period,
+    final_value,
+    half_periods,
+    half_swings,
+    quickening,
+    releases,
+    stands,
+    swing_period,
+)
 
 SAYS = Words("problem/draft.toml")
 
@@ -169,6 +178,20 @@ def doubts(recording: Recording, model: Model) -> tuple[str, ...]:
     """What may be wrong with a recording; an input may jump."""
     findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
     return tuple(f"May be wrong: {f}" for f in findings)
+
+
+def let_go_again(recording: Recording, model: Model) -> tuple[float | None, tuple[str, ...]]:
+    """When a hand takes what was let go again [s], None where it does not; and what to type for other releases."""
+    r = recording.report.release
+    if r is None or moving_inputs(recording, model):
+        return None, ()
+    spans = releases(recording.time, swinging(recording.signals, recording.units))
+    (start, stop), *others = sorted(spans, key=lambda span: abs(span[0] - r)) or [(r, r)]
+    if not others:
+        return None, ()
+    pairs = "; ".join(f"from = {a:.6g}, to = {b:.6g}" for a, b in sorted(others))
+    said = SAYS("releases", name=recording.name, count=len(spans), start=start, stop=stop, pairs=pairs)
+    return None if stop == recording.time[-1] else float(f"{stop:.6g}"), (said,)
 
 
 def with_between(fields: Mapping[str, Any], name: str, recording: Recording, model: Model) -> dict[str, Any]:
@@ -295,6 +318,8 @@ def draft_project(
     part, why = _window(read())
     notes += why
     notes += _zeros(read(), column_specs)
+    taken, why = let_go_again(read(), rotary_pendulum(rig_name))
+    part, notes = part | ({"stop": taken} if taken else {}), notes + why
     recording = read()
     notes += with_code(recording.report.reading, "interpolated")
     notes += doubts(recording, rotary_pendulum(rig_name))
@@ -302,7 +327,7 @@ def draft_project(
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
     page = _Page(recording, rig_name, part, starts=starts or {})
     text = source.text("rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None,
-                       rigs=RIGS, outputs=[*page.joints], enough=ENOUGH)  # fmt: skip
+                       rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
     return Draft(text, column_specs, notes)
 
 

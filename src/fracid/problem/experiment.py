@@ -110,6 +110,8 @@ class Experiment(CardDisplay):
             object.__setattr__(self, name, {n: s for n, s in getattr(self, name).items() if s != Sensor()})
         if (at := self.times) is not None and (at.shape != self.measured.shape[:1] or not np.all(np.diff(at) > 0.0)):
             raise InputError(f"{self.name}: times do not increase from sample to sample; expected one [s] for each.")
+        if (sd := self.deviation) is not None and (sd.shape != self.measured.shape or not np.all(sd > 0.0)):
+            raise InputError(SAYS("deviations", name=self.name, shape=self.measured.shape, deviation=brief(sd)))
 
     @classmethod
     def of(

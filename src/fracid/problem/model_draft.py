@@ -27,7 +27,7 @@ from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
-from fracid.problem.draft import FEWEST, Draft, Source, doubts, moving_inputs
+from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
@@ -124,7 +124,7 @@ class _Page:
         zero: str | None,
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
-        files = [source.file, *more]
+        files, self.stems = [source.file, *more], [file.stem for file in (source.file, *more)]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
         self.model: Model = either[0]
@@ -141,6 +141,7 @@ class _Page:
             self.notes.append(f"Nothing beside the samples says {unsaid}: write what you know into [model.parameters].")
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
+        self.taken: dict[str, float] = {}
         self.recordings = [self._recording_of(file) for file in files]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
@@ -158,7 +159,12 @@ class _Page:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
             raise InputError(SAYS("still", file=file, outputs=", ".join(self.outputs)))
-        return recording
+        if self.stems.count(file.stem) > 1:  # a logger's name, in the folder of each run
+            recording = replace(recording, name=f"{file.resolve().parent.name} {file.stem}")
+        taken, why = let_go_again(recording, self.model)
+        self.notes += why
+        self.taken |= {recording.name: taken} if taken else {}
+        return recording.trim(None, taken) if taken else recording
 
     @property
     def unsaid(self) -> list[str]:

@@ -74,6 +74,7 @@ from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
 from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
+from fracid.problem.roles import ROTARY
 from fracid.problem.sensors import QUANTITIES, Sensor, with_rates
 from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows
 from fracid.recording import Recording, load_recording
@@ -645,7 +646,9 @@ def _load(
     for name in columns:
         if name not in signals and name.removesuffix(DEVIATION) not in model.outputs:
             known = (*signals, "from", "to", "file", "time", "use", "resample")
-            raise unknown_name(f"key of [[recording]] {spec.name or spec.file}", name, known)
+            other = model.name == ROTARY and name in ("voltage", "torque")
+            unknown = unknown_name(f"key of [[recording]] {spec.name or spec.file}", name, known)
+            raise InputError(f"{unknown}{SAYS('actuation', name=name) if other else ''}")
     if not columns:
         raise InputError(SAYS("no-signal", file=spec.name or spec.file,
                               signal=signals[-2] if len(signals) > 1 else signals[0]))  # fmt: skip

@@ -261,13 +261,13 @@ def measure(
     if disorder or clock.samples < 2:
         release, reason = None, "time does not increase"
     else:
-        release, reason = release_time(time, _swinging(sound, units))
+        release, reason = release_time(time, swinging(sound, units))
     driven = release is not None and _driven(time, signals, units, release)
     if driven:  # nobody let go
         reason = Note(f"{reason}, then an input moves it", "by-input")
     measured = tuple(measure_signal(n, units[n], time, x, sound=sound[n]) for n, x in signals.items())
     findings = () if uneven or disorder else signal_faults(time, _samples(time, signals, bridged), measured)
-    findings += tuple(_short(time, _swinging(sound, units), None if driven else release, measured))
+    findings += tuple(_short(time, swinging(sound, units), None if driven else release, measured))
     return Report(clock, measured, release, reason, reading=reading, resampled=resampled, findings=findings,
                   uneven=uneven)  # fmt: skip
 
@@ -301,7 +301,7 @@ def _samples(
     return {n: np.where(inside, np.nan, x) for n, x in signals.items()} if inside.any() else signals
 
 
-def _swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:
+def swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> FloatArray:
     """Return the pendulum: `PENDULUM` if there is one, else the angle (else the signal) that moves most."""
     if PENDULUM in signals:
         return signals[PENDULUM]

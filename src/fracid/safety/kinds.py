@@ -14,7 +14,7 @@ from fracid.errors import InputError, brief, refuse_unknown
 from fracid.safety.door import own_text
 
 SAID = tomllib.loads(own_text("safety/kinds.toml"))
-"""What a class is called, or how one of it is made."""
+"""What a class is called, or how one of it is made; of some fields what they hold."""
 
 
 def refuse_other_kinds(record: Any, whose: str = "") -> None:
@@ -42,24 +42,25 @@ def refuse_other_kinds(record: Any, whose: str = "") -> None:
     fracid.errors.InputError: x = 'left': expected a number.
     """
     for f in fields(record):
-        _refuse(f"{whose}{f.name}", getattr(record, f.name), _hints(type(record))[f.name])
+        words = SAID["fields"].get(f"{type(record).__name__}.{f.name}", "")
+        _refuse(f"{whose}{f.name}", getattr(record, f.name), _hints(type(record))[f.name], words)
 
 
 _hints: Any = cache(get_type_hints)
 
 
-def _refuse(name: str, value: Any, kind: Any) -> None:
+def _refuse(name: str, value: Any, kind: Any, words: str = "") -> None:
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Literal:
         refuse_unknown(name, inner, value)
     elif origin is Mapping and isinstance(value, Mapping):
         for key, entry in value.items():
-            _refuse(f"{name} {key}", entry, inner[1])
+            _refuse(f"{name} {key}", entry, inner[1], words)
     elif origin is tuple and isinstance(value, tuple | list):  # a list does as well
         for entry, its in zip(value, inner[:1] * len(value) if inner[-1] is ... else inner, strict=False):
-            _refuse(name, entry, its)
+            _refuse(name, entry, its, words)
     elif not isinstance(value, plain := _plain(kind)) or (isinstance(value, bool) and Real in plain):
-        words = " or ".join(SAID.get(k.__name__, k.__name__) for k in plain)
+        words = words or " or ".join(SAID.get(k.__name__, k.__name__) for k in plain)
         raise InputError(f"{name} = {brief(value)}: expected {words}.")
 
 

@@ -314,7 +314,8 @@ def _piece(
         before = e.measured[:first] if e.past is None else np.vstack([e.past, e.measured[:first]])
         part, state = replace(part, past=before, past_inputs=part.inputs[:1]), "estimate"
     else:
-        part = replace(e, measured=part.measured, inputs=part.inputs, release_time=problem.unpack(x, e).release)
+        part = replace(e, measured=part.measured, inputs=part.inputs, deviation=part.deviation,
+                       release_time=problem.unpack(x, e).release)  # fmt: skip
     of = partial(replace, problem, orders=orders, parameters=parameters, per_recording=(), initial_state=state)
     try:
         return of(experiments=(part,))

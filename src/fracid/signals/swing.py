@@ -13,6 +13,7 @@ how often it swings         :func:`swing_count`
 the period of one signal    :func:`swing_period`; of several together :func:`common_period`
 how large it is over time   :func:`envelope`
 where the motion begins     :func:`release_time`, :func:`swing_start`, :func:`motion_start`
+where each motion does      :func:`releases`
 where it comes to rest      :func:`tail`
 where it stays, or will     :func:`final_value`
 whether it quickens         :func:`quickening`
@@ -347,6 +348,48 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     if duration < (HELD if level is x else HELD_IN_NOISE) * quarter:
         return None, mid_swing
     return float(t[release]), f"held for {duration:.2f} s before"
+
+
+GROWN, AT_THE_TOP = 1.3, 0.9
+"""A half-swing larger than the one before by this was not free; a hand holds it within this part of its height."""
+
+
+def releases(time: FloatArray, signal: FloatArray) -> list[tuple[float, float]]:
+    """From when to when it swings freely each time that it is held and let go [s].
+
+    A free swing decays: before a half-swing that is larger than the last one a hand has taken it.  Its swing before
+    that ends where it last passed its rest.
+
+    Parameters
+    ----------
+    time, signal : ndarray, shape (n_samples,)
+        As of :func:`release_time`.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 9, 901)
+    >>> swing = np.where(t < 1, 0.5, 0.5 * np.exp(-(t - 1) / 2) * np.cos(6 * (t - 1)))
+    >>> spans = releases(np.append(t, 9.01 + t), np.append(swing, 0.8 * swing))
+    >>> [(round(start, 1), round(stop, 1)) for start, stop in spans]
+    [(1.0, 9.0), (10.0, 18.0)]
+    """
+    finite = np.isfinite(signal)
+    if np.count_nonzero(finite) < 10 or not np.ptp(signal[finite]) > 0:
+        return []
+    x = np.interp(time, time[finite], signal[finite])
+    rest, _, at_rest = tail(x)
+    y = x - (rest if at_rest else np.median(x))
+    crossings, _ = half_periods(y, max(BEYOND * float(np.max(np.abs(y))), CLEAR * noise_floor(x)))
+    begins, ends, last = list[float](), list[float](), 0.0
+    for a, b in pairwise([0, *crossings.astype(int), y.size]):
+        height = np.abs(y[a:b])
+        held = a + int(np.argmax(height > AT_THE_TOP * height.max()))
+        release, _ = release_time(time[held:b], x[held:b]) if height.max() > GROWN * last else (None, "")
+        if release is not None:
+            begins.append(release)
+            ends.append(float(time[np.max(np.flatnonzero(np.diff(np.signbit(y[: held + 1]))), initial=0)]))
+        last = height.max()
+    return [*zip(begins, [*ends[1:], float(time[-1])], strict=False)]
 
 
 def _fall_begins(t: FloatArray, level: FloatArray, plateau: slice, fastest: int) -> int:

@@ -42,6 +42,7 @@ References
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -54,6 +55,9 @@ from fracid.solver.exponentials import EXACT_LAGS, WHOLE, compressed_kernel
 from fracid.solver.weights import Kernel, exact_kernel
 
 SAYS = Words("solver/memory.toml")
+
+WRITTEN = re.compile(r"full|short\((\d+)\)|compressed(?:\((\d+(?:\.\d+)?(?:e-?\d+)?)(?:, lags=(\d+))?\))?")
+"""The names of memories, as they are printed and typed."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,7 @@ def compressed(tolerance: float = 1e-10, *, lags: int = EXACT_LAGS) -> Memory:
 
 
 def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:
-    """Turn ``"full"``, ``"short(2000)"`` or ``"compressed"`` into a :class:`Memory`.
+    """Turn ``"full"``, ``"short(2000)"`` or ``"compressed"`` into a :class:`Memory`; ``"compressed(1e-8)"`` too.
 
     Raises
     ------
@@ -158,11 +162,9 @@ def memory_from_name(name: str | Memory, tolerance: float = 1e-10) -> Memory:
     """
     if isinstance(name, Memory):
         return name
-    if name == "full":
-        return full()
-    if name == "compressed":
-        return compressed(tolerance)
-    length = str(name).removeprefix("short(").removesuffix(")")
-    if str(name) == f"short({length})" and length.isdecimal():
+    if (written := WRITTEN.fullmatch(str(name))) is None:
+        raise InputError(SAYS("unknown", name=name))
+    length, own, lags = written.groups()
+    if length:
         return short(int(length))
-    raise InputError(f"There is no memory {name!r}; type 'full', 'short(L)' with L lags, or 'compressed'.")
+    return full() if name == "full" else compressed(float(own or tolerance), lags=int(lags or EXACT_LAGS))

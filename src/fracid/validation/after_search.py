@@ -327,4 +327,5 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield SAYS.finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part,
                                rms=with_unit(rms, e.units.get(o, 'rad')), percent=100 * part,
-                               plain_times=plain(times))  # fmt: skip
+                               plain_times=plain(times),
+                               friction=SAYS("friction") * bool(problem.model.friction))  # fmt: skip

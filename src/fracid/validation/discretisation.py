@@ -176,7 +176,10 @@ def _judged(
     moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns) if u.experiment is None}
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning, moves=moves)
     if _costs_differ(problem.method, check):
-        warning = SAYS("too-coarse", costs=costs, substeps=_substeps(problem), warning=warning).strip()
+        dry = [problem.model.parameter_names.index(n) for n, kind in problem.model.friction.items() if kind.dry]
+        steep = any(problem.unpack(x, e).parameters[dry].any() for e in problem.experiments)
+        warning = SAYS("too-coarse", costs=costs, cause=SAYS("steep") * steep, substeps=_substeps(problem),
+                       warning=warning).strip()  # fmt: skip
     return replace(check, warning=warning)
 
 

@@ -20,7 +20,7 @@ WORSE = 3.0
 """Times what is left over of the recordings that were fitted, from which on one that was not is missed."""
 
 
-def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Finding]:
+def misfits(recordings: Mapping[str, RecordingFit], starts: int, *, friction: bool) -> Iterator[Finding]:
     """What a fit leaves over of the recordings that it was made from, where it is no noise.
 
     Parameters
@@ -28,6 +28,8 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
     recordings : mapping
     starts : int
         Of the search.
+    friction : bool
+        Whether the model has friction, of which ``fracid compare`` tries more.
     """
     again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
     for r in recordings.values():
@@ -42,7 +44,8 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int) -> Iterator[Fin
                     yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0)
             elif MISFIT < left.times < math.inf and not left.white:
                 yield SAYS.finding("misfit", f"{r.name}: {output}", left.times, MISFIT,
-                                   rms=with_unit(left.rms, r.unit(output), '.2g'), times=plain(left.times))  # fmt: skip
+                                   rms=with_unit(left.rms, r.unit(output), '.2g'), times=plain(left.times),
+                                   looks=SAYS("looks") * friction)  # fmt: skip
 
 
 def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -> Iterator[Finding]:

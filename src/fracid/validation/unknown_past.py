@@ -402,9 +402,10 @@ def _whole(e: Experiment, record: Experiment | None) -> Experiment:
         return record
     if e.past is None:
         return e
+    sd = None if e.deviation is None else np.vstack([np.broadcast_to(e.deviation[0], e.past.shape), e.deviation])
     return replace(
         e, measured=np.vstack([e.past, e.measured]), inputs=e.all_inputs, start=e.start - len(e.past) * e.step,
-        past=None, past_inputs=None, initial={}, release_time=0.0,
+        deviation=sd, past=None, past_inputs=None, initial={}, release_time=0.0,
     )  # fmt: skip
 
 

@@ -55,6 +55,9 @@ NUMBER = {
 """A number as an instrument writes it, by its decimal sign.  No digit can be matched in two ways, so that a line of ten
 thousand of them takes no longer than to read it."""
 
+THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w)")
+"""A number with a separator between its thousands."""
+
 MOST_COLUMNS = 10_000
 """Cells in a line beyond which a file is no table of samples."""
 
@@ -107,7 +110,7 @@ class Dialect:
 
     def __str__(self) -> str:
         """In words."""
-        cut = {None: "blanks", "\t": "tabs", ",": "commas", ";": "semicolons"}[self.delimiter]
+        cut = {None: "blanks", "\t": "tabs", ",": "commas", ";": "semicolons", "|": "bars"}[self.delimiter]
         return f"cells between {cut}, decimal {'comma' if self.decimal == ',' else 'point'}"
 
 
@@ -115,7 +118,7 @@ DIALECTS = tuple(
     Dialect(delimiter, decimal, stamped)
     for stamped in (False, True)
     for delimiter, decimal in [(",", "."), (";", ","), (";", "."), ("\t", "."), ("\t", ","), (None, "."), (None, ","),
-                               (",", ",")]
+                               ("|", "."), ("|", ","), (",", ",")]
 )  # fmt: skip
 """The first under which most lines are numbers is taken; the last one needs quotes, for it is the first without."""
 
@@ -292,7 +295,14 @@ def _no_row(lines: _Lines) -> str:
         return f"{lines.name} holds no row of numbers: all its lines are comments."
     line = lines.sample[len(lines.sample) // 2]
     number = next((i for i, other in enumerate(lines.read(), 1) if other.rstrip("\r\n") == line.rstrip("\r\n")), 0)
-    return SAYS("no-numbers", lines=lines, number=number, text=ascii_short(line.strip()))
+    cure = _thousands(line) or SAYS("expected")
+    return SAYS("no-numbers", lines=lines, number=number, text=ascii_short(line.strip()), cure=cure)
+
+
+def _thousands(text: str) -> str:
+    """What to write for the first number of a text that has its thousands separated; "" where there is none."""
+    found = THOUSANDS.search(text)
+    return SAYS("thousands", number=ascii_short(found[0]), plain=found[0].replace(found[1], "")) if found else ""
 
 
 # --- the header -----------------------------------------------------------------------------------------
@@ -331,7 +341,7 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
     # a comment is a header only where nothing better is: prose has commas too
     titles = [k for k in titles if not header[k].startswith(COMMENT)] or titles
     if width == 1:  # a list of names is not that of one column
-        titles = [k for k in titles if not re.search(r"[,;\t]", split[k][0])]
+        titles = [k for k in titles if not re.search(r"[,;|\t]", split[k][0])]
     if not titles:
         return blank, blank
     below = any(b == a + 1 for a, b in pairwise(titles[:2]))
@@ -387,5 +397,6 @@ def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...]
                              text=ascii_short(line.strip())))  # fmt: skip
     for j in _text_cells(dialect, cells):
         column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
-        raise DataError(SAYS("text-in-row", file=file, i=i, column=column, text=ascii_short(cells[j])))
+        raise DataError(SAYS("text-in-row", file=file, i=i, column=column, text=ascii_short(cells[j]),
+                             cure=_thousands(cells[j]) or SAYS("correct")))  # fmt: skip
     return [dialect.number(cell) for cell in cells]
