@@ -83,6 +83,24 @@ def test_a_header_in_a_comment_names_the_columns():
     assert parse_text("# t theta\n0 1\n1 2\n").names == ("t", "theta")
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "sep=;\nt;x",
+        "sep=;\nt [s];x [mm]",
+        "Logger;Rig\nXYZ;Anna\nt [s];x [mm]",
+        "Logger;Rig\nXYZ;Anna\nt;x\ns;mm",
+        "t [s];x [mm];",
+        "TS;x\nSec;mm\n;Smp",
+    ],
+)
+def test_names_are_the_last_line_of_words_above_the_numbers_but_for_their_units(header):
+    table = parse_text(header + "\n0;1,5\n1;2,5\n2;0,5\n")
+    assert [name.split()[0].lower()[0] for name in table.names] == ["t", "x"]
+    assert table.units[1] == ("mm" if "mm" in header else "")
+    assert parse_text("sep=;\n0;1,5\n1;2,5\n").names == ("column 0", "column 1")
+
+
 def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t [ms],alpha (deg)\n0,180\n10,90\n20,0\n")
