@@ -101,6 +101,24 @@ def test_names_are_the_last_line_of_words_above_the_numbers_but_for_their_units(
     assert parse_text("sep=;\n0;1,5\n1;2,5\n").names == ("column 0", "column 1")
 
 
+@pytest.mark.parametrize(("point", "separator"), [(".", ";"), (",", ";"), (",", "\t")])
+def test_whole_numbers_with_separators_between_thousands_are_no_decimals(point, separator):
+    counts = [int(9000 * math.cos(k / 9)) for k in range(400)]
+    rows = [f"{k}{separator}{count:,}".replace(",", point) for k, count in enumerate(counts)]
+    with pytest.raises(
+        DataError, match=rf"column 1 .q, p..: -?1\{point}\d\d\d may mean -?1\d\d\d, .*as -?1\{point}\d\d\d0\."
+    ):
+        parse_text(f"t{separator}q, p.\n" + "\n".join(rows))
+
+
+def test_decimals_that_may_have_three_digits_are_read():
+    for column in ([0, 1.875], [f"{2 + k / 999:.3f}" for k in range(99)], [f"{k / 8:g}" for k in range(99)]):
+        assert (
+            np.ptp(parse_text("t;u\n" + "".join(f"{k};{column[k % len(column)]}\n" for k in range(99))).values[:, 1])
+            > 0
+        )
+
+
 def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t [ms],alpha (deg)\n0,180\n10,90\n20,0\n")

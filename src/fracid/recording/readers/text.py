@@ -61,6 +61,9 @@ THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\
 SEPARATOR = re.compile('"?sep=.?"?', re.I)
 """A line for Excel above a table."""
 
+GROUPED = 20
+"""Numbers of a column that may be thousands: fewer with three digits behind the point are decimals."""
+
 MOST_COLUMNS = 10_000
 """Cells in a line beyond which a file is no table of samples."""
 
@@ -252,6 +255,9 @@ def _parse(lines: _Lines) -> Table:
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     values = _numbers(dialect, width, lines, first, names=names)
+    for j in _maybe_thousands(values):
+        column = [row[j] for row in map(dialect.split, lines.sample) if len(row) == width]
+        _refuse_thousands(dialect, {*filter(dialect.is_number, column)}, lines.name, _column(j, names))
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         values = values[:, :-1]
         names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
@@ -369,6 +375,23 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
         raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
 
 
+def _maybe_thousands(values: NDArray[np.float64]) -> Iterable[int]:
+    """The columns with decimals, none of them below 1 or of more than three digits, as ``12.345``."""
+    values = np.nan_to_num(values)
+    decimals, thousandths = values != np.round(values), values == np.round(values, 3)
+    return np.flatnonzero(decimals.any(axis=0) & np.all(~decimals | (thousandths & (np.abs(values) > 1)), axis=0))
+
+
+def _refuse_thousands(dialect: Dialect, cells: set[str], file: str, column: str) -> None:
+    """``12.345`` beside ``987``: three digits behind each sign, and nothing above 999 without one."""
+    grouped = {cell for cell in cells if dialect.decimal in cell}
+    longest = max(len(cell.lstrip("+-")) for cell in cells - grouped) if cells - grouped else 4
+    if len(grouped) >= GROUPED and all(THOUSANDS.fullmatch(cell.lstrip("+-")) for cell in grouped) and longest < 4:
+        first = min(grouped)
+        plain = first.replace(dialect.decimal, "")
+        raise DataError(SAYS("two-meanings", file=file, column=column, number=first, plain=plain))
+
+
 # --- the numbers ----------------------------------------------------------------------------------------
 
 
@@ -399,7 +422,10 @@ def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...]
         raise DataError(SAYS("cells", file=file, i=i, count=len(cells), s='s' * (len(cells) != 1), width=width,
                              text=ascii_short(line.strip())))  # fmt: skip
     for j in _text_cells(dialect, cells):
-        column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
-        raise DataError(SAYS("text-in-row", file=file, i=i, column=column, text=ascii_short(cells[j]),
+        raise DataError(SAYS("text-in-row", file=file, i=i, column=_column(j, names), text=ascii_short(cells[j]),
                              cure=_thousands(cells[j]) or SAYS("correct")))  # fmt: skip
     return [dialect.number(cell) for cell in cells]
+
+
+def _column(j: int, names: tuple[str, ...]) -> str:
+    return f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
