@@ -158,6 +158,17 @@ def test_the_numbers_of_rows_are_no_signal_and_columns_of_one_name_are_found_as_
     assert both.signals["alpha"].max() == 4.0
 
 
+@pytest.mark.parametrize(("unit", "ticks"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_dates_of_which_nobody_says_the_unit_are_read_in_that_in_which_they_are_of_this_century(tmp_path, unit, ticks):
+    rows = [f"{(1706745598 + k) * ticks},{k % 7}\n" for k in range(99)]
+    (tmp_path / "log.csv").write_text("time,alpha\n" + "".join(rows))
+    read = load_recording(tmp_path / "log.csv")
+    assert np.diff(read.time) == pytest.approx(1.0, rel=1e-5)
+    assert any(f"taken as {unit}, in which its first stamp" in note for note in read.report.reading) == (ticks > 1)
+    in_us = load_recording(tmp_path / "log.csv", time={"column": 0, "unit": "us"})
+    assert np.ptp(in_us.time) == pytest.approx(98e-6 * ticks)
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
 def test_other_encodings_are_read(tmp_path, encoding):
     file = tmp_path / "log.csv"
@@ -272,6 +283,13 @@ def test_parquet_is_read_when_pyarrow_is_there(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table({"t": TIME, "alpha": ALPHA, "who": ["me"] * len(TIME)}), tmp_path / "run.parquet")
     np.testing.assert_array_equal(load_recording(tmp_path / "run.parquet", {"alpha": "alpha"}).signals["alpha"], ALPHA)
+
+
+def test_a_duration_of_parquet_is_time(tmp_path):
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    spans = pyarrow.array(np.arange(99) * 20, pyarrow.duration("ms"))
+    parquet.write_table(pyarrow.table({"t": spans, "alpha": np.arange(99) % 7}), tmp_path / "run.parquet")
+    assert load_recording(tmp_path / "run.parquet").step == pytest.approx(0.02)
 
 
 def test_parquet_without_pyarrow_names_the_install_line(tmp_path, monkeypatch):

@@ -377,7 +377,7 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
 
 def _maybe_thousands(values: NDArray[np.float64]) -> Iterable[int]:
     """The columns with decimals, none of them below 1 or of more than three digits, as ``12.345``."""
-    values = np.nan_to_num(values)
+    values = np.clip(np.nan_to_num(values), -1e9, 1e9)
     decimals, thousandths = values != np.round(values), values == np.round(values, 3)
     return np.flatnonzero(decimals.any(axis=0) & np.all(~decimals | (thousandths & (np.abs(values) > 1)), axis=0))
 
