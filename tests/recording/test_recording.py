@@ -540,12 +540,22 @@ def test_what_init_refuses_is_not_called_usable(tmp_path):
     assert "no signal moves: is this the right file, and are its sensors connected?" in still.notes
 
 
-def test_blank_cells_of_a_command_or_many_in_a_row_stay_a_fault(tmp_path):
+def test_blank_cells_in_a_row_are_bridged_as_their_rows_are_where_they_are_left_out(tmp_path):
+    blank = np.arange(400) // 15 == 4
+    cells = load_recording(_csv(tmp_path, t=TIME, alpha=np.where(blank, np.nan, ALPHA)), {"alpha": 1})
+    rows = load_recording(_csv(tmp_path, t=TIME[~blank], alpha=ALPHA[~blank]), {"alpha": 1}, resample="needed")
+    assert cells.report.level == rows.report.level == "usable"
+    np.testing.assert_allclose(cells.signals["alpha"], rows.signals["alpha"], atol=1e-9)
+    inside = [[(a < TIME) & (b > TIME) for a, b in recording.bridged] for recording in (cells, rows)]
+    np.testing.assert_array_equal(*inside)
+
+
+def test_blank_cells_of_a_command_or_many_stay_a_fault(tmp_path):
     volts = np.where(np.arange(400) == 70, np.nan, np.sign(np.sin(TIME)))
-    file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 4 == 20, np.nan, ALPHA), u=volts)
+    file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 21 == 4, np.nan, ALPHA), u=volts)
     report = inspect_recording(file, {"alpha": 1, "u": {"column": 2, "unit": "V"}}).report
     assert [fault.split(" from ")[0].split(" at ")[0] for fault in report.faults] == [
-        "alpha misses 4 samples", "u misses 1 sample",
+        "alpha misses 21 samples", "u misses 1 sample",
     ]  # fmt: skip
 
 

@@ -447,9 +447,10 @@ def _breaks(recording: Recording) -> NDArray[np.bool_]:
         return np.zeros(dt.size, dtype=bool)
     swing = np.asarray(alpha[np.isfinite(alpha)])
     period = clock.step * swing_period(swing) if swing.size >= FEWEST else math.inf
-    long = np.minimum(BRIDGED * period, LONG_GAP * clock.duration)
+    long = max(min(BRIDGED * period, LONG_GAP * clock.duration), GAP * clock.step)
+    blank = np.any([(a < t[:-1]) & (t[:-1] < b) for a, b in recording.bridged if b - a > long], axis=0)
     jumps = np.isin(t[:-1], [at for at, _ in clock_jumps(t, alpha)])
-    return np.asarray((dt <= 0) | (dt > max(long, GAP * clock.step)) | jumps)
+    return np.asarray((dt <= 0) | (dt > long) | blank | jumps)
 
 
 # --- how it moves ------------------------------------------------------------------------------------

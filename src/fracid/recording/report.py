@@ -52,8 +52,8 @@ LONG_GAP = 0.05
 LISTED = 1000
 """Times of each kind that are written out."""
 
-IN_A_ROW, BLANK = 3, 0.05
-"""Missing samples in a row, and of all samples, that are bridged."""
+BLANK = 0.05
+"""Missing samples, of all, that are bridged: together they are no longer than a gap that is."""
 
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
@@ -371,10 +371,9 @@ def longest_row(s: SignalReport, clock: Clock) -> int:
 
 
 def bridgeable(s: SignalReport, clock: Clock) -> bool:
-    """Whether the samples that a signal misses are few and scattered, so that a fit does without them."""
+    """Whether the samples that a signal misses are few, so that a fit does without them."""
     ordered = not (clock.duplicated or clock.backward) and clock.step > 0
-    few = len(s.missing) <= BLANK * clock.samples
-    return ordered and few and s.unit not in COMMANDS and longest_row(s, clock) <= IN_A_ROW
+    return ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
 
 
 def _signal_note(s: SignalReport) -> str | None:
