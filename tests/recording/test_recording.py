@@ -819,7 +819,10 @@ def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):
     time = TIME.copy()
     time[200:] -= 1.0
     recording = inspect_recording(_csv(tmp_path, counter=np.arange(400.0), time=time, alpha=ALPHA))
-    assert len(recording.report.clock.backward) == 1
+    [(row, at, before)] = recording.report.clock.backward
+    assert (row, at, before) == (201, pytest.approx(1.0), pytest.approx(1.99))
+    assert "1 stamp goes back, the first in row 201: 1 s after 1.99 s." in recording.report.faults[0]
+    assert recording.report.faults[0].endswith("or split the file there.")
     assert set(recording.signals) == {"counter", "alpha"}
 
 

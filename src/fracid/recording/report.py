@@ -312,19 +312,21 @@ def swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> Flo
 # ----------------------------------------------------------------------- the sentences
 
 
-def _disorder(repeat: int, back: int) -> str:
-    """``1 stamp repeats the one before it, 3 stamps go back``."""
-    said = [f"{repeat:,} stamp{' repeats the one' if repeat == 1 else 's repeat those'} before"] if repeat else []
-    return ", ".join(said + ([f"{back:,} stamp{' goes' if back == 1 else 's go'} back"] if back else []))
+def _disorder(c: Clock) -> Iterable[str]:
+    if repeat := len(c.duplicated):
+        those = "s repeat those" if repeat > 1 else " repeats the one"
+        yield f"{repeat:,} stamp{those} before, the first at {min(c.duplicated):.6g} s"
+    if back := len(c.backward):
+        row, at, before = c.backward[0]
+        first = f"the first in row {row}: {at:.6g} s after {before:.6g} s"
+        yield f"{back:,} stamp{'s go' if back > 1 else ' goes'} back, {first}"
 
 
 def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     if c.samples < 2:
         yield f"{c.samples} sample{'s' * (c.samples != 1)}; a recording needs at least two."
-    disorder = len(c.duplicated) + len(c.backward)
-    if disorder:
-        first = min((c.duplicated + c.backward), key=float)
-        yield SAYS("disorder", disorder=_disorder(len(c.duplicated), len(c.backward)), first=first)
+    if disorder := "; ".join(_disorder(c)):
+        yield SAYS("disorder", disorder=disorder, part="split the file there" if c.backward else "cut the part out")
     longest = max((g for _, g in c.gaps), default=0.0)
     if not disorder and not uneven and longest > LONG_GAP * c.duration:
         at = next(t for t, g in c.gaps if g == longest)
