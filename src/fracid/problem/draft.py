@@ -37,7 +37,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -154,8 +154,10 @@ class Source:
         """What stands in the file."""
         return read_table(self.file, self.variable)
 
-    def text(self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float]]], **values: Any) -> str:
-        """A project file from its template; recordings with the constants that each knows for itself."""
+    def text(
+        self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float], Columns]], **values: Any
+    ) -> str:
+        """A project file from its template; recordings with the constants that each knows for itself, and columns."""
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
         def path(recording: Recording) -> str:
@@ -174,10 +176,10 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
     return {s.name for s in recording.report.signals if s.range > 0} & {*model.inputs}
 
 
-def doubts(recording: Recording, model: Model) -> tuple[str, ...]:
-    """What may be wrong with a recording; an input may jump."""
+def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
+    """What may be wrong with a recording, with its name where it is one of several; an input may jump."""
     findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
-    return tuple(f"May be wrong: {f}" for f in findings)
+    return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 
 def let_go_again(recording: Recording, model: Model) -> tuple[float | None, tuple[str, ...]]:
@@ -312,7 +314,7 @@ def draft_project(
     def read() -> Recording:
         return source.fit(column_specs, **part)
 
-    _refuse_other_clock(read(), source)
+    refuse_other_clock(read(), source, ("alpha", "theta"))
     for complete in (_units, _wraps):
         notes += complete(read(), column_specs)
     part, why = _window(read())
@@ -326,19 +328,19 @@ def draft_project(
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
     page = _Page(recording, rig_name, part, starts=starts or {})
-    text = source.text("rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None,
-                       rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
+    text = source.text("rotary-pendulum.j2", [(recording, {}, column_specs)], page=page, columns=column_specs,
+                       guessed=rig is None, rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
     return Draft(text, column_specs, notes)
 
 
-def _refuse_other_clock(recording: Recording, source: Source) -> None:
-    """A clock in another unit, with which the constants would be nobody's.
+def refuse_other_clock(recording: Recording, source: Source, angles: Collection[str]) -> None:
+    """Refuse a clock in another unit, with which the constants would be nobody's, as `angles` of a pendulum show it.
 
     Whoever says the unit of time, or the rate, is believed.
     """
     said = (source.time or {}).keys() & {"unit", "rate"}
     for f in recording.report.findings:
-        if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not said:
+        if f.code == "wrong-clock" and f.where in angles and not said:
             column = time_column(source.table, source.time)
             typed = ["fracid", "init", str(source.file), "--time", f"{column},unit={unit_of_time(f.number)}"]
             sentence = str(f).partition(" Type ")[0]

@@ -96,6 +96,11 @@ NO_ANGLE = re.compile(r"[/^²³%]|^[kMmµn]?(W|J|K|Pa|bar|Hz|F|H|C|g|L|l|Ohm|Ω)
 """Of a header that names no unit of a channel: a quotient, a power, a share, or a unit of something else."""
 
 
+def unit_of_header(table: Table, column: int) -> str | None:
+    """The unit that a header says of a column; None if it says none that a channel has."""
+    return header_unit(table.units[column] or unit_in_name(table.names[column]))
+
+
 def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
     """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
     column, counts = table.find(channel.column), channel.counts_per_turn

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable, unit_in_name
+from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable
 from fracid.recording.clock import read_clock
-from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
+from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
 from fracid.recording.guess import guessed_units, is_angle
 from fracid.recording.readers.table import Table, read_table
@@ -223,8 +223,7 @@ def _signals(
             raw, filled = hold_blanks(raw, signal, channel)
             sentences.append(filled)
         signals[signal] = (channel.convert(raw[rows].copy(), signal), channel.signal_unit)
-        said_unit = header_unit(table.units[column] or unit_in_name(table.names[column]))
-        if not (given.unit or said_unit) and channel.unit != "counts":
+        if not (given.unit or unit_of_header(table, column)) and channel.unit != "counts":
             assumed.add(signal)
         sentences += [said] if (said := guesses.get(signal, unit_said)) else []
     return signals, frozenset(assumed), sentences
