@@ -127,9 +127,12 @@ def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_pa
     np.testing.assert_allclose(recording.time, [0, 0.01, 0.02])
     assert "as the header says" in recording.report.reading[0]
     contrary = load_recording(file, {"alpha": Channel("alpha", unit="rad")}, time="t [ms]")
-    assert "alpha is taken as rad, as was said; its header says deg." in contrary.report.reading
+    [found] = contrary.trim(0.01).report.findings
+    assert (found.code, found.number) == ("other-unit", pytest.approx(180 / math.pi))
+    assert "alpha: it is taken as rad, as was said, and its header says deg." in contrary.report.warnings[0]
     same = load_recording(file, {"alpha": Channel("alpha", unit="deg")}, time="t [ms]")
-    assert not any("header" in sentence for sentence in same.report.reading)
+    scaled = load_recording(file, {"alpha": Channel("alpha", unit="rad", scale=math.pi / 180)}, time="t [ms]")
+    assert not any("header" in sentence for sentence in same.report.notes + scaled.report.notes)
 
 
 @pytest.mark.parametrize(("first", "bits"), [(65000, 16), (2**32 - 500, 32), (2**31 - 500, -32), (32000, -16)])

@@ -171,14 +171,16 @@ def inspect_recording(
     digest, reading = _digest(path), (*table.notes, *source.sentences, *repeats, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
-        signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses=guesses)
+        signals, assumed, said = _signals(table, rows, channels, columns is None, guesses=guesses)
+        findings = tuple(one for one in said if isinstance(one, Finding))
+        sentences = [one for one in said if isinstance(one, str)]
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
         report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
         values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
         made = Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
             units=units | {n: unit for n, (_, unit) in fixed.items()},
-            report=replace(report, findings=(*source.findings, *dead, *report.findings)),
+            report=replace(report, findings=(*source.findings, *dead, *findings, *report.findings)),
             held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed | unsaid,
         )  # fmt: skip
         return made.between_edges()
@@ -211,9 +213,9 @@ def _without_repeats(
 
 def _signals(
     table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], chosen: bool, guesses: Mapping[str, str]
-) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str]]:
-    """Signal → samples and unit; the signals whose unit nobody says; and what was done, in sentences."""
-    signals, assumed, sentences = {}, set(), []
+) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str | Finding]]:
+    """Signal → samples and unit; the signals whose unit nobody says; and what was done, and found."""
+    signals, assumed, sentences = dict[str, tuple[FloatArray, str]](), set[str](), list[str | Finding]()
     for signal, given in channels.items():
         column = table.find(given.column)
         channel, unit_said = channel_with_unit(table, signal, given, guessed=chosen)
