@@ -35,7 +35,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -57,7 +56,7 @@ from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, unit_of_time, wraps
-from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units, jumps
+from fracid.recording.guess import Columns, guess_columns, guessed_units, is_angle, jumps
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP, swinging
@@ -462,8 +461,7 @@ def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
     for name, x in zip(table.names, table.values.T, strict=True):
         finite = x[np.isfinite(x)]
-        match = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
-        if match and 1 < finite.size < x.size and np.ptp(finite) > 0:
+        if is_angle(name, "voltage") and 1 < finite.size < x.size and np.ptp(finite) > 0:
             return name
     return None
 

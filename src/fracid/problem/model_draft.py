@@ -125,14 +125,14 @@ class _Page:
         zero: str | None,
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
-        files, self.stems = [source.file, *more], [file.stem for file in (source.file, *more)]
+        sources = [replace(source, file=file) for file in (source.file, *more)]
+        self.stems = [one.file.stem for one in sources]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
         self.model: Model = either[0]
         self.notes: list[str] = []
-        tables = [replace(source, file=file).table for file in files]
+        tables, self.logs = [one.table for one in sources], [one.read() for one in sources]
         self.beside = [self._beside(table.beside) for table in tables]
-        self.logs = [replace(source, file=file).read() for file in files]
         self.raws = {c: next(r for r in self.logs if c in r.signals) for raw in self.logs for c in raw.signals}
         self.guessed: Columns = {}
         self.columns = self._columns(columns)
@@ -146,7 +146,7 @@ class _Page:
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.taken: dict[str, float] = {}
-        self.recordings = [self._recording_of(*one) for one in zip(files, self.channels, strict=True)]
+        self.recordings = [self._recording_of(*one) for one in zip(sources, self.channels, strict=True)]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
@@ -162,9 +162,8 @@ class _Page:
         said = {n for n, c in self.columns.items() if "column" in c and unit_of_header(table, table.find(c["column"]))}
         return {n: c | ({} if n in said else self.guessed.get(n, {})) for n, c in self.columns.items()}
 
-    def _recording_of(self, file: Path, columns: Columns) -> Recording:
-        source = replace(self.source, file=file)
-        recording = source.fit(_channels(columns))
+    def _recording_of(self, source: Source, columns: Columns) -> Recording:
+        file, recording = source.file, source.fit(_channels(columns))
         refuse_other_clock(recording, source, (self.model.pendulum,))
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
@@ -228,8 +227,8 @@ class _Page:
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=shown, first=next(iter(self.model.outputs))))  # fmt: skip
-        for name in (n for n in given or () if "unit" not in columns[n] and _own_unit(self.model, n) != "rad"):
-            self.guessed[name] = {"unit": _own_unit(self.model, name)}
+        units = {n: _own_unit(self.model, n) for n in given or () if "unit" not in columns[n]}
+        self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
         unused = [c for c in self.raws if c not in taken]
         if given is None and unused:

@@ -172,16 +172,16 @@ def inspect_recording(
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
         signals, assumed, said = _signals(table, rows, channels, columns is None, guesses=guesses)
-        findings = tuple(one for one in said if isinstance(one, Finding))
-        sentences = [one for one in said if isinstance(one, str)]
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
-        report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
+        sentences = (*reading, *(one for one in said if isinstance(one, str)))
+        report = measure(clock, values, units, sentences, uneven=uneven)
         values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
+        findings = (*source.findings, *dead, *(one for one in said if isinstance(one, Finding)), *report.findings)
         made = Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
             units=units | {n: unit for n, (_, unit) in fixed.items()},
-            report=replace(report, findings=(*source.findings, *dead, *findings, *report.findings)),
-            held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed | unsaid,
+            report=replace(report, findings=findings), assumed=assumed | unsaid,
+            held=frozenset(n for n, c in channels.items() if c.fill == "hold"),
         )  # fmt: skip
         return made.between_edges()
 

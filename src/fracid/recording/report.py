@@ -202,19 +202,16 @@ class Report:
         'good'
         """
         derived = {"level": self.level, "verdict": self.verdict, "notes": list(self.notes)}
-        c = self.clock
-        counts = {f"{name}_count": len(getattr(c, name)) for name in ("gaps", "duplicated", "backward")}
+        c, listed = self.clock, ("gaps", "duplicated", "backward")
+        clock = {"rate": c.rate, "uniform": c.uniform} | {f"{name}_count": len(getattr(c, name)) for name in listed}
         short = replace(
-            self,
-            clock=replace(c, gaps=c.gaps[:LISTED], duplicated=c.duplicated[:LISTED], backward=c.backward[:LISTED]),
+            self, clock=replace(c, **{name: getattr(c, name)[:LISTED] for name in listed}),
             signals=tuple(replace(s, missing=s.missing[:LISTED]) for s in self.signals),
-        )
-        clock = asdict(short.clock) | {"rate": c.rate, "uniform": c.uniform} | counts
-        signals = {
-            s.name: asdict(s) | {"range": s.range, "missing_count": len(whole.missing)}
-            for s, whole in zip(short.signals, self.signals, strict=True)
-        }
-        content: dict[str, Any] = plain(derived | asdict(short) | {"clock": clock, "signals": signals})
+        )  # fmt: skip
+        signals = {s.name: {"range": s.range, "missing_count": len(s.missing)} for s in self.signals}
+        own = asdict(short)
+        own |= {"clock": own["clock"] | clock, "signals": {s["name"]: s | signals[s["name"]] for s in own["signals"]}}
+        content: dict[str, Any] = plain(derived | own)
         return content
 
 

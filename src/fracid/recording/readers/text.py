@@ -255,9 +255,7 @@ def _parse(lines: _Lines) -> Table:
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     values = _numbers(dialect, width, lines, first, names=names)
-    for j in _maybe_thousands(values):
-        column = [row[j] for row in map(dialect.split, lines.sample) if len(row) == width]
-        _refuse_thousands(dialect, {*filter(dialect.is_number, column)}, lines.name, _column(j, names))
+    _refuse_thousands(dialect, width, lines, values, names=names)
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         values = values[:, :-1]
         names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
@@ -375,21 +373,22 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
         raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
 
 
-def _maybe_thousands(values: NDArray[np.float64]) -> Iterable[int]:
-    """The columns with decimals, none of them below 1 or of more than three digits, as ``12.345``."""
+def _refuse_thousands(
+    dialect: Dialect, width: int, lines: _Lines, values: NDArray[np.float64], names: tuple[str, ...]
+) -> None:
+    """``12.345`` beside ``987``: three digits behind each sign, none of it below 1, nothing above 999 without one."""
     values = np.clip(np.nan_to_num(values), -1e9, 1e9)
     decimals, thousandths = values != np.round(values), values == np.round(values, 3)
-    return np.flatnonzero(decimals.any(axis=0) & np.all(~decimals | (thousandths & (np.abs(values) > 1)), axis=0))
-
-
-def _refuse_thousands(dialect: Dialect, cells: set[str], file: str, column: str) -> None:
-    """``12.345`` beside ``987``: three digits behind each sign, and nothing above 999 without one."""
-    grouped = {cell for cell in cells if dialect.decimal in cell}
-    longest = max(len(cell.lstrip("+-")) for cell in cells - grouped) if cells - grouped else 4
-    if len(grouped) >= GROUPED and all(THOUSANDS.fullmatch(cell.lstrip("+-")) for cell in grouped) and longest < 4:
-        first = min(grouped)
-        plain = first.replace(dialect.decimal, "")
-        raise DataError(SAYS("two-meanings", file=file, column=column, number=first, plain=plain))
+    maybe = decimals.any(axis=0) & np.all(~decimals | (thousandths & (np.abs(values) > 1)), axis=0)
+    for j in np.flatnonzero(maybe).tolist():
+        column = (cells[j] for cells in map(dialect.split, lines.sample) if len(cells) == width)
+        numbers = {cell.lstrip("+-") for cell in column if dialect.is_number(cell)}
+        grouped = {cell for cell in numbers if dialect.decimal in cell}
+        longest = max(map(len, numbers - grouped), default=4)
+        if len(grouped) >= GROUPED and all(map(THOUSANDS.fullmatch, grouped)) and longest < 4:
+            plain = min(grouped).replace(dialect.decimal, "")
+            raise DataError(SAYS("two-meanings", file=lines.name, column=_column(j, names), number=min(grouped),
+                                 plain=plain))  # fmt: skip
 
 
 # --- the numbers ----------------------------------------------------------------------------------------
