@@ -68,6 +68,32 @@ def test_recordings_whose_files_are_called_alike_have_their_folders_in_their_nam
     assert [e.name for e in experiments] == ["monday mass", "tuesday mass"]
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_guessed_unit_is_that_of_the_recordings_whose_header_says_none(tmp_path, order):
+    units = {"bare": ("angle,torque", 180 / np.pi, 1.0), "said": ("angle [rad],torque [mN m]", 1.0, 1e3)}
+    t = np.arange(0, 20, 0.01)
+    for name, (header, angle, torque) in units.items():
+        samples = np.c_[t, angle * 0.9 * np.sin(6 * t), torque * 0.1 * np.sin(2 * t)]
+        np.savetxt(tmp_path / f"{name}.csv", samples, delimiter=",", header=f"t,{header}", comments="")
+    first, second = [tmp_path / f"{name}.csv" for name in units][::order]
+    named = {"angle": {"column": "angle"}, "torque": {"column": "torque"}}
+    for columns in (None, named) if order == 1 else (named,):
+        draft = draft_of_model("pendulum", first, columns, folder=tmp_path, more=[second])
+        assert draft.text.count('unit = "N m"') == 1
+        assert draft.text.count('unit = "deg"') == (columns is None)
+    assert any(note.startswith("May be wrong: bare: angle: ") for note in draft.notes)  # degrees taken for radians
+
+
+def test_the_clock_of_each_recording_of_a_pendulum_is_looked_at(tmp_path):
+    t = np.arange(0, 20, 0.01)
+    for name, clock in (("one", t), ("other", 1e3 * t)):
+        np.savetxt(tmp_path / f"{name}.csv", np.c_[clock, np.sin(6 * t)], delimiter=",", header="t,angle", comments="")
+    with pytest.raises(
+        fracid.InputError, match=r"other\.csv: angle: a swing takes .* Type fracid init .* --time t,unit=ms"
+    ):
+        draft_of_model("pendulum", tmp_path / "one.csv", folder=tmp_path, more=[tmp_path / "other.csv"])
+
+
 def test_a_draft_begins_near_and_loads(tmp_path):
     draft = draft_of_model("oscillator", mass(tmp_path), folder=tmp_path)
     (tmp_path / "mass.toml").write_text(draft.text, encoding="utf-8")

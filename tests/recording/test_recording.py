@@ -83,6 +83,42 @@ def test_a_header_in_a_comment_names_the_columns():
     assert parse_text("# t theta\n0 1\n1 2\n").names == ("t", "theta")
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "sep=;\nt;x",
+        "sep=;\nt [s];x [mm]",
+        "Logger;Rig\nXYZ;Anna\nt [s];x [mm]",
+        "Logger;Rig\nXYZ;Anna\nt;x\ns;mm",
+        "t [s];x [mm];",
+        "TS;x\nSec;mm\n;Smp",
+    ],
+)
+def test_names_are_the_last_line_of_words_above_the_numbers_but_for_their_units(header):
+    table = parse_text(header + "\n0;1,5\n1;2,5\n2;0,5\n")
+    assert [name.split()[0].lower()[0] for name in table.names] == ["t", "x"]
+    assert table.units[1] == ("mm" if "mm" in header else "")
+    assert parse_text("sep=;\n0;1,5\n1;2,5\n").names == ("column 0", "column 1")
+
+
+@pytest.mark.parametrize(("point", "separator"), [(".", ";"), (",", ";"), (",", "\t")])
+def test_whole_numbers_with_separators_between_thousands_are_no_decimals(point, separator):
+    counts = [int(9000 * math.cos(k / 9)) for k in range(400)]
+    rows = [f"{k}{separator}{count:,}".replace(",", point) for k, count in enumerate(counts)]
+    with pytest.raises(
+        DataError, match=rf"column 1 .q, p..: -?1\{point}\d\d\d may mean -?1\d\d\d, .*as -?1\{point}\d\d\d0\."
+    ):
+        parse_text(f"t{separator}q, p.\n" + "\n".join(rows))
+
+
+def test_decimals_that_may_have_three_digits_are_read():
+    for column in ([0, 1.875], [f"{2 + k / 999:.3f}" for k in range(99)], [f"{k / 8:g}" for k in range(99)]):
+        assert (
+            np.ptp(parse_text("t;u\n" + "".join(f"{k};{column[k % len(column)]}\n" for k in range(99))).values[:, 1])
+            > 0
+        )
+
+
 def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t [ms],alpha (deg)\n0,180\n10,90\n20,0\n")
@@ -91,9 +127,12 @@ def test_units_are_taken_from_brackets_and_a_column_is_found_without_them(tmp_pa
     np.testing.assert_allclose(recording.time, [0, 0.01, 0.02])
     assert "as the header says" in recording.report.reading[0]
     contrary = load_recording(file, {"alpha": Channel("alpha", unit="rad")}, time="t [ms]")
-    assert "alpha is taken as rad, as was said; its header says deg." in contrary.report.reading
+    [found] = contrary.trim(0.01).report.findings
+    assert (found.code, found.number) == ("other-unit", pytest.approx(180 / math.pi))
+    assert "alpha: it is taken as rad, as was said, and its header says deg." in contrary.report.warnings[0]
     same = load_recording(file, {"alpha": Channel("alpha", unit="deg")}, time="t [ms]")
-    assert not any("header" in sentence for sentence in same.report.reading)
+    scaled = load_recording(file, {"alpha": Channel("alpha", unit="rad", scale=math.pi / 180)}, time="t [ms]")
+    assert not any("header" in sentence for sentence in same.report.notes + scaled.report.notes)
 
 
 @pytest.mark.parametrize(("first", "bits"), [(65000, 16), (2**32 - 500, 32), (2**31 - 500, -32), (32000, -16)])
@@ -120,6 +159,17 @@ def test_the_numbers_of_rows_are_no_signal_and_columns_of_one_name_are_found_as_
     assert [*read.signals] == ["alpha (2)", "alpha (3)"]
     both = load_recording(tmp_path / "frame.csv", {"alpha": "alpha (3)", "theta": "alpha (2)"})
     assert both.signals["alpha"].max() == 4.0
+
+
+@pytest.mark.parametrize(("unit", "ticks"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_dates_of_which_nobody_says_the_unit_are_read_in_that_in_which_they_are_of_this_century(tmp_path, unit, ticks):
+    rows = [f"{(1706745598 + k) * ticks},{k % 7}\n" for k in range(99)]
+    (tmp_path / "log.csv").write_text("time,alpha\n" + "".join(rows))
+    read = load_recording(tmp_path / "log.csv")
+    assert np.diff(read.time) == pytest.approx(1.0, rel=1e-5)
+    assert any(f"taken as {unit}, in which its first stamp" in note for note in read.report.reading) == (ticks > 1)
+    in_us = load_recording(tmp_path / "log.csv", time={"column": 0, "unit": "us"})
+    assert np.ptp(in_us.time) == pytest.approx(98e-6 * ticks)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
@@ -236,6 +286,13 @@ def test_parquet_is_read_when_pyarrow_is_there(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
     parquet.write_table(pyarrow.table({"t": TIME, "alpha": ALPHA, "who": ["me"] * len(TIME)}), tmp_path / "run.parquet")
     np.testing.assert_array_equal(load_recording(tmp_path / "run.parquet", {"alpha": "alpha"}).signals["alpha"], ALPHA)
+
+
+def test_a_duration_of_parquet_is_time(tmp_path):
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    spans = pyarrow.array(np.arange(99) * 20, pyarrow.duration("ms"))
+    parquet.write_table(pyarrow.table({"t": spans, "alpha": np.arange(99) % 7}), tmp_path / "run.parquet")
+    assert load_recording(tmp_path / "run.parquet").step == pytest.approx(0.02)
 
 
 def test_parquet_without_pyarrow_names_the_install_line(tmp_path, monkeypatch):
@@ -486,12 +543,22 @@ def test_what_init_refuses_is_not_called_usable(tmp_path):
     assert "no signal moves: is this the right file, and are its sensors connected?" in still.notes
 
 
-def test_blank_cells_of_a_command_or_many_in_a_row_stay_a_fault(tmp_path):
+def test_blank_cells_in_a_row_are_bridged_as_their_rows_are_where_they_are_left_out(tmp_path):
+    blank = np.arange(400) // 15 == 4
+    cells = load_recording(_csv(tmp_path, t=TIME, alpha=np.where(blank, np.nan, ALPHA)), {"alpha": 1})
+    rows = load_recording(_csv(tmp_path, t=TIME[~blank], alpha=ALPHA[~blank]), {"alpha": 1}, resample="needed")
+    assert cells.report.level == rows.report.level == "usable"
+    np.testing.assert_allclose(cells.signals["alpha"], rows.signals["alpha"], atol=1e-9)
+    inside = [[(a < TIME) & (b > TIME) for a, b in recording.bridged] for recording in (cells, rows)]
+    np.testing.assert_array_equal(*inside)
+
+
+def test_blank_cells_of_a_command_or_many_stay_a_fault(tmp_path):
     volts = np.where(np.arange(400) == 70, np.nan, np.sign(np.sin(TIME)))
-    file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 4 == 20, np.nan, ALPHA), u=volts)
+    file = _csv(tmp_path, t=TIME, alpha=np.where(np.arange(400) // 21 == 4, np.nan, ALPHA), u=volts)
     report = inspect_recording(file, {"alpha": 1, "u": {"column": 2, "unit": "V"}}).report
     assert [fault.split(" from ")[0].split(" at ")[0] for fault in report.faults] == [
-        "alpha misses 4 samples", "u misses 1 sample",
+        "alpha misses 21 samples", "u misses 1 sample",
     ]  # fmt: skip
 
 
@@ -755,7 +822,10 @@ def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):
     time = TIME.copy()
     time[200:] -= 1.0
     recording = inspect_recording(_csv(tmp_path, counter=np.arange(400.0), time=time, alpha=ALPHA))
-    assert len(recording.report.clock.backward) == 1
+    [(row, at, before)] = recording.report.clock.backward
+    assert (row, at, before) == (201, pytest.approx(1.0), pytest.approx(1.99))
+    assert "1 stamp goes back, the first in row 201: 1 s after 1.99 s." in recording.report.faults[0]
+    assert recording.report.faults[0].endswith("or split the file there.")
     assert set(recording.signals) == {"counter", "alpha"}
 
 

@@ -294,7 +294,7 @@ SAMPLES = [
         text(change=lambda lines: lines.insert(51, f"{lines[50].partition(',')[0]},{lines[20].partition(',')[2]}")),
         "time does not increase: 1 stamp repeats the one before, the first at 0.49 s.", 3),
     Row("time that goes back", "log.csv", text(change=lambda lines: lines.insert(51, lines[20])),
-        "time does not increase: 1 stamp goes back, the first at 0.19 s.", 3),
+        "1 stamp goes back, the first in row 51: 0.19 s after 0.49 s. … or split the file there.", 3),
     Row("time that runs backwards", "log.csv", text(columns=(T[::-1], THETA, ALPHA)),
         "time does not increase: 399 stamps go back", 3),
     Row("a clock whose name has its unit", "log.csv", text(head="t_ms,theta,alpha", columns=(1000 * T, THETA, ALPHA)),

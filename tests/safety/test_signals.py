@@ -114,7 +114,10 @@ def test_a_fit_ended_at_any_stage_says_so_in_a_sentence_and_goes_on(name, stage,
         [sys.executable, "ended.py", stage, name], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert ended.returncode == -getattr(signal, name)
-    assert f"error: {name} ended this. What was done is kept" in ended.stderr
+    resumed, run = "What was done is kept. To resume, type the same again, or fracid resume", tmp_path / "run"
+    begun = f". {resumed} {run}." if stage != "start of a process" else " before anything was written"
+    assert f"error: {name} ended this{begun}" in ended.stderr
+    assert run.exists() == (resumed in ended.stderr)
     assert "Traceback" not in ended.stderr
     assert "leaked" not in ended.stderr
     command = [sys.executable, "-m", "fracid", "fit", "rig.toml", "--out", "run"]  # the same, whatever is there by then

@@ -35,9 +35,8 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -57,7 +56,7 @@ from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
 from fracid.recording.dropout import dropouts, without_dropouts
 from fracid.recording.faults import clock_jumps, unit_of_time, wraps
-from fracid.recording.guess import NAMES, OTHER, Columns, guess_columns, guessed_units, jumps
+from fracid.recording.guess import Columns, guess_columns, guessed_units, is_angle, jumps
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
 from fracid.recording.report import LONG_GAP, swinging
@@ -154,8 +153,10 @@ class Source:
         """What stands in the file."""
         return read_table(self.file, self.variable)
 
-    def text(self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float]]], **values: Any) -> str:
-        """A project file from its template; recordings with the constants that each knows for itself."""
+    def text(
+        self, template: str, recordings: Sequence[tuple[Recording, Mapping[str, float], Columns]], **values: Any
+    ) -> str:
+        """A project file from its template; recordings with the constants that each knows for itself, and columns."""
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
         def path(recording: Recording) -> str:
@@ -174,10 +175,10 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
     return {s.name for s in recording.report.signals if s.range > 0} & {*model.inputs}
 
 
-def doubts(recording: Recording, model: Model) -> tuple[str, ...]:
-    """What may be wrong with a recording; an input may jump."""
+def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
+    """What may be wrong with a recording, with its name where it is one of several; an input may jump."""
     findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
-    return tuple(f"May be wrong: {f}" for f in findings)
+    return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 
 def let_go_again(recording: Recording, model: Model) -> tuple[float | None, tuple[str, ...]]:
@@ -309,7 +310,7 @@ def draft_project(
     def read() -> Recording:
         return source.fit(column_specs, **part)
 
-    _refuse_other_clock(read(), source)
+    refuse_other_clock(read(), source, ("alpha", "theta"))
     for complete in (_units, _wraps):
         notes += complete(read(), column_specs)
     part, why = _window(read())
@@ -323,19 +324,19 @@ def draft_project(
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
     page = _Page(recording, rig_name, part, starts=starts or {})
-    text = source.text("rotary-pendulum.j2", [(recording, {})], page=page, columns=column_specs, guessed=rig is None,
-                       rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
+    text = source.text("rotary-pendulum.j2", [(recording, {}, column_specs)], page=page, columns=column_specs,
+                       guessed=rig is None, rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
     return Draft(text, column_specs, notes)
 
 
-def _refuse_other_clock(recording: Recording, source: Source) -> None:
-    """A clock in another unit, with which the constants would be nobody's.
+def refuse_other_clock(recording: Recording, source: Source, angles: Collection[str]) -> None:
+    """Refuse a clock in another unit, with which the constants would be nobody's, as `angles` of a pendulum show it.
 
     Whoever says the unit of time, or the rate, is believed.
     """
     said = (source.time or {}).keys() & {"unit", "rate"}
     for f in recording.report.findings:
-        if f.code == "wrong-clock" and f.where in ("alpha", "theta") and not said:
+        if f.code == "wrong-clock" and f.where in angles and not said:
             column = time_column(source.table, source.time)
             typed = ["fracid", "init", str(source.file), "--time", f"{column},unit={unit_of_time(f.number)}"]
             sentence = str(f).partition(" Type ")[0]
@@ -444,9 +445,10 @@ def _breaks(recording: Recording) -> NDArray[np.bool_]:
         return np.zeros(dt.size, dtype=bool)
     swing = np.asarray(alpha[np.isfinite(alpha)])
     period = clock.step * swing_period(swing) if swing.size >= FEWEST else math.inf
-    long = np.minimum(BRIDGED * period, LONG_GAP * clock.duration)
+    long = max(min(BRIDGED * period, LONG_GAP * clock.duration), GAP * clock.step)
+    blank = np.any([(a < t[:-1]) & (t[:-1] < b) for a, b in recording.bridged if b - a > long], axis=0)
     jumps = np.isin(t[:-1], [at for at, _ in clock_jumps(t, alpha)])
-    return np.asarray((dt <= 0) | (dt > max(long, GAP * clock.step)) | jumps)
+    return np.asarray((dt <= 0) | (dt > long) | blank | jumps)
 
 
 # --- how it moves ------------------------------------------------------------------------------------
@@ -456,8 +458,7 @@ def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
     for name, x in zip(table.names, table.values.T, strict=True):
         finite = x[np.isfinite(x)]
-        match = re.search(NAMES["voltage"], name.lower()) and not re.search(OTHER, name.lower())
-        if match and 1 < finite.size < x.size and np.ptp(finite) > 0:
+        if is_angle(name, "voltage") and 1 < finite.size < x.size and np.ptp(finite) > 0:
             return name
     return None
 

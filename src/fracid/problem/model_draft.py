@@ -27,11 +27,12 @@ from fracid.models.base import ZEROS
 from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
-from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs
+from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs, refuse_other_clock
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
-from fracid.recording import Recording
+from fracid.recording import Recording, Table
+from fracid.recording.columns import unit_of_header
 from fracid.recording.guess import Columns, unit_of
 
 SAYS = Words("problem/model_draft.toml")
@@ -124,15 +125,18 @@ class _Page:
         zero: str | None,
     ) -> None:  # fmt: skip
         self.name, self.source, self.file, self.table = name, source, source.file, table_of(name)
-        files, self.stems = [source.file, *more], [file.stem for file in (source.file, *more)]
+        sources = [replace(source, file=file) for file in (source.file, *more)]
+        self.stems = [one.file.stem for one in sources]
         zeros = ZEROS[:2] if zero is None and "angle" in self.table["model"] else (zero,)
         either = [with_rates(model(name, **({"zero": z} if z else {})), columns or ()) for z in zeros]
         self.model: Model = either[0]
         self.notes: list[str] = []
-        self.beside = [self._beside(replace(source, file=file).table.beside) for file in files]
-        raws = [replace(source, file=file).read() for file in files]
-        self.raws = {c: next(r for r in raws if c in r.signals) for raw in raws for c in raw.signals}
+        tables, self.logs = [one.table for one in sources], [one.read() for one in sources]
+        self.beside = [self._beside(table.beside) for table in tables]
+        self.raws = {c: next(r for r in self.logs if c in r.signals) for raw in self.logs for c in raw.signals}
+        self.guessed: Columns = {}
         self.columns = self._columns(columns)
+        self.channels = [self._columns_in(table) for table in tables]
         self.outputs = [n for n in self.model.outputs if n in self.columns]
         special = self.table.get("with", {})
         self.special: Mapping[str, Any] = next((special[n] for n in special if n in self.columns), {})
@@ -142,7 +146,7 @@ class _Page:
         self.fixed: dict[str, float] = self.special.get("parameters", {}) | alike
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.taken: dict[str, float] = {}
-        self.recordings = [self._recording_of(file) for file in files]
+        self.recordings = [self._recording_of(*one) for one in zip(sources, self.channels, strict=True)]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
@@ -153,8 +157,14 @@ class _Page:
             self.notes.append(SAYS("poor", percent=100 * self.first.explained, name=self.name))
             self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in self.unsaid]
 
-    def _recording_of(self, file: Path) -> Recording:
-        recording = replace(self.source, file=file).fit(_channels(self.columns))
+    def _columns_in(self, table: Table) -> Columns:
+        """The columns in one file: a unit that was guessed is that of a header which says none."""
+        said = {n for n, c in self.columns.items() if "column" in c and unit_of_header(table, table.find(c["column"]))}
+        return {n: c | ({} if n in said else self.guessed.get(n, {})) for n, c in self.columns.items()}
+
+    def _recording_of(self, source: Source, columns: Columns) -> Recording:
+        file, recording = source.file, source.fit(_channels(columns))
+        refuse_other_clock(recording, source, (self.model.pendulum,))
         if len(recording.time) < FEWEST:
             raise InputError(f"{file.name} has {len(recording.time)} samples; expected {FEWEST} or more.")
         if not any(s.range > 0 for s in recording.report.signals if s.name in self.model.outputs):
@@ -210,21 +220,28 @@ class _Page:
             if name in self.model.outputs and (sensor := self._sensor(name, column)):
                 columns |= self._taken(name, *sensor)
             else:
-                columns[name], why = channel_of(self.model, name, self.raws[column], column)
+                columns[name], why = self._channel(name, column)
                 self.notes.append(f"{name} is taken from {column!r}, {why}.")
         if given is None:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=shown, first=next(iter(self.model.outputs))))  # fmt: skip
-        for name in self.source.read(_channels(columns)).assumed if given else ():
-            if (unit := _own_unit(self.model, name)) != "rad":
-                columns[name]["unit"] = unit
+        units = {n: _own_unit(self.model, n) for n in given or () if "unit" not in columns[n]}
+        self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
         unused = [c for c in self.raws if c not in taken]
         if given is None and unused:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
+
+    def _channel(self, name: str, column: str) -> tuple[dict[str, Any], str]:
+        """The column of a signal, and what its unit is taken from; one that is guessed is kept apart."""
+        found = [channel_of(self.model, name, raw, column) for raw in self.logs if column in raw.signals]
+        guesses = [one for one in found if len(one[0]) > 1]
+        (fields, why), some = (guesses or found)[0], len(guesses) % len(found) > 0
+        self.guessed[name] = {key: value for key, value in fields.items() if key != "column"}
+        return {"column": fields["column"]}, why + ", where no header says it" * some
 
     def _sensor(self, output: str, column: str) -> tuple[str, dict[str, Any]] | None:
         """What a column shows of an output, as its unit says: a rate, an acceleration, a potentiometer's volts."""
@@ -297,12 +314,15 @@ class _Page:
 
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
+        special = self.special.get("columns", {})
+        columns = [{n: c | special.get(n, {}) for n, c in channels.items()} for channels in self.channels]
         text = self.source.text(
-            "model.j2", [*zip(self.recordings, self.own, strict=True)], page=self, model=self.model,
+            "model.j2", [*zip(self.recordings, self.own, columns, strict=True)], page=self, model=self.model,
             special=self.special, outputs=self.outputs, units={_own_unit(self.model, n) for n in self.outputs},
-            columns={n: c | self.special.get("columns", {}).get(n, {}) for n, c in self.columns.items()},
         )  # fmt: skip
-        return Draft(text, self.columns, (*self.notes, *(n for r in self.recordings for n in doubts(r, self.model))))
+        named = len(self.recordings) > 1
+        found = (note for r in self.recordings for note in doubts(r, self.model, r.name if named else ""))
+        return Draft(text, self.channels[0], (*self.notes, *found))
 
     def range(self, p: Parameter, start: float) -> tuple[float, float, float]:
         """Start and bounds: a factor about what is positive; from 0 on what may be 0; else to both sides."""

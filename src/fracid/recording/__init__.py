@@ -14,9 +14,9 @@ see what is wrong with one   :func:`inspect_recording`; never raises for unfitne
 record a simulation          :meth:`Recording.of`
 ===========================  =====================================================================
 
-Little is repaired unasked.  Up to three missing samples in a row, 5 % of all, are interpolated and
-not scored, and rows that repeat the one before are left out.  More missing samples in a used signal,
-time that does not increase and a gap above 5 % of the duration make a recording *unfit*.  Jitter above
+Little is repaired unasked.  Up to 5 % of the samples, if they are missing, are interpolated and not
+scored, and rows that repeat the one before are left out.  More missing samples in a used signal, time
+that does not increase and a gap above 5 % of the duration make a recording *unfit*.  Jitter above
 1 % of a step and shorter gaps leave it *usable*: ``resample`` brings it onto a uniform grid, and the
 report then says how, and names each gap it bridged.  All that was guessed on reading is in
 ``report.reading``.

@@ -7,10 +7,10 @@ In this order, the first that applies:
 2. a rate in the header of a file with one column (``sample_rate`` over ``1000``);
 3. of the columns whose name means time, or else of all, the one that increases most evenly.
 
-The unit is the caller's, the header's, or s.  Rows without a time stamp are left out, a first stamp beyond twelve
-days is a date, from which time is then counted, and a counter of 32 bits that begins again is continued.  Every guess
-is a sentence for the report.  What is no clock at all is refused here; jitter, gaps and repeated stamps are measured
-(:mod:`fracid.recording.measures`) and reported.
+The unit is the caller's, the header's, that in which the first stamp is a date of this century, or s.  Rows without a
+time stamp are left out, a first stamp beyond twelve days is a date, from which time is then counted, and a counter of
+32 bits that begins again is continued.  Every guess is a sentence for the report.  What is no clock at all is refused
+here; jitter, gaps and repeated stamps are measured (:mod:`fracid.recording.measures`) and reported.
 """
 
 from __future__ import annotations
@@ -52,6 +52,9 @@ CLOCK_STAMP = 1e6
 SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 """Of a clock [s]."""
 
+DATES = 9.5e8, 4.1e9
+"""Between which a count of seconds is a date of this century."""
+
 WRAPS = {2.0**16: "2¹⁶", 2.0**32: "2³²"}
 """After how many ticks the counters of microcontrollers begin again: micros() of 32 bits after 71 minutes."""
 
@@ -87,10 +90,10 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     guessed = not spec
     column = _guess_time(table) if guessed else table.find(spec["column"])
     header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column]) or _name_unit(table.names[column])
-    unit = spec.get("unit") or (header if header in SECONDS else "s")
+    ticks, (wraps, wrap) = _unrolled(measurable(table.values[:, column])[0])
+    unit = spec.get("unit") or (header if header in SECONDS else _unit_of_date(ticks))
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
-    ticks, (wraps, wrap) = _unrolled(measurable(table.values[:, column])[0])
     stamps = ticks * SECONDS[unit]
     rows = np.isfinite(stamps)
     stamps = stamps[rows]
@@ -99,8 +102,9 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     name, unsaid = short_text(table.names[column]), header and "unit" not in spec
     times = "once" if wraps == 1 else f"{wraps} times"
     said = (
+        (unit not in (spec.get("unit"), header, "s"), Note(SAYS("date", first=ticks[rows][0], unit=unit), "clock")),
         (guessed, Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock")),
-        (unsaid and header not in SECONDS, SAYS("no-unit-of-time", header=short_text(header))),
+        (unsaid and unit == "s" and header not in SECONDS, SAYS("no-unit-of-time", header=short_text(header))),
         (unsaid and not table.units[column], Note(f"Time is in {header}, as its name {name!r} says.", "clock")),
         (wraps, f"{name!r} begins again at {wrap} {times}: the clock is continued."),
         (not rows.all(), f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out."),
@@ -121,6 +125,12 @@ def time_column(table: Table, time: Mapping[str, Any] | int | str | None) -> str
     if "rate" in spec or (not spec and len(table.names) == 1):
         return None
     return table.names[table.find(spec["column"]) if spec else _guess_time(table)].removeprefix("column ")
+
+
+def _unit_of_date(ticks: FloatArray) -> str:
+    """The unit in which the first stamp is a date of this century, counted from 1970; s for none."""
+    first = next(iter(ticks[np.isfinite(ticks)]), 0.0)
+    return next((unit for unit in ("ms", "us", "ns") if DATES[0] < first * SECONDS[unit] < DATES[1]), "s")
 
 
 def _name_unit(name: str) -> str:

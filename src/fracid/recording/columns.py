@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Note, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, header_unit, unit_in_name
+from fracid.findings import Finding, Note, Words
+from fracid.recording.channel import COUNTING, UNITS, Channel, Specs, header_unit, unit_in_name
 from fracid.recording.clock import CLOCK_STAMP, short_text, unevenness
 from fracid.recording.readers.arrays import SINGLE
 from fracid.recording.readers.content import TEXT
@@ -96,8 +96,15 @@ NO_ANGLE = re.compile(r"[/^²³%]|^[kMmµn]?(W|J|K|Pa|bar|Hz|F|H|C|g|L|l|Ohm|Ω)
 """Of a header that names no unit of a channel: a quotient, a power, a share, or a unit of something else."""
 
 
-def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: bool) -> tuple[Channel, str | None]:
-    """Return the channel with a unit (its own, the header's, or rad) and a sentence if it is not its own."""
+def unit_of_header(table: Table, column: int) -> str | None:
+    """The unit that a header says of a column; None if it says none that a channel has."""
+    return header_unit(table.units[column] or unit_in_name(table.names[column]))
+
+
+def channel_with_unit(
+    table: Table, name: str, channel: Channel, *, guessed: bool
+) -> tuple[Channel, str | Finding | None]:
+    """Return the channel with a unit (its own, the header's, or rad), and what is to be said of that."""
     column, counts = table.find(channel.column), channel.counts_per_turn
     header = table.units[column] or unit_in_name(table.names[column])
     counting, unit = header.lower() in COUNTING, header_unit(header)
@@ -106,8 +113,10 @@ def channel_with_unit(table: Table, name: str, channel: Channel, *, guessed: boo
             raise InputError(SAYS("counts-without-unit", name=name, counts=counts, unit=channel.unit or "not given"))
         unit = "counts"
     elif channel.unit is not None:
-        contrary = unit is not None and unit != channel.unit
-        return channel, f"{name} is taken as {channel.unit}, as was said; its header says {unit}." if contrary else None
+        if unit is None or unit == channel.unit or channel.scale != 1.0:  # a factor converts one into the other
+            return channel, None
+        ratio = UNITS[channel.unit][0] / UNITS[unit][0]
+        return channel, SAYS.finding("other-unit", name, max(ratio, 1 / ratio), 1.0, taken=channel.unit, header=unit)
     if unit:
         return replace(channel, unit=unit), Note(f"{name} is in {unit}, as the header says.", "unit-of-header", name)
     unit = "rad/s" if "velocity" in table.names[column].lower() else "rad"

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable, unit_in_name
+from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable
 from fracid.recording.clock import read_clock
-from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared
+from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
 from fracid.recording.guess import guessed_units, is_angle
 from fracid.recording.readers.table import Table, read_table
@@ -171,15 +171,17 @@ def inspect_recording(
     digest, reading = _digest(path), (*table.notes, *source.sentences, *repeats, *more)
 
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
-        signals, assumed, sentences = _signals(table, rows, channels, columns is None, guesses=guesses)
+        signals, assumed, said = _signals(table, rows, channels, columns is None, guesses=guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
-        report = measure(clock, values, units, (*reading, *sentences), uneven=uneven)
+        sentences = (*reading, *(one for one in said if isinstance(one, str)))
+        report = measure(clock, values, units, sentences, uneven=uneven)
         values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
+        findings = (*source.findings, *dead, *(one for one in said if isinstance(one, Finding)), *report.findings)
         made = Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
             units=units | {n: unit for n, (_, unit) in fixed.items()},
-            report=replace(report, findings=(*source.findings, *dead, *report.findings)),
-            held=frozenset(n for n, c in channels.items() if c.fill == "hold"), assumed=assumed | unsaid,
+            report=replace(report, findings=findings), assumed=assumed | unsaid,
+            held=frozenset(n for n, c in channels.items() if c.fill == "hold"),
         )  # fmt: skip
         return made.between_edges()
 
@@ -211,9 +213,9 @@ def _without_repeats(
 
 def _signals(
     table: Table, rows: NDArray[np.bool_], channels: Mapping[str, Channel], chosen: bool, guesses: Mapping[str, str]
-) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str]]:
-    """Signal → samples and unit; the signals whose unit nobody says; and what was done, in sentences."""
-    signals, assumed, sentences = {}, set(), []
+) -> tuple[dict[str, tuple[FloatArray, str]], frozenset[str], list[str | Finding]]:
+    """Signal → samples and unit; the signals whose unit nobody says; and what was done, and found."""
+    signals, assumed, sentences = dict[str, tuple[FloatArray, str]](), set[str](), list[str | Finding]()
     for signal, given in channels.items():
         column = table.find(given.column)
         channel, unit_said = channel_with_unit(table, signal, given, guessed=chosen)
@@ -223,8 +225,7 @@ def _signals(
             raw, filled = hold_blanks(raw, signal, channel)
             sentences.append(filled)
         signals[signal] = (channel.convert(raw[rows].copy(), signal), channel.signal_unit)
-        said_unit = header_unit(table.units[column] or unit_in_name(table.names[column]))
-        if not (given.unit or said_unit) and channel.unit != "counts":
+        if not (given.unit or unit_of_header(table, column)) and channel.unit != "counts":
             assumed.add(signal)
         sentences += [said] if (said := guesses.get(signal, unit_said)) else []
     return signals, frozenset(assumed), sentences

@@ -58,8 +58,8 @@ class Clock:
     """(time of the last sample before it, its length), both [s]."""
     duplicated: tuple[float, ...]
     """Stamps that repeat the one before [s]."""
-    backward: tuple[float, ...]
-    """Stamps that lie before the one before [s]."""
+    backward: tuple[tuple[int, float, float], ...]
+    """(row, counted from 1, its stamp, the one before) of stamps that lie before the one before [s]."""
 
     @property
     def rate(self) -> float:
@@ -133,7 +133,7 @@ def measure_clock(time: FloatArray) -> Clock:
         worst_jitter=float(np.max(np.abs(even / step - 1))) if even.size else math.nan,
         gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
         duplicated=tuple(map(float, time[1:][dt == 0])),
-        backward=tuple(map(float, time[1:][dt < 0])),
+        backward=tuple((k + 2, float(time[k + 1]), float(time[k])) for k in np.flatnonzero(dt < 0).tolist()),
     )
 
 

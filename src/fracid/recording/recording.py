@@ -262,7 +262,7 @@ class Recording(CardDisplay):
             time, signals, self.units, (*old.reading, *notes), resampled=resampled, bridged=self.bridged,
             uneven=self.uneven and resampled is None,
         )  # fmt: skip
-        of_the_file = tuple(f for f in old.findings if f.where == "time")
+        of_the_file = tuple(f for f in old.findings if f.where == "time" or f.code == "other-unit")
         report = replace(report, findings=(*of_the_file, *report.findings))
         slack = 1e-6 * np.ptp(time) / max(1, len(time) - 1)
         if report.release is None and old.release is not None and time[0] - slack <= old.release <= time[-1]:

@@ -52,8 +52,8 @@ LONG_GAP = 0.05
 LISTED = 1000
 """Times of each kind that are written out."""
 
-IN_A_ROW, BLANK = 3, 0.05
-"""Missing samples in a row, and of all samples, that are bridged."""
+BLANK = 0.05
+"""Missing samples, of all, that are bridged: together they are no longer than a gap that is."""
 
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
@@ -202,19 +202,16 @@ class Report:
         'good'
         """
         derived = {"level": self.level, "verdict": self.verdict, "notes": list(self.notes)}
-        c = self.clock
-        counts = {f"{name}_count": len(getattr(c, name)) for name in ("gaps", "duplicated", "backward")}
+        c, listed = self.clock, ("gaps", "duplicated", "backward")
+        clock = {"rate": c.rate, "uniform": c.uniform} | {f"{name}_count": len(getattr(c, name)) for name in listed}
         short = replace(
-            self,
-            clock=replace(c, gaps=c.gaps[:LISTED], duplicated=c.duplicated[:LISTED], backward=c.backward[:LISTED]),
+            self, clock=replace(c, **{name: getattr(c, name)[:LISTED] for name in listed}),
             signals=tuple(replace(s, missing=s.missing[:LISTED]) for s in self.signals),
-        )
-        clock = asdict(short.clock) | {"rate": c.rate, "uniform": c.uniform} | counts
-        signals = {
-            s.name: asdict(s) | {"range": s.range, "missing_count": len(whole.missing)}
-            for s, whole in zip(short.signals, self.signals, strict=True)
-        }
-        content: dict[str, Any] = plain(derived | asdict(short) | {"clock": clock, "signals": signals})
+        )  # fmt: skip
+        signals = {s.name: {"range": s.range, "missing_count": len(s.missing)} for s in self.signals}
+        own = asdict(short)
+        own |= {"clock": own["clock"] | clock, "signals": {s["name"]: s | signals[s["name"]] for s in own["signals"]}}
+        content: dict[str, Any] = plain(derived | own)
         return content
 
 
@@ -312,19 +309,21 @@ def swinging(signals: Mapping[str, FloatArray], units: Mapping[str, str]) -> Flo
 # ----------------------------------------------------------------------- the sentences
 
 
-def _disorder(repeat: int, back: int) -> str:
-    """``1 stamp repeats the one before it, 3 stamps go back``."""
-    said = [f"{repeat:,} stamp{' repeats the one' if repeat == 1 else 's repeat those'} before"] if repeat else []
-    return ", ".join(said + ([f"{back:,} stamp{' goes' if back == 1 else 's go'} back"] if back else []))
+def _disorder(c: Clock) -> Iterable[str]:
+    if repeat := len(c.duplicated):
+        those = "s repeat those" if repeat > 1 else " repeats the one"
+        yield f"{repeat:,} stamp{those} before, the first at {min(c.duplicated):.6g} s"
+    if back := len(c.backward):
+        row, at, before = c.backward[0]
+        first = f"the first in row {row}: {at:.6g} s after {before:.6g} s"
+        yield f"{back:,} stamp{'s go' if back > 1 else ' goes'} back, {first}"
 
 
 def _clock_faults(c: Clock, uneven: bool) -> Iterable[str]:
     if c.samples < 2:
         yield f"{c.samples} sample{'s' * (c.samples != 1)}; a recording needs at least two."
-    disorder = len(c.duplicated) + len(c.backward)
-    if disorder:
-        first = min((c.duplicated + c.backward), key=float)
-        yield SAYS("disorder", disorder=_disorder(len(c.duplicated), len(c.backward)), first=first)
+    if disorder := "; ".join(_disorder(c)):
+        yield SAYS("disorder", disorder=disorder, part="split the file there" if c.backward else "cut the part out")
     longest = max((g for _, g in c.gaps), default=0.0)
     if not disorder and not uneven and longest > LONG_GAP * c.duration:
         at = next(t for t, g in c.gaps if g == longest)
@@ -371,10 +370,9 @@ def longest_row(s: SignalReport, clock: Clock) -> int:
 
 
 def bridgeable(s: SignalReport, clock: Clock) -> bool:
-    """Whether the samples that a signal misses are few and scattered, so that a fit does without them."""
+    """Whether the samples that a signal misses are few, so that a fit does without them."""
     ordered = not (clock.duplicated or clock.backward) and clock.step > 0
-    few = len(s.missing) <= BLANK * clock.samples
-    return ordered and few and s.unit not in COMMANDS and longest_row(s, clock) <= IN_A_ROW
+    return ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
 
 
 def _signal_note(s: SignalReport) -> str | None:

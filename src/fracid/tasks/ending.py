@@ -16,6 +16,7 @@ import codecs
 import io
 import json
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -25,6 +26,8 @@ from types import FrameType
 from typing import Any
 
 from fracid.safety.door import nowhere
+from fracid.tasks import SAYS
+from fracid.tasks.folder_lock import held_folders
 
 NAMES = ("SIGTERM", "SIGHUP")
 """Of the signals, as far as the system has them."""
@@ -142,11 +145,10 @@ def _heard(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  (Pyth
 
 def _end(number: int) -> None:
     """Say so, and die of the signal, so that whoever sent it sees that."""
+    folder = next(iter(held_folders()), None)
+    what = "ended-without-a-folder" if folder is None else "ended"
+    said = SAYS(what, signal=signal.Signals(number).name, folder=shlex.quote(str(folder)))
     with suppress(OSError, ValueError):  # the terminal may be gone
-        os.write(
-            sys.stderr.fileno(),
-            f"\nerror: {signal.Signals(number).name} ended this. What was done is kept. To resume, type the same "
-            "again, or fracid resume FOLDER.\n".encode(),
-        )
+        os.write(sys.stderr.fileno(), f"\nerror: {said}\n".encode())
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)

@@ -68,6 +68,20 @@ class FolderLock(AbstractContextManager["FolderLock"]):
             self._file.close()
 
 
+def held_folders() -> list[Path]:
+    """The folders that this process is at work in, the first taken first.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp()).resolve()
+    >>> with FolderLock(folder):
+    ...     folder in held_folders()
+    True
+    """
+    return [path.parent for path in _HELD]
+
+
 def refuse_links(folder: Path) -> None:
     """Refuse a run folder with links in it: what is written there must not end elsewhere, over a file of the caller's.
 

@@ -156,6 +156,17 @@ def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
     return name or f"column {position}", (inside[1] or inside[2] or "" if inside else unit).strip()
 
 
+def is_unit(word: str) -> bool:
+    """Whether a word is a unit, or stands in brackets as one.
+
+    Examples
+    --------
+    >>> is_unit("ms"), is_unit("(°)"), is_unit("theta [deg]")
+    (True, True, False)
+    """
+    return bool({word, word.lower()} & {*WORDS}) or (word[:1] in ("[", "(") and word[-1] in "])")
+
+
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
     """Return why there is no recording."""
     start = f"{path.name} holds no arrays of numbers."

@@ -11,7 +11,7 @@ from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_b
 
 
 def read_parquet(path: Path) -> Content:
-    """Read the columns of numbers and dates.
+    """Read the columns of numbers, dates and spans of time.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def _columns(file: Any, path: Path) -> Content:
 
     schema, size = file.schema_arrow, path.stat().st_size
     count = Counter(schema.names)
-    numbers = types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp
+    numbers = types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp, types.is_duration
     names = [f.name for f in schema if any(is_one(f.type) for is_one in numbers) and count[f.name] == 1]
     refuse_bomb(path, file.metadata.num_rows * len(names), size)
     # the sum of the groups' own: asking for a column's ends the process where its statistics are damaged (Arrow 26)

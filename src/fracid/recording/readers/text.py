@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import TextIOWrapper
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError
 from fracid.findings import Words
-from fracid.recording.readers.arrays import Table, name_and_unit
+from fracid.recording.readers.arrays import Table, is_unit, name_and_unit
 from fracid.recording.readers.content import seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
@@ -57,6 +57,12 @@ thousand of them takes no longer than to read it."""
 
 THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w)")
 """A number with a separator between its thousands."""
+
+SEPARATOR = re.compile('"?sep=.?"?', re.I)
+"""A line for Excel above a table."""
+
+GROUPED = 20
+"""Numbers of a column that may be thousands: fewer with three digits behind the point are decimals."""
 
 MOST_COLUMNS = 10_000
 """Cells in a line beyond which a file is no table of samples."""
@@ -243,11 +249,13 @@ def _parse(lines: _Lines) -> Table:
     first = next((i for i, line in lines.rows() if _is_row(dialect, width, line)), None)
     if first is None:
         raise DataError(_no_row(lines))
-    header = [line.strip() for line in islice(lines.read(), first - 1) if line.strip()]
+    above = map(str.strip, islice(lines.read(), first - 1))
+    header = [line for line in above if line and not SEPARATOR.fullmatch(line)]
     _refuse_comma_twice(dialect, width, header, lines.name)
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     values = _numbers(dialect, width, lines, first, names=names)
+    _refuse_thousands(dialect, width, lines, values, names=names)
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
         values = values[:, :-1]
         names, units = (names[:-1], units[:-1]) if any(names) else _names(dialect, width - 1, header, lines.name)
@@ -328,24 +336,23 @@ def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: st
 
 
 def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units: the first header line of `width` words, rather no comment, and the one under it."""
+    """Return names and units: the last header line of `width` words that are no units, and the one under it."""
     split = [dialect.split(line.lstrip("#%/ ") if line.startswith(COMMENT) else line) for line in header]
+    split = [cells[:width] if not any(cells[width:]) else cells for cells in split]
     for line, cells in zip(header, split, strict=True):
         texts = _text_cells(dialect, cells)
         plain = any(map(NUMBER[dialect.decimal].fullmatch, cells))
         if 0 < len(texts) < width == len(cells) and plain and line[0] not in "#%/":
             raise DataError(SAYS("not-a-number", file=file, text=ascii_short(cells[texts[0]]), column=texts[0],
                                  row=ascii_short(line)))  # fmt: skip
-    blank = ("",) * width
-    titles = [k for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)]
+    titles = {k: cells for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)}
     # a comment is a header only where nothing better is: prose has commas too
-    titles = [k for k in titles if not header[k].startswith(COMMENT)] or titles
+    titles = {k: cells for k, cells in titles.items() if not header[k].startswith(COMMENT)} or titles
     if width == 1:  # a list of names is not that of one column
-        titles = [k for k in titles if not re.search(r"[,;|\t]", split[k][0])]
-    if not titles:
-        return blank, blank
-    below = any(b == a + 1 for a, b in pairwise(titles[:2]))
-    return tuple(split[titles[0]]), tuple(split[titles[1]]) if below else blank
+        titles = {k: cells for k, cells in titles.items() if not re.search(r"[,;|\t]", cells[0])}
+    blank, whole = ("",) * width, {k: cells for k, cells in titles.items() if all(cells)} or titles
+    named = [k for k, cells in whole.items() if not any(map(is_unit, cells))] or [*whole][:1]
+    return (tuple(titles[named[-1]]), tuple(titles.get(named[-1] + 1, blank))) if named else (blank, blank)
 
 
 def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...], lines: _Lines) -> Iterator[str]:
@@ -364,6 +371,24 @@ def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: s
     last: list[str] = next((cells for cells in rows if not all(map(dialect.is_number, cells))), [])
     if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
         raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
+
+
+def _refuse_thousands(
+    dialect: Dialect, width: int, lines: _Lines, values: NDArray[np.float64], names: tuple[str, ...]
+) -> None:
+    """``12.345`` beside ``987``: three digits behind each sign, none of it below 1, nothing above 999 without one."""
+    values = np.clip(np.nan_to_num(values), -1e9, 1e9)
+    decimals, thousandths = values != np.round(values), values == np.round(values, 3)
+    maybe = decimals.any(axis=0) & np.all(~decimals | (thousandths & (np.abs(values) > 1)), axis=0)
+    for j in np.flatnonzero(maybe).tolist():
+        column = (cells[j] for cells in map(dialect.split, lines.sample) if len(cells) == width)
+        numbers = {cell.lstrip("+-") for cell in column if dialect.is_number(cell)}
+        grouped = {cell for cell in numbers if dialect.decimal in cell}
+        longest = max(map(len, numbers - grouped), default=4)
+        if len(grouped) >= GROUPED and all(map(THOUSANDS.fullmatch, grouped)) and longest < 4:
+            plain = min(grouped).replace(dialect.decimal, "")
+            raise DataError(SAYS("two-meanings", file=lines.name, column=_column(j, names), number=min(grouped),
+                                 plain=plain))  # fmt: skip
 
 
 # --- the numbers ----------------------------------------------------------------------------------------
@@ -396,7 +421,10 @@ def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...]
         raise DataError(SAYS("cells", file=file, i=i, count=len(cells), s='s' * (len(cells) != 1), width=width,
                              text=ascii_short(line.strip())))  # fmt: skip
     for j in _text_cells(dialect, cells):
-        column = f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
-        raise DataError(SAYS("text-in-row", file=file, i=i, column=column, text=ascii_short(cells[j]),
+        raise DataError(SAYS("text-in-row", file=file, i=i, column=_column(j, names), text=ascii_short(cells[j]),
                              cure=_thousands(cells[j]) or SAYS("correct")))  # fmt: skip
     return [dialect.number(cell) for cell in cells]
+
+
+def _column(j: int, names: tuple[str, ...]) -> str:
+    return f"column {j} ({ascii_short(names[j])[1:-1]})" if names[j] else f"column {j}"
