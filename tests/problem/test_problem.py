@@ -390,6 +390,10 @@ def test_a_past_of_a_state_without_a_rate_is_as_recorded_and_explains_the_record
 def test_a_rate_that_is_recorded_is_not_derived_again():
     p = from_mid_relaxation(x=Equation("v", 0.9), v=Equation("-4*x - v", 0.6))
     assert p.cost(p.start) < 2e-5
+    e = p.experiments[0]
+    turned = replace(e, measured=e.measured[:, ::-1], past=None)
+    alone = replace(p, experiments=(turned,), outputs=("v", "x"), initial_state="measured")
+    assert alone.unpack(alone.start, turned).initial.tolist() == e.measured[0].tolist()
 
 
 def test_a_past_has_its_inputs():

@@ -53,7 +53,7 @@ def test_a_forgotten_past_falsifies_an_order_and_both_ways_to_know_it_find_the_t
             assert by[name].shift[order] == by[name].orders[order] - fit.orders[order]
         assert by[name].cost < 0.1 * fit.cost
     warning = found.warnings[-1]
-    assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls, of ")
+    assert warning.startswith("The motion before the start explains part of the residual: with it the rms falls to ")
     assert f"(λ {fit.orders['lambda']:.4g} → {by['with the past'].orders['lambda']:.4g}, μ " in warning
     assert warning.endswith('type from = "release" and initial_state = "rest".')
 
@@ -183,7 +183,7 @@ LATER = Treatment({"mu": 1.08}, 0.1, {"alpha": 0.1}, {"mu": 0.08}, False)
     (made(None, 0.05), "No order moves by more than its interval"),
     (made(1e-9, 5e-5), "No order moves by more than its interval"),  # too little to matter
     (made(0.006, 0.05, level=0.2), "Nothing else that is taken for the motion before the start fits as well"),
-    (made(0.1, 0.05, level=0.05), "with it the rms falls, of α by 50% (μ 1 → 1.05). Give the "
+    (made(0.1, 0.05, level=0.05), "with it the rms falls to 50 % (α) of what it was (μ 1 → 1.05). Give the "
                                   'fit its past: type history = "measured".'),
 ])  # fmt: skip
 def test_the_verdict_is_a_sentence_to_act_on(found, words):

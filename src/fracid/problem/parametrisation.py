@@ -168,8 +168,10 @@ class Parametrisation:
     @cached_property
     def pasts(self) -> dict[str, Past]:
         """Of the recordings that start in motion and have one, by name."""
-        begun = [e for e in self.experiments if e.past is not None]
-        return {e.name: Past(e, self.model, self.outputs, self.rates, self.substeps) for e in begun}
+        return {
+            e.name: Past(e, self.model, [self.model.output_states[n] for n in self.outputs], self.rates, self.substeps)
+            for e in self.experiments if e.past is not None
+        }  # fmt: skip
 
     def unpack(self, x: FloatArray, e: Experiment) -> RunValues:
         """Orders per state, parameters, initial state and release of one recording."""

@@ -56,10 +56,10 @@ class Past:
 
     experiment: Experiment
     model: Model
-    outputs: tuple[str, ...]
-    """The scored ones, in the order of the columns of the past."""
+    measured: list[int]
+    """The states of the scored outputs, in the order of the columns of the past."""
     rates: Mapping[int, int]
-    """For each of their states i the state j with D^q x_i = x_j, where that is none of them."""
+    """For each of them, i, the state j with D^q x_i = x_j, where that is none of them."""
     substeps: int
     """Steps per sample."""
 
@@ -72,7 +72,7 @@ class Past:
         """The states from the release to the start, `substeps` a sample, shape (n, n_states)."""
         signals, rise = self._columns
         past, unit = np.zeros((len(signals[0]), len(orders))), time_scale(self.model, parameters)
-        for k, i in enumerate(self._measured):
+        for k, i in enumerate(self.measured):
             past[:, i] = signals[k]
             if i in self.rates:
                 past[:, self.rates[i]] = unit ** (orders[i] - 1) * rise(k, float(orders[i]))
@@ -81,14 +81,9 @@ class Past:
         return past
 
     @cached_property
-    def _measured(self) -> list[int]:
-        """The state of each output."""
-        return [self.model.output_states[name] for name in self.outputs]
-
-    @cached_property
     def _columns(self) -> tuple[list[FloatArray], Callable[[int, float], FloatArray]]:
         """The outputs, and D^q of one of them, on the grid of a run."""
-        outputs, release = smooth_past(self.experiment, [k for k, i in enumerate(self._measured) if i in self.rates])
+        outputs, release = smooth_past(self.experiment, [k for k, i in enumerate(self.measured) if i in self.rates])
         place = np.arange((len(outputs) - 1 - release) * self.substeps + 1) / self.substeps
 
         def on_the_grid(values: FloatArray) -> FloatArray:

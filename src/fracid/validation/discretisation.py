@@ -128,10 +128,8 @@ def discretisation_check(
     second = replace(half, method="pi2")
     after = second.evaluate(x)
     costs = (problem.cost(x), half.cost(x), after.cost)
-    if after.reason:
-        return Discretisation(*costs, {}, {}, warning=SAYS("fails", reason=after.reason))
-    if problem.cost_function.loss is None:  # least squares cannot refine it
-        return Discretisation(*costs, {}, {})
+    if after.reason or problem.cost_function.loss is None:  # least squares cannot refine it
+        return Discretisation(*costs, {}, {}, warning=SAYS("fails", reason=after.reason) if after.reason else "")
     if problem.in_windows:  # at a window's end what a start is off by has grown
         best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
         return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point, substeps=problem.substeps)

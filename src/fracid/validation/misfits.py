@@ -42,10 +42,9 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int, coloured: Colle
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             cause = SAYS("coloured" if f"{r.name}, {GREEK.get(output, output)}" in coloured else "lacks")
-            if left.known:
-                if not left.explained:
-                    yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
-            elif MISFIT < left.times < math.inf and not left.white:
+            if left.known and not left.explained:
+                yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
+            elif not left.known and MISFIT < left.times < math.inf and not left.white:
                 yield SAYS.finding("misfit", f"{r.name}: {output}", left.times, MISFIT, cause=cause,
                                    rms=with_unit(left.rms, r.unit(output), '.2g'), times=plain(left.times),
                                    of=words_of(r.unit(output)))  # fmt: skip
@@ -67,9 +66,8 @@ def missed(validated: Mapping[str, RecordingFit], fitted: Mapping[str, float]) -
             if percent < POOR:
                 yield SAYS.finding("missed", f"{r.name}: {output}", percent, POOR)
             elif times > WORSE and not left.explained:
-                yield SAYS.finding("missed-by", f"{r.name}: {output}", times, WORSE,
-                                   rms=with_unit(r.rmse[output], r.unit(output), '.2g'),
-                                   times=plain(times))  # fmt: skip
+                yield SAYS.finding("missed-by", f"{r.name}: {output}", times, WORSE, times=plain(times),
+                                   rms=with_unit(r.rmse[output], r.unit(output), '.2g'))  # fmt: skip
 
 
 def cost_of(finding: Finding) -> float:

@@ -154,11 +154,9 @@ def misread(
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
     if matter:
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
-        says, fix = _size(problem, best), _fix(problem, best)
-        if _moves(best):
-            yield SAYS.finding("moves", best.signal, best.half_intervals, MOVES, says=says, best=best, fix=fix)
-        else:
-            yield SAYS.finding("explains", best.signal, 100 * best.share, 100 * MOST, says=says, fix=fix, best=best)
+        explains = ("explains", best.signal, 100 * best.share, 100 * MOST)
+        why = ("moves", best.signal, best.half_intervals, MOVES) if _moves(best) else explains
+        yield SAYS.finding(*why, says=_size(problem, best), best=best, fix=_fix(problem, best))
 
 
 def _moves(m: Misreading) -> bool:
@@ -269,13 +267,11 @@ def _late_inputs(
     if not any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments):
         return []
     late = replace(problem, experiments=tuple(_later(e, 1) for e in problem.experiments))
-    columns = []
-    for e, y in zip(late.experiments, fitted, strict=True):
-        later = late.fitted(x, e)
-        if isinstance(later, Failure) or isinstance(y, Failure):
-            return []
-        columns.append((y - later) / e.step)
-    return [(("late", problem.model.inputs[0]), columns)]
+    later = [late.fitted(x, e) for e in late.experiments]
+    if any(isinstance(y, Failure) for y in later):
+        return []
+    each = zip(late.experiments, fitted, later, strict=True)
+    return [(("late", problem.model.inputs[0]), [(np.asarray(y) - np.asarray(z)) / e.step for e, y, z in each])]
 
 
 def _later(e: Experiment, samples: int) -> Experiment:

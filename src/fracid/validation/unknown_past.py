@@ -143,8 +143,7 @@ class CutCheck(CardDisplay, Record):
         return math.exp(sum(logs) / len(logs))
 
     def _farthest(self, order: str) -> tuple[str, Treatment]:
-        rivals = {name: self.treatments[name] for name in self.rivals}
-        return max(rivals.items(), key=lambda rival: abs(rival[1].shift[order]))
+        return max(((n, self.treatments[n]) for n in self.rivals), key=lambda rival: abs(rival[1].shift[order]))
 
     def _moves(self, name: str) -> str:
         half = self.half_width[name]
@@ -164,11 +163,11 @@ class CutCheck(CardDisplay, Record):
         t, fit = self.treatments.get("with the past"), self.as_fitted
         if t is None or self._ratio(t) > BETTER:
             return ""
-        falls = ", ".join(f"{GREEK.get(n, n)} by {1 - t.levels[n] / v:.0%}" for n, v in fit.levels.items())
+        parts = (f"{100 * t.levels[n] / (v or 1.0):.0f} % ({GREEK.get(n, n)})" for n, v in fit.levels.items())
         orders = ", ".join(f"{GREEK.get(n, n)} {fit.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
         plateau = "from the plateau" in self.treatments
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
-        return SAYS("better", falls=falls, orders=orders, what=what)
+        return SAYS("better", parts=", ".join(parts), orders=orders, what=what)
 
     def plot(self, *, style: str | Style = "screen") -> Figure:
         """Each order as fitted, and with something else taken for the past; see :func:`fracid.plots.cut_shifts`.
@@ -393,10 +392,8 @@ def _turning_point(e: Experiment) -> int | None:
 
 def _whole(e: Experiment, record: Experiment | None) -> Experiment:
     """A recording with all samples before its start: as given, or from its past; itself where nothing is known."""
-    if record is not None:
-        return record
-    if e.past is None:
-        return e
+    if record is not None or e.past is None:
+        return record or e
     sd = None if e.deviation is None else np.vstack([np.broadcast_to(e.deviation[0], e.past.shape), e.deviation])
     return replace(
         e, measured=np.vstack([e.past, e.measured]), inputs=e.all_inputs, start=e.start - len(e.past) * e.step,
