@@ -744,8 +744,8 @@ def test_guessing_takes_the_most_even_clock_and_says_all(tmp_path):
 def test_a_unit_of_something_else_in_a_header_is_no_angle_s(tmp_path):
     file = tmp_path / "house.csv"
     table = np.column_stack([TIME, 20 + ALPHA, 5 + ALPHA, ALPHA])
-    np.savetxt(file, table, delimiter=",", header="time,temp [degC],power [kW],beam [left]", comments="")
-    assert inspect_recording(file).units == {"temp [degC]": "1", "power [kW]": "1", "beam [left]": "rad"}
+    np.savetxt(file, table, delimiter=",", header="time,temp [degC],load [kOhm],beam [left]", comments="")
+    assert inspect_recording(file).units == {"temp [degC]": "1", "load [kOhm]": "1", "beam [left]": "rad"}
 
 
 def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):

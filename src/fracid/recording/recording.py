@@ -16,7 +16,7 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Note, Words
-from fracid.recording.channel import UNITS
+from fracid.recording.channel import UNITS, si_unit
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
@@ -306,7 +306,7 @@ class Recording(CardDisplay):
         own = {n: given["units"] for n, x in signals.items() if "units" in (given := getattr(x, "attrs", {}))}
         units = own | dict(units or {})
         for n, unit in units.items():
-            if n not in arrays or unit not in {of for _, of in UNITS.values()}:
+            if n not in arrays or unit != si_unit(unit):
                 raise InputError(SAYS("other-unit", name=name, unit=unit, n=n, arrays=', '.join(arrays),
                                       units=', '.join(dict.fromkeys(of for _, of in UNITS.values()))))  # fmt: skip
         for n, x in arrays.items():
