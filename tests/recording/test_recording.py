@@ -331,7 +331,7 @@ def test_zero_rest_is_the_mean_of_a_tail_at_rest_and_refuses_one_that_moves():
         ({"column": 1, "counts_per_turn": 0}, "counts_per_turn = 0"),
         ({"column": -1}, "column = -1"),
         ({"column": 1.5}, "column = 1.5"),
-        ({"column": 1, "offset": 3}, "alpha: unknown field 'offset'; the fields of a channel are column, unit"),
+        ({"column": 1, "offset": 3}, "unknown field of alpha 'offset'; the known ones are column, unit, sign"),
         ({"unit": "deg"}, r"alpha: no column given; type e.g. alpha = \{ column = 1 \}"),
     ],
 )

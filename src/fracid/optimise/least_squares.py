@@ -138,7 +138,7 @@ def least_squares(
         except _Flat:
             return Outcome.CONVERGED
         except _StartFails as failure:
-            if failure.evaluation.cost < np.inf:
+            if failure.args[0].cost < np.inf:
                 raise InputError(NO_ROWS) from None
             return Outcome.ALL_FAILED
         return Outcome.BUDGET_SPENT if result.status == 0 else Outcome.CONVERGED
@@ -170,11 +170,7 @@ class _Flat(Exception):
 
 
 class _StartFails(Exception):
-    """There is nothing to start from."""
-
-    def __init__(self, evaluation: Evaluation) -> None:
-        super().__init__(evaluation.reason)
-        self.evaluation = evaluation
+    """There is nothing to start from: its argument is the evaluation there."""
 
 
 OPTIMISER = Entry(

@@ -117,10 +117,7 @@ class Channel:
             return spec
         if not isinstance(spec, Mapping):
             return cls(spec)
-        names = [f.name for f in fields(cls)]
-        for key in spec:
-            if key not in names:
-                raise InputError(f"{name}: unknown field {key!r}; the fields of a channel are {', '.join(names)}.")
+        refuse_unknown(f"field of {name}", [f.name for f in fields(cls)], *spec)
         if "column" not in spec:
             raise InputError(f"{name}: no column given; type e.g. {name} = {{ column = 1 }}.")
         return cls(**spec)
