@@ -1,7 +1,7 @@
 """Recordings: every format and dialect, units and zeros, what is measured, what is refused."""
 
 import math
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 
 import h5py
@@ -569,6 +569,13 @@ def test_a_long_gap_makes_a_recording_unfit_and_a_short_one_usable():
 
 
 # --------------------------------------------------------------------------- trim, split, resample
+
+
+def test_a_held_signal_keeps_its_samples_in_a_long_record():
+    """After some hours a stamp is rounded by more than 10⁻¹² s: a tenth of the samples were those before them."""
+    time, u = np.round(0.3 * np.arange(100_000), 6), np.arange(100_000.0)
+    log = replace(Recording.of("log", time, {"u": u}, {"u": "V"}), held=frozenset({"u"}))
+    assert np.array_equal(log.resample(0.3).signals["u"], u)
 
 
 def test_a_straight_line_survives_resampling_of_a_jittering_clock():
