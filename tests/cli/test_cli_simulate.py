@@ -144,6 +144,35 @@ def test_a_project_is_simulated_with_its_starting_values_and_options_change_them
             assert read(file)[2][0] == pytest.approx(np.radians(5))
 
 
+@pytest.mark.parametrize(
+    ("unit", "column", "shown"), [("W", ', unit = "W"', "W"), ("W", ', unit = "kW"', "W"), ("cells", "", "1")]
+)
+def test_a_model_of_ones_own_is_simulated_in_its_own_units(capsys, tmp_path, unit, column, shown):
+    t = np.arange(40.0)
+    np.savetxt(
+        tmp_path / "heat.csv", np.column_stack([t, t > 5, 290 + t]), delimiter=",", header="t,u,temp", comments=""
+    )
+    (tmp_path / "heat.toml").write_text(f"""
+[model]
+name = "heater"
+inputs = {{ power = "{unit}" }}
+[model.equations]
+temp = "-a*temp + k*power"
+[model.outputs]
+temp = {{ equals = "temp", unit = "K" }}
+[model.parameters]
+a = {{ start = 0.01, lower = 1e-4, upper = 1.0 }}
+k = 0.02
+[[recording]]
+file = "heat.csv"
+power = {{ column = "u"{column}, between = "hold" }}
+temp = {{ column = "temp", unit = "K" }}
+""")
+    code, _, err = run(capsys, "simulate", tmp_path / "heat.toml", "--to", tmp_path / "twin.csv")
+    assert code == 0, err
+    assert f"temp [K],power [{shown}]" in (tmp_path / "twin.csv").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("release_time", [0.0, 0.0123, -0.004])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_a_twin_of_a_problem_is_what_the_problem_simulates(release_time, substeps):

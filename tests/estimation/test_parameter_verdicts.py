@@ -266,6 +266,19 @@ def test_what_does_nothing_is_not_known_at_all():
     assert found["slip_speed"].sentence == "not at all: nothing that was measured depends on it"
 
 
+def test_a_spring_that_is_not_there_leaves_its_rest_where_it_began_and_says_that_it_does_nothing():
+    cable = {"cable_stiffness": Free(1e-3, 0.0, 0.1), "theta_rest": Free(0.1, -1.0, 1.0)}
+    viscous = 1.02 * RIG.parameter("b_theta").value  # more than there is: no room for a spring
+    p = twin(parameters=cable | {"b_theta": viscous})
+    assert p.names == ("cable_stiffness", "theta_rest")
+    assert settled(p, np.array([1e-3, -1.0])).x.tolist() == [0.0, 0.1]
+    says = "it does nothing where cable_stiffness is 0, and the interval of cable_stiffness includes 0"
+    found = verdicts(p, x=np.array([0.0, -1.0]))["theta_rest"]
+    assert found.sentence == f"not at all: {says}"
+    found = verdicts(p, x=np.array([1e-9, -1.0]))["theta_rest"]
+    assert found.sentence == f"practically not: its interval is wider than its bounds, −1 … 1; {says}"
+
+
 def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():
     viscous = 1.05 * RIG.parameter("b_theta").value  # more than there is: no room for dry friction
     p = twin(parameters={"coulomb_theta": Free(1e-4, 0.0, 0.1), "b_theta": viscous})

@@ -86,6 +86,14 @@ def test_an_arm_that_sticks_while_its_pendulum_swings_asks_for_no_windows():
     assert prediction(problem, problem.start).window == math.inf
 
 
+@pytest.mark.parametrize(("step", "samples"), [(1e-4, 200), (5e-8, 60), (0.1, 4)])
+def test_a_record_that_is_shorter_than_the_slopes_of_a_pendulum_is_predicted_without_a_warning(step, samples):
+    wobble = 0.03 * np.sin(np.arange(samples) / 9)[:, None] * [1, 1]
+    short = fracid.Experiment("short", step, wobble, np.zeros((1, 1)))
+    problem = fracid.Problem(fracid.rotary_pendulum("srv02-rotpen"), (short,), {"lambda": 1.0, "mu": 1.0})
+    assert prediction(problem, problem.start).window == math.inf
+
+
 @pytest.mark.broad
 def test_jitter_of_an_angle_hardly_makes_windows_shorter():
     """A quick angle beside a wide one is no pace at which the wide one starts."""

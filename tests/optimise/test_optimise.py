@@ -568,6 +568,26 @@ def test_unknowns_of_very_different_size_are_found_as_well():
     np.testing.assert_allclose(result.best.point, truth, rtol=1e-7)
 
 
+@pytest.mark.parametrize("size", [1e-21, 1e-12, 1.0, 1e9])
+def test_least_squares_begins_at_its_start_in_any_unit(size):
+    """SciPy moves a start that is within 1e-10 of a bound, an absolute number: all picofarads are."""
+    space = Space(("C",), np.array([size]), np.array([1e3 * size]), np.array([22 * size]))
+    trail, found = recorded("least-squares", squares(lambda x: x / size - 100), space=space)
+    assert trail[0].point[0] == 22 * size
+    assert found.best.point[0] == pytest.approx(100 * size, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e9])
+def test_least_squares_takes_the_same_steps_in_any_unit(size):
+    """A step was small beside the largest unknown, in whatever unit that was."""
+    units = np.array([size, 1e3])
+    space = Space(("C", "R"), 1e-2 * units, 1e2 * units, units)
+    trail, _ = recorded("least-squares", squares(lambda x: np.exp(x / units / 3) - [3.0, 2.0]), space=space)
+    first, _ = recorded("least-squares", squares(lambda x: np.exp(x / 3) - [3.0, 2.0]),
+                        space=Space(("C", "R"), np.full(2, 1e-2), np.full(2, 1e2), np.ones(2)))  # fmt: skip
+    np.testing.assert_allclose([e.point / units for e in trail], [e.point for e in first], rtol=1e-6)
+
+
 def test_a_budget_that_is_spent_is_said():
     assert search("least-squares", valley_with_rows, budget=2).outcome is Outcome.BUDGET_SPENT
     assert search("nelder-mead", valley_with_rows, budget=20).outcome is Outcome.BUDGET_SPENT

@@ -169,7 +169,7 @@ def test_where_a_swing_begins_is_integrated_from_the_rate_and_not_from_the_accel
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("acc_x [m/s^2]", "m/s^2"), ("acc_x (g)", "m/s^2"), ("gyro_deg_s", "rad/s"), ("pos_mm", "m"), ("force_N", "N"),
-     ("flow [l/min]", "1")],
+     ("flow [ml/min]", "1")],
 )  # fmt: skip
 def test_no_unit_of_another_quantity_is_read_as_degrees(tmp_path, swing, name, unit):
     found = inspect_recording(logged(tmp_path, swing, "accelerometer", name), guess_units=True)

@@ -803,3 +803,13 @@ def test_a_pressure_has_not_run_away_and_is_searched_for_in_its_own_size(units):
     assert found.cost == pytest.approx(3e3, rel=0.1)
     assert np.all(np.abs(found.x - [2.0, 1e5]) < 4 * found.uncertainty.standard_error)
     assert abs(problem.start[1] - 1e5) > 0.2  # further than the range of an angle reaches
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 0.5, 1e6])
+def test_a_start_is_sought_near_what_was_measured_in_any_unit(size):
+    """A probe that swings by a nanometre was sought within 0.2 m of its start: no derivative there is of that swing."""
+    seen = size * np.cos(0.1 * np.arange(200))[:, None]
+    probe = Experiment("probe", 0.05, seen, np.zeros((1, 1)), units={"displacement": "m"})
+    problem = Problem(fracid.model("oscillator"), (probe,), {"mu": 1.0}, outputs=("displacement",))
+    start = problem.unknowns[problem.names.index("displacement(0) [probe]")].range
+    assert 0.1 * size < start.upper - start.lower <= 2 * size

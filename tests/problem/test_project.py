@@ -259,7 +259,7 @@ rabbits = HOW
 """
 
 
-@pytest.mark.parametrize(("said", "shown"), [("m", "m"), ("V", "V"), ("K", "1"), ("kg/m^3", "1")])
+@pytest.mark.parametrize(("said", "shown"), [("m", "m"), ("V", "V"), ("K", "K"), ("kg/m^3", "1")])
 def test_an_output_of_a_column_without_a_unit_has_the_model_s_or_is_a_number_never_an_angle(
     project, tmp_path, said, shown
 ):

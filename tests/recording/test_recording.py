@@ -1,7 +1,7 @@
 """Recordings: every format and dialect, units and zeros, what is measured, what is refused."""
 
 import math
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 from pathlib import Path
 
 import h5py
@@ -391,7 +391,7 @@ def test_zero_rest_is_the_mean_of_a_tail_at_rest_and_refuses_one_that_moves():
         ({"column": 1, "counts_per_turn": 0}, "counts_per_turn = 0"),
         ({"column": -1}, "column = -1"),
         ({"column": 1.5}, "column = 1.5"),
-        ({"column": 1, "offset": 3}, "alpha: unknown field 'offset'; the fields of a channel are column, unit"),
+        ({"column": 1, "offset": 3}, "unknown field of alpha 'offset'; the known ones are column, unit, sign"),
         ({"unit": "deg"}, r"alpha: no column given; type e.g. alpha = \{ column = 1 \}"),
     ],
 )
@@ -641,6 +641,13 @@ def test_a_long_gap_makes_a_recording_unfit_and_a_short_one_usable():
 # --------------------------------------------------------------------------- trim, split, resample
 
 
+def test_a_held_signal_keeps_its_samples_in_a_long_record():
+    """After some hours a stamp is rounded by more than 10⁻¹² s: a tenth of the samples were those before them."""
+    time, u = np.round(0.3 * np.arange(100_000), 6), np.arange(100_000.0)
+    log = replace(Recording.of("log", time, {"u": u}, {"u": "V"}), held=frozenset({"u"}))
+    assert np.array_equal(log.resample(0.3).signals["u"], u)
+
+
 def test_a_straight_line_survives_resampling_of_a_jittering_clock():
     rng = np.random.default_rng(1)
     time = np.arange(500) / 100 + rng.uniform(-2e-3, 2e-3, 500)
@@ -814,8 +821,8 @@ def test_guessing_takes_the_most_even_clock_and_says_all(tmp_path):
 def test_a_unit_of_something_else_in_a_header_is_no_angle_s(tmp_path):
     file = tmp_path / "house.csv"
     table = np.column_stack([TIME, 20 + ALPHA, 5 + ALPHA, ALPHA])
-    np.savetxt(file, table, delimiter=",", header="time,temp [degC],power [kW],beam [left]", comments="")
-    assert inspect_recording(file).units == {"temp [degC]": "1", "power [kW]": "1", "beam [left]": "rad"}
+    np.savetxt(file, table, delimiter=",", header="time,temp [degC],load [kOhm],beam [left]", comments="")
+    assert inspect_recording(file).units == {"temp [degC]": "1", "load [kOhm]": "1", "beam [left]": "rad"}
 
 
 def test_a_column_named_like_time_is_the_clock_even_if_it_goes_back(tmp_path):

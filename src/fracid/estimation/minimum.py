@@ -5,12 +5,14 @@ least, and its tangent is not to be trusted there (:mod:`fracid.estimation.tange
 Gauss and Newton's steps, each to the least of the parabola within the bounds (:mod:`fracid.estimation.bounded`), where
 the cost confirms it.  Each run on the way corrects the derivatives by what it shows of them, so that a step costs one
 run (:mod:`fracid.estimation.linearised`); they are asked anew where the way was long.  An unknown that a bound stops
-ends *on* that bound, all others at the minimum beside it.
+ends *on* that bound, all others at the minimum beside it; one that then does nothing, where it began.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,7 +74,7 @@ def settled(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Tangent | Fail
         x = lower.x
         if here.value - lower.value <= WORN * here.unit:
             break
-    return _onto_bounds(lower.tangent)
+    return _with_idle_unmoved(_onto_bounds(lower.tangent))
 
 
 def onward(here: Linearised, enough: float, *, held: Sequence[int] = ()) -> Walk[Linearised]:
@@ -121,3 +123,19 @@ def _onto_bounds(here: Tangent) -> Tangent:
     nearer = np.where(x - space.lower < space.upper - x, space.lower, space.upper)
     x[touching] = nearer[touching]
     return here if np.array_equal(x, here.x) else side_by_side(here.problem, [here.there(x)])[0] or here
+
+
+def _with_idle_unmoved(here: Tangent) -> Tangent:
+    """The same with what does nothing at that point where it began, such as the rest of a spring whose stiffness is 0.
+
+    Its derivative was taken on the way there, and may have led it to a bound.
+    """
+    space = here.problem.space
+    effect = np.linalg.norm(here.R, axis=0) * np.where(np.isfinite(width := space.upper - space.lower), width, 0.0)
+    for i in np.flatnonzero((effect < math.sqrt(2 * here.unit)) & (here.x != space.start)):
+        x = here.x.copy()
+        x[i] = space.start[i]
+        (there,) = side_by_side(here.problem, [here.there(x)])
+        if there is not None and there.value == here.value:
+            here = replace(there, derivatives=[np.where(np.arange(len(x)) == i, 0.0, j) for j in there.derivatives])
+    return here

@@ -296,9 +296,12 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
 
 
 def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
-    if not view.known.at_bound[i]:
+    if not view.known.at_bound[i] or np.any(view.known.unseen[:, i]):
         return
     still = _because(view, i) if view.problem.unknowns[i].kind == "order" else _of_presliding(view, i)
+    low, high = view.known.ends[i]
+    if low <= view.problem.space.lower[i] and high >= view.problem.space.upper[i]:
+        still = f"{_bounds(view, i)}{_because(view, i)}"
     if still:  # nothing holds it: the bound is where the search happened to stop
         yield Verdict(view.names[i], "practically not", still.removeprefix("; "))
     else:
@@ -380,8 +383,7 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     if view.problem.unknowns[i].kind == "parameter" and low <= 0 <= high:
         text += ", which includes 0"
     if view.half(i) > reach.upper - reach.lower:
-        bounds = re.sub(r"(?<!e)-", "−", f"{reach.lower:.3g} … {reach.upper:.3g}")
-        text = f"its interval is wider than its bounds, {bounds}"
+        text = _bounds(view, i)
     because = _because(view, i)
     ratio = None if because else _near_ratio(view, i)
     if ratio is None:
@@ -390,6 +392,26 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         partner, combination, percent = ratio
         why = SAYS("near-ratio", partner=partner, combination=combination, percent=percent, text=text)
         yield Verdict(name, "only in a ratio", why)
+
+
+def _bounds(view: _View, i: int) -> str:
+    reach = view.problem.unknowns[i].range
+    bounds = re.sub(r"(?<!e)-", "−", f"{reach.lower:.3g} … {reach.upper:.3g}")
+    return f"its interval is wider than its bounds, {bounds}"
+
+
+def _idle(view: _View, i: int) -> str:
+    """That a parameter does nothing where another is 0, as the rest of a spring: so it may be, by its interval."""
+    problem, space, parameters = view.problem, view.problem.space, view.problem.unknowns
+    for k, other in enumerate(parameters):
+        low, high = view.known.interval(view.x, k) or (view.x[k], view.x[k])
+        if i != k and parameters[i].kind == other.kind == "parameter" and low <= 0 <= high:
+            without = np.where(np.arange(len(view.x)) == k, 0.0, view.x)
+            inside = math.copysign(space.typical[i], space.steps(view.x)[i])
+            moved = np.clip(np.where(np.arange(len(view.x)) == i, view.x + inside, without), space.lower, space.upper)
+            if problem.cost(without) == problem.cost(moved):
+                return SAYS("idle", other=other.name)
+    return ""
 
 
 def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
@@ -409,7 +431,7 @@ def _near_ratio(view: _View, i: int) -> tuple[str, str, float] | None:
 
 def _because(view: _View, i: int) -> str:
     """A reason in the motion, where there is one: what hardly moves, or does not move far enough."""
-    if sentence := _of_presliding(view, i):
+    if sentence := _of_presliding(view, i) or _idle(view, i):
         return sentence
     u, swings = view.problem.unknowns[i], view.swings
     most = max(swings, key=lambda n: swings[n])

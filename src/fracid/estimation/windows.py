@@ -356,7 +356,7 @@ def _begun(e: Experiment, first: int) -> tuple[FloatArray, FloatArray]:
 
 def _reach(e: Experiment) -> int:
     """Samples over which a slope is taken."""
-    return max(5, round(0.04 / e.step))
+    return min(max(5, round(min(0.04 / e.step, len(e.measured) / 10))), len(e.measured) - 1)
 
 
 def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:

@@ -398,10 +398,11 @@ class Parametrisation:
         return {*(model.states[i] for i in seen), *model.relaxing, *model.follows}
 
     def sizes(self, e: Experiment) -> FloatArray:
-        """The greatest value of each output where that is no angle, else 1; shape (n_outputs,).
+        """The greatest value of each output where that is no angle, five times a small one; else 1; shape (n_outputs,).
 
-        Ranges and limits that are made for angles count in it: a pressure of 10⁵ Pa has not run away.
+        Ranges and limits that are made for angles count in it: a pressure of 10⁵ Pa has not run away, and a probe that
+        swings by a nanometre does not begin at 0.2 m.
         """
         greatest = np.max(np.abs(e.sampled.measured), axis=0, initial=0.0)
         angle = np.array([e.units.get(n, "rad") == "rad" for n in self.outputs]) & (greatest <= TURNS)
-        return np.where(angle, 1.0, np.maximum(greatest, 1.0))
+        return np.where(angle | (greatest == 0), 1.0, np.maximum(greatest, np.minimum(5 * greatest, 1.0)))

@@ -117,10 +117,7 @@ class Channel:
             return spec
         if not isinstance(spec, Mapping):
             return cls(spec)
-        names = [f.name for f in fields(cls)]
-        for key in spec:
-            if key not in names:
-                raise InputError(f"{name}: unknown field {key!r}; the fields of a channel are {', '.join(names)}.")
+        refuse_unknown(f"field of {name}", [f.name for f in fields(cls)], *spec)
         if "column" not in spec:
             raise InputError(f"{name}: no column given; type e.g. {name} = {{ column = 1 }}.")
         return cls(**spec)
@@ -189,6 +186,17 @@ Specs = Mapping[str, Channel | Mapping[str, Any] | int | str]
 """Signal → its channel, the fields of one, or a column alone."""
 
 
+def si_unit(word: str) -> str:
+    """The word, where it is a signal's unit; "1" for any other, which a model of one's own may have.
+
+    Examples
+    --------
+    >>> [si_unit(word) for word in ("K", "cells/ml")]
+    ['K', '1']
+    """
+    return word if word in (of for _, of in UNITS.values()) else "1"
+
+
 def header_unit(word: str) -> str | None:
     """Return the unit that a header's word means, None if it means none of ``UNITS``."""
     unit = SPELLINGS.get(word, word)
@@ -231,7 +239,7 @@ def _rest(value: NDArray[np.float64], name: str) -> float:
 def _units_like(word: Any) -> str:
     """The unit that a word means, else all of them."""
     meant = header_unit(word) if isinstance(word, str) else None
-    return " ".join(map(repr, UNITS)) if meant is None else repr(meant)
+    return f"{' '.join(map(repr, UNITS))}; leave out any other" if meant is None else repr(meant)
 
 
 def _is_finite(value: Any) -> bool:

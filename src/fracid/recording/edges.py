@@ -68,6 +68,6 @@ def between_edges(
         at = np.concatenate([time[:1], time[edges], time[-1:] + step])
         values = np.concatenate([x[:1], (x[edges - 1] + x[edges]) / 2, x[-1:]])
         at, first = np.unique(at, return_index=True)
-        held = x[np.searchsorted(time, grid + 1e-12, side="right") - 1]
+        held = x[np.searchsorted(time, grid + 1e-6 * step, side="right") - 1]
         read[n] = np.clip(Akima1DInterpolator(at, values[first])(grid), held - count / 2, held + count / 2)
     return grid, read

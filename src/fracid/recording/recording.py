@@ -16,7 +16,7 @@ from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Note, Words
-from fracid.recording.channel import UNITS
+from fracid.recording.channel import UNITS, si_unit
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
@@ -169,7 +169,8 @@ class Recording(CardDisplay):
         if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
             raise InputError(SAYS("long-step", name=self.name, h=h, samples=clock.duration / h, clock=clock))
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
-        last = np.searchsorted(self.time, grid + 1e-12, side="right") - 1
+        slack = 1e-3 * h  # a stamp of an epoch is rounded; and the ends of a gap were measured
+        last = np.searchsorted(self.time, grid + slack, side="right") - 1
         signals = {n: x[last] if n in self.held else np.interp(grid, self.time, x) for n, x in self.signals.items()}
         gaps = "".join(
             f" The gap of {1e3 * g:.3g} ms after {t:.4g} s was bridged by a line."
@@ -178,7 +179,6 @@ class Recording(CardDisplay):
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
         how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{hold_note}.{gaps}{more}"
-        slack = 1e-3 * h  # its two ends were measured
         gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
         bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
         new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, resampled=how)
@@ -306,7 +306,7 @@ class Recording(CardDisplay):
         own = {n: given["units"] for n, x in signals.items() if "units" in (given := getattr(x, "attrs", {}))}
         units = own | dict(units or {})
         for n, unit in units.items():
-            if n not in arrays or unit not in {of for _, of in UNITS.values()}:
+            if n not in arrays or unit != si_unit(unit):
                 raise InputError(SAYS("other-unit", name=name, unit=unit, n=n, arrays=', '.join(arrays),
                                       units=', '.join(dict.fromkeys(of for _, of in UNITS.values()))))  # fmt: skip
         for n, x in arrays.items():

@@ -18,6 +18,7 @@ from fracid.models import Model
 from fracid.problem import Experiment, Free, Problem
 from fracid.quantiles import normal_interval
 from fracid.recording import Recording
+from fracid.recording.channel import si_unit
 from fracid.regression.credibility import belief
 from fracid.regression.estimators import (
     Estimator,
@@ -619,4 +620,4 @@ def _recording(e: Experiment, problem: Problem) -> Recording:
     model, inputs = problem.model, np.broadcast_to(e.inputs, (len(e.measured), e.inputs.shape[1]))
     angles = {n: y for n, y in zip(problem.outputs, e.measured.T, strict=True) if n in model.angles}
     driven = {n: u for n, u in zip(model.inputs, inputs.T, strict=True)}
-    return Recording.of(e.name, e.time, angles | driven, {n: model.input_unit(n) for n in driven})
+    return Recording.of(e.name, e.time, angles | driven, {n: si_unit(model.input_unit(n)) for n in driven})

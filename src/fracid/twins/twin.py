@@ -43,6 +43,7 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
 from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
+from fracid.recording.channel import si_unit
 from fracid.solver.inputs import Between, Driven, between_samples
 from fracid.solver.outputs import output_along
 from fracid.solver.solve import simulate
@@ -327,12 +328,12 @@ class Twin(CardDisplay):
         signals: dict[str, FloatArray] = {}
         for name, y in self.model.outputs.items():
             clean = run.states[:, y] if isinstance(y, int) else output_along(y, run.time, run.states, u, p=p)
-            units[name] = self.model.output_unit(name)
+            units[name] = si_unit(self.model.output_unit(name))
             turns = name in self.model.output_states and units[name] in ("rad", "1")  # an encoder counts it
             signals[name] = encoder(clean[:, None], levels[name], resolution if turns else 0.0, rng)[:, 0]
         for name in self.inputs or ():
             if name not in self.model.input_rates:
-                signals[name], units[name] = given[name], self.model.input_unit(name)
+                signals[name], units[name] = given[name], si_unit(self.model.input_unit(name))
         for name, x in zip(self.model.states, run.states.T, strict=True) if states else ():
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"
