@@ -20,6 +20,7 @@ from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.covariance import METHODS, at_bound, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
+from fracid.models import Model
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
@@ -72,6 +73,31 @@ def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
 
 
 @pytest.mark.broad
+def drawn(kind, rng, n=4000):
+    """Errors with a known density at their median, 0."""
+    if kind == "uniform":
+        return rng.uniform(-0.5, 0.5, n)
+    normal = rng.standard_normal(n) / math.sqrt(2 * math.pi)
+    if kind == "outliers":
+        normal[::25] += 12 * rng.choice([-1, 1], normal[::25].size)
+    return normal if kind != "rounded" else np.round(normal / 0.5 + 0.2) * 0.5
+
+
+@pytest.mark.parametrize(("kind", "density"), [("normal", 1.0), ("uniform", 1.0), ("outliers", 0.96), ("rounded", 1.0)])
+def test_the_interval_of_a_median_is_wide_by_the_density_of_its_own_recording_there(kind, density):
+    def still(t, x, u, p, out):
+        out[0] = 0.0
+
+    model = Model("level", still, ("x",), ("q",), {"x": 0}, (), (), "", "")
+    scales, rng = np.array([1.0, 7.0]), np.random.default_rng(1)
+    errors = [scale * drawn(kind, rng)[:, None] for scale in scales]
+    own = {"initial": {"x": Free(0.0, -9.0, 9.0)}, "units": {"x": "m"}}
+    levels = tuple(Experiment(f"{k}", 1e-2, e, np.zeros((1, 0)), **own) for k, e in enumerate(errors))
+    p = Problem(model, levels, {"q": 1.0}, outputs=("x",), cost_function=COSTS["iae"])
+    found = uncertainty(p, np.array([np.median(e) for e in errors])).standard_error
+    np.testing.assert_allclose(found, scales / (2 * density * math.sqrt(4000)), rtol=0.12)
+
+
 def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
     ours, plain = held("rmse", rho=0.9)
     assert np.all(ours >= 36)

@@ -146,7 +146,7 @@ class Criterion:
     def _floor(self) -> FloatArray:
         """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
         outputs = range(len(self.outputs))
-        steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
+        steps = [max(resolution(e.in_deviations(e.measured)[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
         return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments]) for r in rounding])
 
