@@ -282,12 +282,12 @@ def test_the_bandwidth_sees_a_slow_error_under_a_fast_one():
 # --- both covariances ----------------------------------------------------------------------------------
 
 
-def test_the_white_one_is_sigma_squared_times_the_inverse_of_j_transposed_j():
-    p = problem(clean() + noise(2001, 0.5, 3))
-    found = uncertainty(p, TRUE)
-    J = jacobian(p, TRUE, np.arange(2))[0].reshape(-1, 2)
-    variance = np.mean(np.concatenate(p.errors(TRUE)) ** 2)
-    assert found.white == pytest.approx(np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))), rel=1e-9)
+def test_the_white_one_takes_samples_for_independent_and_each_output_for_as_noisy_as_it_is():
+    p = problem(clean() + noise(2001, 0.5, 3) * [1.0, 7.0])
+    found, J = uncertainty(p, TRUE), jacobian(p, TRUE, np.arange(2))[0]
+    bread = np.linalg.inv(np.einsum("toi,toj->ij", J, J))
+    S = np.einsum("o,toi,toj->ij", np.mean(p.errors(TRUE)[0] ** 2, axis=0), J, J)
+    assert found.white == pytest.approx(np.sqrt(np.diag(bread @ S @ bread)), rel=1e-9)
     assert found.standard_error == pytest.approx(np.sqrt(np.diag(found.covariance)))
 
 

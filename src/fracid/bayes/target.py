@@ -274,16 +274,14 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     best = refit(bare, x)
     if not math.isfinite(best.cost):
         raise InputError(f"There is no posterior: no run of the model reaches the end of the recording: {best.reason}.")
-    notes = tuple[str, ...]()
     estimator = sandwich(bare, best.point, np.arange(len(x)), jobs=jobs)
     if isinstance(estimator, Failure):
         raise InputError(f"There is no posterior: the intervals of this fit cannot be computed: {estimator}.")
-    if len(estimator.directions):
-        unseen = np.flatnonzero(np.any(np.abs(estimator.directions) > 0, axis=0))
-        if improper := [i for i in joint_prior(problem).unbounded if i in unseen]:
-            raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
-        names = " and ".join(problem.names[i] for i in unseen)
-        notes += (f"The data do not identify {names}: there the posterior is the prior.",)
+    unseen = np.flatnonzero(np.any(estimator.directions != 0, axis=0))
+    if improper := [i for i in joint_prior(problem).unbounded if i in unseen]:
+        raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
+    names = " and ".join(problem.names[i] for i in unseen)
+    notes = (f"The data do not identify {names}: there the posterior is the prior.",) if names else ()
     x = best.point
     J = differences(bare, x, np.arange(len(x)), jobs=jobs)
     assert not isinstance(J, Failure)  # the sandwich has computed it

@@ -115,8 +115,13 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
 
 def scores_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
     """Of each recording, shape (n_samples, n_columns)."""
+    return [np.einsum("to,toi->ti", slope, j) for slope, j in zip(slopes_of(problem, errors), J, strict=True)]
+
+
+def slopes_of(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
+    """wρ′ of each sample, shape (n_samples, n_outputs) of each recording."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    return [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
+    return [w * loss.psi(e) for w, e in zip(weights, errors, strict=True)]
 
 
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
@@ -147,9 +152,8 @@ def row_weights(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
 
 def pulls(problem: Problem, errors: list[FloatArray], at: list[FloatArray]) -> list[FloatArray]:
     """The y of each recording alone, beside rows with the weights `at`, shape (n_samples * n_outputs,)."""
-    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    return [np.divide(w * loss.psi(e), root, out=np.zeros_like(w), where=root > 0).ravel()
-            for w, e, root in zip(weights, errors, at, strict=True)]  # fmt: skip
+    slopes = slopes_of(problem, errors)
+    return [(slope / np.where(root > 0, root, 1.0)).ravel() for slope, root in zip(slopes, at, strict=True)]
 
 
 def prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:

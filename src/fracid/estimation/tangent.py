@@ -140,12 +140,8 @@ class Tangent(AtPoint):
 
     def pulls(self, errors: list[FloatArray], x: FloatArray) -> FloatArray:
         """The last column of those with the errors of another point, shape (n_rows,)."""
-        priors, data = self._priors(), pulls(self.problem, errors, self._weights)
+        priors, data = self._priors(), pulls(self.problem, errors, row_weights(self.problem, self.errors))
         return np.concatenate([*data, priors[:, :-1] @ (x - self.x) + priors[:, -1]])
-
-    @cached_property
-    def _weights(self) -> list[FloatArray]:
-        return row_weights(self.problem, self.errors)
 
     def _parts(self) -> list[FloatArray]:
         return [*rows_and_pulls(self.problem, self.errors, self.derivatives), self._priors()]

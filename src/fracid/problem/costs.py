@@ -94,12 +94,11 @@ def _smooth_abs(e: FloatArray) -> FloatArray:
     return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
 
 
-def _density_at_zero(e: FloatArray, signal: FloatArray) -> float:
+def _twice_the_density_at_zero(e: FloatArray, signal: FloatArray) -> float:
     """From those about 0, as many as an interval of a median wants [HS]_; within a step of the signal's at least."""
-    size = np.abs(e)
-    near = float(np.quantile(size, min(1.0, 2 * NEAR_MEDIAN * len(e) ** (-1 / 3))))
-    width = max(near, (resolution(signal) or 0.0) / 2, 1e-12)
-    return float(np.mean(size <= width)) / (2 * width)
+    share = min(1.0, 2 * NEAR_MEDIAN * len(e) ** (-1 / 3))
+    width = max(float(np.quantile(np.abs(e), share)), (resolution(signal) or 0.0) / 2, 1e-12)
+    return float(np.mean(np.abs(e) <= width)) / width
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -111,8 +110,7 @@ def _huber(e: FloatArray) -> FloatArray:
 
 SQUARE = Loss(np.square, lambda e: 2 * e, lambda *_: 2.0, np.square)
 
-ABSOLUTE = Loss(np.abs, np.sign, lambda e, signal: 2 * _density_at_zero(e, signal), _smooth_abs, centre="median",
-                likelihood_factor=2)  # fmt: skip
+ABSOLUTE = Loss(np.abs, np.sign, _twice_the_density_at_zero, _smooth_abs, centre="median", likelihood_factor=2)
 
 HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER),
               lambda e, _: 2 * max(float(np.mean(np.abs(e) <= HUBER)), 1 / len(e)), _huber)  # fmt: skip

@@ -537,8 +537,7 @@ class _Study:
         kinds = [[row for row in self.rows()[0] if row.fractional == kind and math.isfinite(row.cost)]
                  for kind in (False, True)]  # fmt: skip
         best = [best_of(kind) for kind in kinds if kind]
-        jobs = max(1, self.execution.jobs // 2)
-        results = self._follow("step", "is the step fine enough?", _choose_step, best, jobs)
+        results = self._follow("step", "is the step fine enough?", _choose_step, best, max(1, self.execution.jobs // 2))
         return max((int(found["substeps"]) for found in results.values()), default=1)
 
     def _fit_project(self, again: str) -> None:

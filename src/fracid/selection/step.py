@@ -16,8 +16,6 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.estimation.covariance import LEAST_SHIFT, half_width, uncertainty
 from fracid.estimation.horizons import Watch, refined, uninterrupted
-from fracid.estimation.nearly_equal import nearly_equal_minimum
-from fracid.optimise import Evaluation
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 
@@ -33,8 +31,8 @@ COARSE = 0.05
 HELPS = 0.7
 """A half step that leaves more than this part of what moved before does not help."""
 
-NEAR: Mapping[str, Any] = {"tolerance": 1e-5, "budget": 20}
-"""Least squares at half the step, to see how far its minimum is."""
+NEAR: Mapping[str, Any] = {"tolerance": 1e-6, "budget": 20}
+"""Least squares at half the step, to see how far its minimum is; and at the first, for x may end short of its own."""
 
 HIGHER = 0.02
 """A minimum that costs more than this part more at a finer step is not the one that was there."""
@@ -69,10 +67,10 @@ def quiet_substeps(problem: Problem, x: FloatArray, *, jobs: int = 1) -> int:
     steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
     known, least = uncertainty(problem, x, jobs=jobs), LEAST_SHIFT * problem.space.sizes(x)
     width = np.maximum([half_width(known, x, i) or np.inf for i in range(len(x))], least)
-    here, before = problem.evaluate(x), (np.inf, np.inf)
+    here, before = uninterrupted(refined(problem, x, Watch(jobs), **NEAR)).best, (np.inf, np.inf)
     while 2 * problem.substeps <= FINEST and 2 * problem.substeps * steps <= MOST_STEPS:
         half = replace(problem, substeps=2 * problem.substeps)
-        there = _minimum_beside(problem, here.point, half, jobs)
+        there = uninterrupted(refined(half, here.point, Watch(jobs), **NEAR)).best
         moved = float(np.max(np.abs(there.point - here.point) / width))
         changed = abs(there.cost - here.cost)
         quiet = moved <= QUIET and (problem.method != "pi2" or changed <= COARSE * here.cost)
@@ -81,11 +79,3 @@ def quiet_substeps(problem: Problem, x: FloatArray, *, jobs: int = 1) -> int:
             break
         problem, here, before = half, there, (moved, changed)
     return problem.substeps
-
-
-def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int) -> Evaluation:
-    """The minimum of `other`, nearly `problem`, from x; x moves by what parts the two, not by what it is short of."""
-    begun, ended = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
-    if begun is None or ended is None:
-        return uninterrupted(refined(other, x, Watch(jobs), **NEAR)).best
-    return other.evaluate(np.clip(x + (ended - begun), problem.space.lower, problem.space.upper))

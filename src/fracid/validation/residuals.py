@@ -151,13 +151,12 @@ def residual_analysis(
     quantum = lattice(np.asarray(recording.measured[output])) if resolution is None else resolution.get(output)
     size = float(np.abs(np.asarray(recording.measured[output])[part]).max(initial=0.0))
     head = (recording.name, output, recording.use, e.size, whole.size - e.size, step)
-    because = untestable_reason(e, size, whole.size, unit)
-    if because:
+    if because := untestable_reason(e, size, whole.size, unit):
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
     spectrum = _spectrum(e, speed, step, recording.use) if even else Spectrum("")
-    whiteness = _whiteness(e, ρ, step, quantum, swing=spectrum.swing, use=recording.use)
+    whiteness = _whiteness(e, ρ, step, quantum, spectrum, use=recording.use)
     thin = slice(None, None, whiteness.thinning)
     variance = _variance(e, fitted, speed, whiteness, use=recording.use)
     return ResidualAnalysis(
@@ -177,11 +176,9 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     return step, even
 
 
-def _whiteness(
-    e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None, use: str
-) -> Whiteness:
+def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, near: Spectrum, use: str) -> Whiteness:
     T = correlation_time(ρ)
-    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=swing, use=use)
+    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=near.swing, use=use)
     lags, Q, p = ljung_box(ρ, e.size)
     k = max(2, round(2 * T))
     thin = e[::k]
