@@ -20,6 +20,7 @@ from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.covariance import METHODS, at_bound, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
+from fracid.models import Model
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
@@ -72,6 +73,31 @@ def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
 
 
 @pytest.mark.broad
+def drawn(kind, rng, n=4000):
+    """Errors with a known density at their median, 0."""
+    if kind == "uniform":
+        return rng.uniform(-0.5, 0.5, n)
+    normal = rng.standard_normal(n) / math.sqrt(2 * math.pi)
+    if kind == "outliers":
+        normal[::25] += 12 * rng.choice([-1, 1], normal[::25].size)
+    return normal if kind != "rounded" else np.round(normal / 0.5 + 0.2) * 0.5
+
+
+@pytest.mark.parametrize(("kind", "density"), [("normal", 1.0), ("uniform", 1.0), ("outliers", 0.96), ("rounded", 1.0)])
+def test_the_interval_of_a_median_is_wide_by_the_density_of_its_own_recording_there(kind, density):
+    def still(t, x, u, p, out):
+        out[0] = 0.0
+
+    model = Model("level", still, ("x",), ("q",), {"x": 0}, (), (), "", "")
+    scales, rng = np.array([1.0, 7.0]), np.random.default_rng(1)
+    errors = [scale * drawn(kind, rng)[:, None] for scale in scales]
+    own = {"initial": {"x": Free(0.0, -9.0, 9.0)}, "units": {"x": "m"}}
+    levels = tuple(Experiment(f"{k}", 1e-2, e, np.zeros((1, 0)), **own) for k, e in enumerate(errors))
+    p = Problem(model, levels, {"q": 1.0}, outputs=("x",), cost_function=COSTS["iae"])
+    found = uncertainty(p, np.array([np.median(e) for e in errors])).standard_error
+    np.testing.assert_allclose(found, scales / (2 * density * math.sqrt(4000)), rtol=0.12)
+
+
 def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
     ours, plain = held("rmse", rho=0.9)
     assert np.all(ours >= 36)
@@ -256,12 +282,12 @@ def test_the_bandwidth_sees_a_slow_error_under_a_fast_one():
 # --- both covariances ----------------------------------------------------------------------------------
 
 
-def test_the_white_one_is_sigma_squared_times_the_inverse_of_j_transposed_j():
-    p = problem(clean() + noise(2001, 0.5, 3))
-    found = uncertainty(p, TRUE)
-    J = jacobian(p, TRUE, np.arange(2))[0].reshape(-1, 2)
-    variance = np.mean(np.concatenate(p.errors(TRUE)) ** 2)
-    assert found.white == pytest.approx(np.sqrt(variance * np.diag(np.linalg.inv(J.T @ J))), rel=1e-9)
+def test_the_white_one_takes_samples_for_independent_and_each_output_for_as_noisy_as_it_is():
+    p = problem(clean() + noise(2001, 0.5, 3) * [1.0, 7.0])
+    found, J = uncertainty(p, TRUE), jacobian(p, TRUE, np.arange(2))[0]
+    bread = np.linalg.inv(np.einsum("toi,toj->ij", J, J))
+    S = np.einsum("o,toi,toj->ij", np.mean(p.errors(TRUE)[0] ** 2, axis=0), J, J)
+    assert found.white == pytest.approx(np.sqrt(np.diag(bread @ S @ bread)), rel=1e-9)
     assert found.standard_error == pytest.approx(np.sqrt(np.diag(found.covariance)))
 
 

@@ -9,7 +9,7 @@ import fracid
 from fracid.models.library import table_of
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.roles import likely_models, model_of_columns, roles_of
-from fracid.workflows.draft import write_draft
+from fracid.workflows.draft import chosen_model, write_draft
 from program import run
 
 
@@ -44,6 +44,14 @@ def test_columns_without_telling_names_are_found_by_how_they_move():
 def test_what_cannot_be_decided_is_said_with_what_to_type(columns, message):
     with pytest.raises(fracid.InputError, match=message):
         model_of_columns("log.csv", columns)
+
+
+def test_what_to_type_for_several_recordings_names_them_all(tmp_path):
+    files = [tmp_path / name for name in ("a.csv", "b.csv")]
+    for file in files:
+        np.savetxt(file, np.c_[np.arange(50) / 10, np.eye(50, 2)], delimiter=",", header="time,u,y", comments="")
+    with pytest.raises(fracid.InputError, match=r"fracid init a\.csv b\.csv --model tanks"):
+        chosen_model(files, None)
 
 
 def mass(folder, header="displacement [m],force [N]"):

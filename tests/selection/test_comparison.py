@@ -12,6 +12,7 @@ import fracid
 from fracid import InputError
 from fracid.errors import Unfinished
 from fracid.estimation import long_records
+from fracid.estimation.horizons import Watch, refined
 from fracid.models import Model, Parameter
 from fracid.models.friction import RUNGS
 from fracid.models.library import from_library
@@ -22,6 +23,7 @@ from fracid.selection.comparison import compare
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score, mean_rmse
 from fracid.selection.comparison_verdict import verdict_of
 from fracid.selection.ladder import OWN, PAPER, assignment, held, ladder, name_of, unseen
+from fracid.selection.step import quiet_substeps
 from fracid.solver.methods import METHODS
 from fracid.tasks.job import Progress
 from fracid.tasks.journal import Journal
@@ -392,6 +394,16 @@ def test_at_a_finer_step_the_structures_are_the_same_whatever_the_recordings_see
     for row in found.rows:
         assert found.problems[row.name].substeps == 2
         assert found.problems[row.name].names == (*row.values,)
+
+
+@pytest.mark.parametrize(("noise", "finer"), [(0.1, False), (0.006, True)])
+def test_the_step_of_a_comparison_is_fine_enough_for_every_unknown_and_not_for_orders_alone(noise, finer):
+    rig = fracid.rotary_pendulum("srv02-rotpen")
+    drag = {"b_alpha": Free(rig.parameter("b_alpha").value, 0.0, 1.0)}
+    twin = release("twin", rig, orders={"lambda": 1.0, "mu": 1.0}, alpha=0.5, step=1e-3, end=4.0, noise=noise)
+    twin = replace(twin, step=1e-2, measured=twin.measured[::10])
+    p = Problem(rig, (twin,), {"lambda": 1.0, "mu": 1.0}, drag, initial_state="held")
+    assert (quiet_substeps(p, refined(p, p.start, Watch()).best.point) > 1) == finer
 
 
 @pytest.mark.broad

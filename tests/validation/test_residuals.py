@@ -170,6 +170,18 @@ def test_a_sine_left_over_is_found_with_its_share_and_what_it_says(multiple, har
     assert f"{100 * line.share:.0f} % of its power" in found.sentences["spectrum"]
 
 
+def test_of_a_held_out_recording_the_values_may_be_off_and_no_interval_allows_for_it():
+    residual = wave(SWING, 0.6) * np.linspace(3.0, 1.0, N)
+    fit, held_out = (residual_analysis(twin(residual, use=use), "alpha", NOWHERE) for use in ("fit", "validate"))
+    text, of_fit = (" ".join(found.sentences.values()) for found in (held_out, fit))
+    assert "allow for it" in of_fit
+    assert "Free Coulomb friction" in of_fit
+    assert "the model lacks something, or its values, fitted to other recordings, do not hold for this one" in text
+    assert "by the model or by values fitted to other recordings" in text
+    assert "allow for it" not in text
+    assert "Free Coulomb friction" not in text
+
+
 def test_a_damped_swing_is_a_band_and_its_own_frequency_is_found_in_it():
     fitted = 0.3 * np.exp(-3 * TIME) * np.cos(2 * np.pi * SWING * TIME)
     late = 0.03 * np.exp(-3 * TIME) * np.cos(2 * np.pi * 1.25 * SWING * TIME)

@@ -54,10 +54,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, joined
+from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError
 from fracid.estimation.covariance import sandwich
-from fracid.estimation.derivatives import differences, loss_of, scores_of
+from fracid.estimation.derivatives import differences, row_weights, scores_of
 from fracid.estimation.long_records import as_fitted
 from fracid.estimation.profile_walk import refit
 from fracid.findings import Words
@@ -274,24 +274,22 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
     best = refit(bare, x)
     if not math.isfinite(best.cost):
         raise InputError(f"There is no posterior: no run of the model reaches the end of the recording: {best.reason}.")
-    notes = tuple[str, ...]()
     estimator = sandwich(bare, best.point, np.arange(len(x)), jobs=jobs)
     if isinstance(estimator, Failure):
         raise InputError(f"There is no posterior: the intervals of this fit cannot be computed: {estimator}.")
-    if len(estimator.directions):
-        unseen = np.flatnonzero(np.any(np.abs(estimator.directions) > 0, axis=0))
-        if improper := [i for i in joint_prior(problem).unbounded if i in unseen]:
-            raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
-        names = " and ".join(problem.names[i] for i in unseen)
-        notes += (f"The data do not identify {names}: there the posterior is the prior.",)
+    unseen = np.flatnonzero(np.any(estimator.directions != 0, axis=0))
+    if improper := [i for i in joint_prior(problem).unbounded if i in unseen]:
+        raise InputError(SAYS("unbounded", name=problem.names[improper[0]]))
+    names = " and ".join(problem.names[i] for i in unseen)
+    notes = (f"The data do not identify {names}: there the posterior is the prior.",) if names else ()
     x = best.point
     J = differences(bare, x, np.arange(len(x)), jobs=jobs)
     assert not isinstance(J, Failure)  # the sandwich has computed it
     covariance = estimator.covariance / np.outer(estimator.widening, estimator.widening)
     curvature, precision = inverse(estimator.inverse), inverse(covariance)
     degrees = _degrees(float(np.exp(np.mean(np.log(estimator.widening)))))
-    second, weights = loss_of(bare).curvature(joined(J.errors)), bare.criterion.sample_weights(J.errors)
-    projection = tuple((-second * w[..., None] * j) @ estimator.inverse for w, j in zip(weights, J.parts, strict=True))
+    roots = row_weights(bare, J.errors)
+    projection = tuple((-(w**2)[..., None] * j) @ estimator.inverse for w, j in zip(roots, J.parts, strict=True))
     scale = len(bare.outputs) * best.cost**2 if bare.cost_function.root else best.cost
     gradient = np.sum([s.sum(axis=0) for s in scores_of(bare, J.errors, J.parts)], axis=0)
     return RecordedLikelihood(bare, x, best.cost, scale, samples=effective_samples(J.errors), curvature=curvature,

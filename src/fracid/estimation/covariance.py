@@ -45,8 +45,8 @@ It does not know of model error: an interval says where the best value *of this 
 Both are found, by name in :data:`METHODS`.  Their ratio says how many of the n samples count: as many independent
 ones as :math:`n_{eff,i} = n\,\mathrm{var}_{white}(\hat x_i)/\mathrm{var}(\hat x_i)`, before it is widened, would tell
 :math:`x_i` as well.
-For losses other than the square, and for weights, "white" is :math:`A^{-1} S_0 A^{-1}` with
-:math:`S_0 = \overline{ρ'^2}\sum w_t^2 J_t J_t'`, which for the square is :math:`\sigma^2 (J'J)^{-1}` itself.
+"White" is :math:`A^{-1} S_0 A^{-1}` with :math:`S_0 = \sum \overline{ρ'^2}\, w_t^2 J_t J_t'`, the mean that of each
+output of a recording: for the square, and one variance of all, :math:`\sigma^2 (J'J)^{-1}`.
 
 Directions that J does not see (singular values of the column-scaled J below 10⁻⁶ of the largest) are reported by the
 names that take part in them; they are looked for with every column in, those of unknowns at a bound too.
@@ -94,7 +94,7 @@ from fracid.estimation.block_covariance import (
 )
 from fracid.estimation.block_jacobian import BlockJacobian
 from fracid.estimation.bounded import lowest, reach
-from fracid.estimation.derivatives import by_blocks, loss_of
+from fracid.estimation.derivatives import by_blocks, loss_of, slopes_of
 from fracid.estimation.rounding import edges, half_widths
 from fracid.estimation.tangent import Tangent, tangent
 from fracid.optimise import Space
@@ -363,10 +363,9 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
     bread, norm, scores, scale = near.bread, near.norm, near.scores, np.outer(near.norm, near.norm)
     rounding = edges(problem, J.errors, J.parts, psi) if problem.blocks is None else None
     if rounding is not None:  # an output that noise and rounding explain is left out of the scores
-        weights = problem.criterion.sample_weights(J.errors)
-        for s, e, j, w, explained in zip(scores, J.errors, J.parts, weights, rounding.alone, strict=True):
+        for s, slope, j, explained in zip(scores, slopes_of(problem, J.errors), J.parts, rounding.alone, strict=True):
             if explained.any():
-                s -= np.einsum("to,toi->ti", explained * w * psi(e), j) / norm
+                s -= np.einsum("to,toi->ti", explained * slope, j) / norm
     S, bandwidth = block_long_run(blocks, scores)
     samples = [r.reshape(len(e), -1, r.shape[1]) for r, e in zip(near.rows, J.errors, strict=True)]
     wider = widening(blocks, samples, bread, bandwidth)
@@ -395,14 +394,11 @@ def _sandwich(problem: Problem, J: BlockJacobian, free: NDArray[np.intp]) -> San
 
 
 def _white(problem: Problem, J: BlockJacobian, norm: FloatArray) -> list[FloatArray]:
-    """S₀ of each recording's columns: were the residuals white and, balanced, all of one variance."""
-    balance, weights = problem.criterion.balance(J.errors), problem.criterion.sample_weights(J.errors)
-    power = float(np.mean(balance * loss_of(problem).psi(np.concatenate(J.errors)) ** 2))
-    found = []
-    for k, (w, j) in enumerate(zip(weights, J.parts, strict=True)):
-        j, own = np.moveaxis(j, 1, 0), norm[J.blocks.columns(k)]
-        squares = ((part * by[:, None]).T @ part for part, by in zip(j, (w**2 / balance).T, strict=True))
-        found.append(power * sum(squares) / np.outer(own, own))
+    """S₀ of each recording's columns: were the residuals of each output of a recording white, of one variance."""
+    psi, weights, found = loss_of(problem).psi, problem.criterion.sample_weights(J.errors), []
+    for k, (of, w, e, j) in enumerate(zip(problem.experiments, weights, J.errors, J.parts, strict=True)):
+        rows = (w * np.sqrt(np.sum(psi(e) ** 2, axis=0) / of.samples))[..., None] * j / norm[J.blocks.columns(k)]
+        found.append(np.einsum("toi,toj->ij", rows, rows, optimize=True))
     return found
 
 

@@ -8,11 +8,12 @@ many recordings with unknowns of their own, without its zeros.  With weights w a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import starmap
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, IntArray, joined, zeros_together
+from fracid.arrays import FloatArray, IntArray, zeros_together
 from fracid.arrowhead import Blocks
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.block_jacobian import BlockJacobian
@@ -114,13 +115,19 @@ def difference_steps(problem: Problem, x: FloatArray) -> FloatArray:
 
 def scores_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> list[FloatArray]:
     """Of each recording, shape (n_samples, n_columns)."""
+    return [np.einsum("to,toi->ti", slope, j) for slope, j in zip(slopes_of(problem, errors), J, strict=True)]
+
+
+def slopes_of(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
+    """wρ′ of each sample, shape (n_samples, n_outputs) of each recording."""
     loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    return [np.einsum("to,toi->ti", w * loss.psi(e), j) for w, e, j in zip(weights, errors, J, strict=True)]
+    return [w * loss.psi(e) for w, e in zip(weights, errors, strict=True)]
 
 
 def rows_and_pulls(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
     """[R y] of each recording alone, the sum of its scores R'y: Gauss and Newton's step is −R⁺y."""
-    return map(np.column_stack, zip(rows_of(problem, errors, J), pulls(problem, errors), strict=True))
+    at = row_weights(problem, errors)
+    return map(np.column_stack, zip(rows_of(problem, errors, J), pulls(problem, errors, at), strict=True))
 
 
 def rows_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> Iterator[FloatArray]:
@@ -130,16 +137,23 @@ def rows_of(problem: Problem, errors: list[FloatArray], J: list[FloatArray]) -> 
 
 
 def row_weights(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
-    """√(wρ″) of each sample, by which its derivatives become rows, shape (n_samples, n_outputs) of each recording."""
-    curvature = loss_of(problem).curvature(joined(errors))
-    return [np.sqrt(curvature * w) for w in problem.criterion.sample_weights(errors)]
+    """√(wρ″) of each sample, by which its derivatives become rows, shape (n_samples, n_outputs) of each recording.
+
+    ρ″ is the mean over each output of a recording: how its residual is distributed says nothing of another's.
+    """
+    curvature, found = loss_of(problem).curvature, list[FloatArray]()
+    for whole, at in problem.recordings.values():
+        pairs = zip(problem.experiments[at], errors[at], strict=True)
+        scored = [e if of.scored is None else e[of.scored] for of, e in pairs]
+        signals = zip(np.concatenate(scored).T, whole.in_deviations(whole.measured).T, strict=True)
+        found += [np.array([*starmap(curvature, signals)])] * len(scored)
+    return [np.sqrt(c * w) for c, w in zip(found, problem.criterion.sample_weights(errors), strict=True)]
 
 
-def pulls(problem: Problem, errors: list[FloatArray]) -> list[FloatArray]:
-    """The y of each recording alone, shape (n_samples * n_outputs,)."""
-    loss, weights = loss_of(problem), problem.criterion.sample_weights(errors)
-    curvature = loss.curvature(joined(errors))
-    return [(np.sqrt(w / curvature) * loss.psi(e)).ravel() for w, e in zip(weights, errors, strict=True)]
+def pulls(problem: Problem, errors: list[FloatArray], at: list[FloatArray]) -> list[FloatArray]:
+    """The y of each recording alone, beside rows with the weights `at`, shape (n_samples * n_outputs,)."""
+    slopes = slopes_of(problem, errors)
+    return [(slope / np.where(root > 0, root, 1.0)).ravel() for slope, root in zip(slopes, at, strict=True)]
 
 
 def prior_curvature(problem: Problem, errors: list[FloatArray], free: NDArray[np.intp]) -> tuple[FloatArray, float]:

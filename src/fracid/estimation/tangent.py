@@ -34,6 +34,7 @@ from fracid.estimation.derivatives import (
     difference_steps,
     differences,
     pulls,
+    row_weights,
     rows_and_pulls,
     shared_by_all,
 )
@@ -139,8 +140,8 @@ class Tangent(AtPoint):
 
     def pulls(self, errors: list[FloatArray], x: FloatArray) -> FloatArray:
         """The last column of those with the errors of another point, shape (n_rows,)."""
-        priors = self._priors()
-        return np.concatenate([*pulls(self.problem, errors), priors[:, :-1] @ (x - self.x) + priors[:, -1]])
+        priors, data = self._priors(), pulls(self.problem, errors, row_weights(self.problem, self.errors))
+        return np.concatenate([*data, priors[:, :-1] @ (x - self.x) + priors[:, -1]])
 
     def _parts(self) -> list[FloatArray]:
         return [*rows_and_pulls(self.problem, self.errors, self.derivatives), self._priors()]

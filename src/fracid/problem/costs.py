@@ -31,6 +31,8 @@ References
 ----------
 (26) is the paper's; ρ of ``huber``: P. Huber, Ann. Math. Statist. 35 (1964) 73; the integrals: D. Graham,
 R. Lathrop, AIEE Trans. 72 (1953) 273.
+
+.. [HS] P. Hall, S. Sheather, J. R. Statist. Soc. B 50 (1988) 381: the bandwidth, for normal residuals.
 """
 
 from __future__ import annotations
@@ -48,6 +50,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError, unknown_name
 from fracid.findings import Words
 from fracid.safety.user_code import attribute_of, is_own
+from fracid.signals.resolution import resolution
 
 SAYS = Words("problem/checks.toml")
 
@@ -64,6 +67,10 @@ SMOOTH = 1e-5
 """δ of the smoothed |e| in the rows for least squares [rad]: 1/150 of a 4096-count encoder's step."""
 
 
+NEAR_MEDIAN = (1.5 * 1.96**2 / (2 * math.pi)) ** (1 / 3)
+"""Times n^(−1/3): the share of a sample to each side of its median from which the density there is estimated [HS]_."""
+
+
 @dataclass(frozen=True)
 class Loss:
     """ρ(e) with what estimation needs of it."""
@@ -72,8 +79,8 @@ class Loss:
     """ρ of each residual, of the same shape."""
     psi: Callable[[FloatArray], FloatArray]
     """ρ′."""
-    curvature: Callable[[FloatArray], float]
-    """The mean of ρ″ over a sample of residuals; for |e| twice the density at zero."""
+    curvature: Callable[[FloatArray, FloatArray], float]
+    """The mean of ρ″ over the residuals of a signal, and that signal, in one unit; for |e| twice the density at 0."""
     smooth: Callable[[FloatArray], FloatArray]
     """ρ, or what stands for it in the rows for least squares."""
     centre: Literal["mean", "median"] = "mean"
@@ -87,9 +94,11 @@ def _smooth_abs(e: FloatArray) -> FloatArray:
     return np.asarray(e * (e / (np.hypot(e, SMOOTH) + SMOOTH)))
 
 
-def _normal_density(e: FloatArray) -> float:
-    """At zero, of normal residuals of the same variance: a density from the sample would see an encoder's lattice."""
-    return 1 / (math.sqrt(2 * math.pi) * max(float(np.std(e)), 1e-12))
+def _twice_the_density_at_zero(e: FloatArray, signal: FloatArray) -> float:
+    """From those about 0, as many as an interval of a median wants [HS]_; within a step of the signal's at least."""
+    share = min(1.0, 2 * NEAR_MEDIAN * len(e) ** (-1 / 3))
+    width = max(float(np.quantile(np.abs(e), share)), (resolution(signal) or 0.0) / 2, 1e-12)
+    return float(np.mean(np.abs(e) <= width)) / width
 
 
 def _huber(e: FloatArray) -> FloatArray:
@@ -99,11 +108,12 @@ def _huber(e: FloatArray) -> FloatArray:
     return np.asarray(small * (2 * size - small))
 
 
-SQUARE = Loss(np.square, lambda e: 2 * e, lambda _: 2.0, np.square)
+SQUARE = Loss(np.square, lambda e: 2 * e, lambda *_: 2.0, np.square)
 
-ABSOLUTE = Loss(np.abs, np.sign, lambda e: 2 * _normal_density(e), _smooth_abs, centre="median", likelihood_factor=2)
+ABSOLUTE = Loss(np.abs, np.sign, _twice_the_density_at_zero, _smooth_abs, centre="median", likelihood_factor=2)
 
-HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER), lambda e: 2 * float(np.mean(np.abs(e) <= HUBER)), _huber)
+HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER),
+              lambda e, _: 2 * max(float(np.mean(np.abs(e) <= HUBER)), 1 / len(e)), _huber)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -73,20 +73,16 @@ class Criterion:
 
     def __call__(self, x: FloatArray, errors: list[FloatArray]) -> Evaluation:
         """Cost and rows of the errors at x."""
-        levels = self._costs_by_output(errors)
-        cost = self._cost(errors, levels)
-        rows = self._rows(x, errors, levels) if math.isfinite(cost) else None
-        return Evaluation(x, cost * self._prior_factor(x), rows)
+        cost = self.cost(x, errors)
+        return Evaluation(x, cost, self._rows(x, errors) if math.isfinite(cost) else None)
 
     def cost(self, x: FloatArray, errors: list[FloatArray]) -> float:
         """The cost alone."""
-        return self._cost(errors, self._costs_by_output(errors)) * self._prior_factor(x)
-
-    def _cost(self, errors: list[FloatArray], levels: FloatArray | None) -> float:
         cost = self._joined(errors)
-        if levels is None or not math.isfinite(cost):
-            return cost
-        return float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+        if self.weights == "noise" and math.isfinite(cost):
+            levels = self._costs_by_output(errors)
+            cost = float(np.exp(np.mean(np.log(levels)))) * (1 if self.cost_function.root else len(levels))
+        return cost * self._prior_factor(x)
 
     # --- recordings --------------------------------------------------------------------------------
 
@@ -110,9 +106,9 @@ class Criterion:
 
     def balance(self, errors: list[FloatArray]) -> FloatArray:
         """By what the squares of each output count, shape (n_outputs,): 1, but (G/C_o)² with ``weights = "noise"``."""
-        levels = self._costs_by_output(errors)
-        if levels is None:
+        if self.weights == "equal":
             return np.ones(len(self.outputs))
+        levels = self._costs_by_output(errors)
         relative = np.exp(np.mean(np.log(levels))) / levels
         return np.asarray(relative**2 if self.cost_function.root else relative)
 
@@ -135,10 +131,8 @@ class Criterion:
         whole = sum(s**2 for s in self.shares())
         return dict(zip(self.outputs, np.sqrt(squares / whole).tolist(), strict=True))
 
-    def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray | None:
-        """C_o of each output alone, at least that of its encoder's rounding; None where all count the same."""
-        if self.weights == "equal":
-            return None
+    def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray:
+        """C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,)."""
         costs = [self._joined([r[:, [o]] for r in errors]) for o in range(len(self.outputs))]
         return np.asarray(np.hypot(costs, self._floor) if self.cost_function.root else costs + self._floor)
 
@@ -146,19 +140,19 @@ class Criterion:
     def _floor(self) -> FloatArray:
         """C_o of a residual of q/√12, q the step of the output's encoder, shape (n_outputs,)."""
         outputs = range(len(self.outputs))
-        steps = [max(resolution(e.measured[:, o]) or 0.0 for e in self.experiments) for o in outputs]
+        steps = [max(resolution(e.in_deviations(e.measured)[:, o]) or 0.0 for e in self.experiments) for o in outputs]
         rounding = np.maximum(np.array(steps) / math.sqrt(12.0), FINEST)
         return np.array([self._joined([np.full((len(e.measured), 1), r) for e in self.experiments]) for r in rounding])
 
     # --- rows --------------------------------------------------------------------------------------
 
-    def _rows(self, x: FloatArray, errors: list[FloatArray], levels: FloatArray | None) -> FloatArray | None:
+    def _rows(self, x: FloatArray, errors: list[FloatArray]) -> FloatArray | None:
         """Rows for least squares: the samples', with ``noise`` one for each output's floor, one for each prior."""
         recordings = [self.cost_function.rows(e.time, r, e.scored) for e, r in self._pairs(errors)]
         rows = [share * r for share, r in zip(self.shares(), recordings, strict=True) if r is not None]
         if not rows:
             return None
-        if levels is not None:
+        if self.weights == "noise":
             balance = np.sqrt(self.balance(errors))
             rows = [(r.reshape(-1, len(balance)) * balance).ravel() for r in rows]
             rows.append(balance * (self._floor if self.cost_function.root else np.sqrt(self._floor)))

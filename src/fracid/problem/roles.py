@@ -89,8 +89,8 @@ def nameless(columns: Sequence[str]) -> bool:
     return all(re.fullmatch(NAMELESS, c.lower()) for c in columns)
 
 
-def model_of_columns(file: str, columns: Sequence[str]) -> str:
-    """The model of a table, or an error that says what to type.
+def model_of_columns(files: str, columns: Sequence[str]) -> str:
+    """The model of tables, whose names stand as they are typed, or an error that says what to type.
 
     Raises
     ------
@@ -108,8 +108,8 @@ def model_of_columns(file: str, columns: Sequence[str]) -> str:
     likely = likely_models(columns)
     shown = ", ".join(columns[:8])
     if not likely:
-        raise InputError(SAYS("none", shown=shown, file=file))
+        raise InputError(SAYS("none", shown=shown, files=files))
     if len(likely) > 1:
-        commands = "; ".join(f"fracid init {file} --model {n}" for n in likely)
-        raise InputError(f"The columns {shown} of {file} may be of {' or '.join(likely)}; say which: {commands}.")
+        commands = "; ".join(f"fracid init {files} --model {n}" for n in likely)
+        raise InputError(f"The columns {shown} of {files} may be of {' or '.join(likely)}; say which: {commands}.")
     return next(iter(likely))

@@ -537,8 +537,7 @@ class _Study:
         kinds = [[row for row in self.rows()[0] if row.fractional == kind and math.isfinite(row.cost)]
                  for kind in (False, True)]  # fmt: skip
         best = [best_of(kind) for kind in kinds if kind]
-        widths, jobs = {row.name: _half_widths(row) for row in best}, max(1, self.execution.jobs // 2)
-        results = self._follow("step", "is the step fine enough?", _choose_step, best, widths, jobs)
+        results = self._follow("step", "is the step fine enough?", _choose_step, best, max(1, self.execution.jobs // 2))
         return max((int(found["substeps"]) for found in results.values()), default=1)
 
     def _fit_project(self, again: str) -> None:
@@ -651,13 +650,11 @@ def _half_widths(row: Row) -> dict[str, float]:
     return {n: half_of(o.interval95) for n, o in row.orders.items() if o.interval95 is not None}
 
 
-def _choose_step(
-    place: _Place, name: str, values: Mapping[str, float], widths: dict[str, dict[str, float]], jobs: int
-) -> dict[str, Any]:
+def _choose_step(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:
     problem, x = place.minimum(name, values)
     if problem.cost_function.loss is None or not problem.names:
         return {"substeps": problem.substeps}
-    return {"substeps": quiet_substeps(problem, x, widths[name], jobs=jobs)}
+    return {"substeps": quiet_substeps(problem, x, jobs=jobs)}
 
 
 def _test_amplitude(place: _Place, name: str, values: Mapping[str, float], jobs: int) -> dict[str, Any]:

@@ -56,7 +56,7 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
 
 
 def correlation_cause(
-    power: float, lag_one: float, T: float, step: float, quantum: float | None, swing: float | None
+    power: float, lag_one: float, T: float, step: float, quantum: float | None, swing: float | None, use: str
 ) -> str:
     """Where a correlation comes from, most likely."""
     if lag_one < 0 and T < 10:
@@ -65,7 +65,7 @@ def correlation_cause(
         return SAYS("at-floor")
     if swing and T * step * swing < FAST:
         return SAYS("short", period=_seconds(1 / swing))
-    return SAYS("lacks", times=_times(math.sqrt(T)))
+    return SAYS(f"lacks-{use}", times=_times(math.sqrt(T)))
 
 
 def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: float, cause: str) -> str:
@@ -77,13 +77,13 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
     return SAYS("autocorrelated", time=_seconds(seconds), n=n, p=_p(p), count=n / T, cause=cause)
 
 
-def spectrum_sentences(spectrum: Spectrum, unit: str) -> Iterator[str]:
+def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]:
     """What the spectrum shows: drift, the swing's band, a line."""
     line, slow = spectrum.line, SAYS("slow", share=_percent(spectrum.slow_share), below=spectrum.slow_below)
     if spectrum.slow_share >= DRIFT:
         yield SAYS("drift", slow=slow, of=words_of(unit))
     elif line is None and spectrum.swing and spectrum.swing_share >= BROAD:
-        what = SAYS("harmonic-1", of=words_of(unit))
+        what = SAYS("harmonic-1") + SAYS(f"remedy-{use}", of=words_of(unit))
         yield SAYS("swing", share=_percent(spectrum.swing_share), swing=spectrum.swing, what=what, slow=slow)
     elif line is None:
         yield SAYS("no-line", slow=slow)
@@ -94,7 +94,7 @@ def spectrum_sentences(spectrum: Spectrum, unit: str) -> Iterator[str]:
     else:
         where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
         code = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
-    what = SAYS(code, of=words_of(unit))
+    what = SAYS(code, of=words_of(unit)) + SAYS(f"remedy-{use}", of=words_of(unit)) * (line.harmonic == 1)
     yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=what)
 
 
@@ -120,7 +120,7 @@ CONTRASTS = ("late", "far", "fast")
 """Of each the words say where it is, what a residual suggests that is larger there, and one that is smaller."""
 
 
-def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float, unit: str) -> str:
+def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float, unit: str, use: str) -> str:
     """What the spread over time, size and speed shows."""
     pairs = [(c, name) for c, name in zip(contrasts, CONTRASTS, strict=True) if math.isfinite(c.ratio)]
     uneven = [(c, name) for c, name in pairs if c.uneven]
@@ -131,8 +131,8 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float,
     if not sure:
         return SAYS("by-chance", text=text, worth=effective_samples)
     most, name = _telling(sure)
-    side = "larger" if most.ratio > 1 else "smaller"
-    return SAYS("uneven", text=text, cause=SAYS(f"{name}-{side}", of=words_of(unit)))
+    cause = SAYS(f"{name}-{'larger' if most.ratio > 1 else 'smaller'}", of=words_of(unit))
+    return SAYS("uneven", text=text, cause=cause, allowed=SAYS(f"allowed-{use}"))
 
 
 def _telling(sure: list[tuple[Contrast, str]]) -> tuple[Contrast, str]:

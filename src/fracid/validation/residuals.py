@@ -151,15 +151,15 @@ def residual_analysis(
     quantum = lattice(np.asarray(recording.measured[output])) if resolution is None else resolution.get(output)
     size = float(np.abs(np.asarray(recording.measured[output])[part]).max(initial=0.0))
     head = (recording.name, output, recording.use, e.size, whole.size - e.size, step)
-    because = untestable_reason(e, size, whole.size, unit)
-    if because:
+    if because := untestable_reason(e, size, whole.size, unit):
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
-    spectrum = _spectrum(e, speed, step, unit) if even else Spectrum("")
-    whiteness = _whiteness(e, ρ, step, quantum, swing=spectrum.swing)
+    said = {"unit": unit, "use": recording.use}
+    spectrum = _spectrum(e, speed, step, **said) if even else Spectrum("")
+    whiteness = _whiteness(e, ρ, step, quantum, spectrum, use=recording.use)
     thin = slice(None, None, whiteness.thinning)
-    variance = _variance(e, fitted, speed, whiteness, unit=unit)
+    variance = _variance(e, fitted, speed, whiteness, **said)
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[thin], variance, unit), variance,
         _level(raw[part], quantum, unit, white=whiteness.white), unit,
@@ -177,9 +177,9 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     return step, even
 
 
-def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, swing: float | None) -> Whiteness:
+def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, near: Spectrum, use: str) -> Whiteness:
     T = correlation_time(ρ)
-    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=swing)
+    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=near.swing, use=use)
     lags, Q, p = ljung_box(ρ, e.size)
     k = max(2, round(2 * T))
     thin = e[::k]
@@ -191,7 +191,7 @@ def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None
     )  # fmt: skip
 
 
-def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str) -> Spectrum:
+def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str, use: str) -> Spectrum:
     f, S = power_spectrum(e, step)
     band = swing_band(speed, step)
     swing = band[1] if band else None
@@ -206,7 +206,7 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str) -> Spect
     around = NAN if band is None else _around(f, share, band)
     spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
                         swing_share=around)  # fmt: skip
-    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit)))
+    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use)))
 
 
 def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) -> float:
@@ -232,7 +232,9 @@ def _normality(e: FloatArray, thin: FloatArray, variance: Variance, unit: str) -
 # --- constant variance -----------------------------------------------------------------------------
 
 
-def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness, unit: str) -> Variance:
+def _variance(
+    e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: Whiteness, unit: str, use: str
+) -> Variance:
     by = (np.arange(e.size, dtype=np.float64), np.abs(fitted - fitted.mean()), np.abs(speed))
     ratios, few = [spread_ratio(e, z) for z in by], e[:: whiteness.thinning]
     if is_testable(few):
@@ -240,7 +242,7 @@ def _variance(e: FloatArray, fitted: FloatArray, speed: FloatArray, whiteness: W
     else:
         p = [fisher(ratio, whiteness.effective_samples / 3) for ratio in ratios]
     contrasts = tuple(Contrast(*pair) for pair in zip(ratios, p, strict=True))
-    return Variance(variance_sentence(contrasts, whiteness.effective_samples, unit), *contrasts)
+    return Variance(variance_sentence(contrasts, whiteness.effective_samples, unit, use), *contrasts)
 
 
 # --- level -----------------------------------------------------------------------------------------

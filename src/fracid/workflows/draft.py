@@ -101,7 +101,8 @@ def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **opt
     if options.get("rig") is not None:
         return ROTARY
     raws = [inspect_recording(f, time=options.get("time"), variable=options.get("variable")) for f in files]
-    return model_of_columns(files[0].name, list(columns or {c: raw for raw in raws for c in raw.signals}))
+    named = columns or {c: raw for raw in raws for c in raw.signals}
+    return model_of_columns(" ".join(f.name for f in files), list(named))
 
 
 FIRST = 4
