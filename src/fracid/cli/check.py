@@ -158,8 +158,8 @@ def column_from_text(text: str) -> tuple[str, dict[str, Any]]:
 def _channel(option: str, text: str) -> dict[str, Any]:
     """Parse ``2,unit=deg``: a column, by name or place, or ``constant=3``, with what is said of it."""
     column, *fields = text.split(",")
-    which = [_field(column)] if column.startswith("constant=") else [("column", _number(column))]
-    return each_once(option, [*which, *map(_field, fields)])
+    key, value = _field(column) if column.startswith("constant=") else ("column", _number(column))
+    return {key: value} | each_once(option, map(_field, fields))
 
 
 def text_of_column(fields: Mapping[str, Any]) -> str:
