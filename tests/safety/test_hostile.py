@@ -349,7 +349,7 @@ def test_arrays_that_are_no_recording_are_refused(time, signals, units, says):
 
 
 def test_what_is_masked_in_an_array_is_missing_and_makes_the_recording_unfit():
-    assert Recording.of("s", T, {"alpha": np.ma.masked_greater(ALPHA, 1.0)}).report.level == "unfit"
+    assert Recording.of("s", T, {"alpha": np.ma.masked_greater(ALPHA, 0.0)}).report.level == "unfit"
 
 
 @pytest.mark.parametrize(

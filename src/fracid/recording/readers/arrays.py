@@ -88,13 +88,12 @@ class Table:
     def _no_column(self, key: int | str) -> str:
         if str(key) in self.left_out:
             return f"{self.source}: {ascii_short(str(key))} {self.left_out[str(key)]}."
-        columns = ", ".join(f"{j} {ascii_short(name)}" for j, name in enumerate(self.names[:SHOWN]))
-        more = f" and {len(self.names) - SHOWN} more" if len(self.names) > SHOWN else ""
+        columns = _shortened([f"{j} {ascii_short(name)}" for j, name in enumerate(self.names)], SHOWN)
         bare = {_bare(name): name for name in reversed(self.names)}
         close = [bare[name] for name in difflib.get_close_matches(str(key), bare, n=1, cutoff=0.5)]
         hint = f" Did you mean {ascii_short(close[0])}?" if close else ""
         label = ascii_short(key) if isinstance(key, str) else key
-        return f"{self.source} has no column {label}.{hint} Its columns, by position or name: {columns}{more}."
+        return f"{self.source} has no column {label}.{hint} Its columns, by position or name: {columns}."
 
 
 def _bare(name: str) -> str:
@@ -194,9 +193,9 @@ def _list(arrays: Mapping[str, Array]) -> str:
     return _shortened(entries)
 
 
-def _shortened(entries: list[str]) -> str:
-    more = f" and {len(entries) - LISTED} more" if len(entries) > LISTED else ""
-    return (", ".join(entries[:LISTED]) or "nothing") + more
+def _shortened(entries: list[str], most: int = LISTED) -> str:
+    more = f" and {len(entries) - most} more" if len(entries) > most else ""
+    return (", ".join(entries[:most]) or "nothing") + more
 
 
 # --- structs and groups ---------------------------------------------------------------------------------

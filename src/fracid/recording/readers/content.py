@@ -59,6 +59,17 @@ TEXT = LeftOut("is text")
 LISTS = LeftOut("holds a list of numbers for each sample; save one number for each")
 
 
+def why_no_numbers(kind: str) -> LeftOut | None:
+    """Why an array of a kind of NumPy's is none of real numbers: it is complex, or text; None for any other.
+
+    Examples
+    --------
+    >>> why_no_numbers("U") is TEXT, why_no_numbers("f")
+    (True, None)
+    """
+    return {"c": COMPLEX, "S": TEXT, "U": TEXT, "O": TEXT}.get(kind)
+
+
 def same_name(count: int) -> LeftOut:
     """Say that a name means nothing: which of them is meant nobody knows."""
     return LeftOut(f"is the name of {count}; give each its own")

@@ -28,6 +28,7 @@ from fracid.recording.readers.content import (
     LeftOut,
     damaged,
     refuse_bomb,
+    why_no_numbers,
 )
 from fracid.recording.readers.matlab import object_left_out
 
@@ -131,13 +132,9 @@ def _plain(dtype: np.dtype[Any]) -> LeftOut | None:
             return COMPLEX
         numbers = all(dtype[n].kind in "fiub" for n in dtype.names)
         return None if numbers else LeftOut("is a record that holds no numbers")
-    if dtype.kind == "c":
-        return COMPLEX
     if isinstance(h5py.check_vlen_dtype(dtype), np.dtype):  # not str or bytes; NumPy's float64 also equals None
         return LISTS
-    if dtype.kind in "SUO":
-        return TEXT
-    return None if dtype.kind in "fiub" else LeftOut("is no array of numbers")
+    return None if dtype.kind in "fiub" else why_no_numbers(dtype.kind) or LeftOut("is no array of numbers")
 
 
 def _refuse_packed_bomb(dataset: Any, path: Path, size: int) -> None:

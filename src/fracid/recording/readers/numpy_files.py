@@ -14,7 +14,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
-from fracid.recording.readers.content import COMPLEX, TEXT, Content, LeftOut, damaged, refuse_bomb, same_name
+from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb, same_name, why_no_numbers
 from fracid.safety.door import opened
 
 PICKLED = LeftOut("holds Python objects, which fracid does not open: that would run code; save arrays of numbers")
@@ -79,12 +79,8 @@ def _array(file: IO[bytes], size: int) -> NDArray[np.generic] | LeftOut:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of Python, which parses the header: of a damaged one, it is about escapes
         shape, fortran, dtype = HEADERS[version](file)
-    if dtype.hasobject:
-        return PICKLED
-    if dtype.kind == "c":
-        return COMPLEX
-    if dtype.kind in "SU":
-        return TEXT
+    if left_out := PICKLED if dtype.hasobject else why_no_numbers(dtype.kind):
+        return left_out
     expected = prod(shape) * dtype.itemsize
     if any(n < 0 for n in shape) or expected > size:
         extent = "×".join(map(str, shape[:5]))
