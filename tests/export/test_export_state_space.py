@@ -228,6 +228,19 @@ def test_a_users_own_model_has_a_linear_one_about_its_rest():
     assert linear.exact_response([2.0])[0, 0, 0] == pytest.approx(1 / ((2j) ** 0.9 + 4))
 
 
+def filled(t, x, u, p, out):
+    out[0] = u[0]
+
+
+def test_an_input_that_the_fit_holds_is_held_in_the_integer_order_model():
+    own = fracid.Model("tank", filled, ("level",), (1.0,), {"level": 0}, ("flow",), (), "", "")
+    e = fracid.Experiment("steps", 0.1, np.zeros((50, 1)), np.sign(np.sin(np.arange(50)))[:, None],
+                          between={"flow": "hold"})  # fmt: skip
+    problem = fracid.Problem(own, (e,), {}, initial_state="held")
+    exact = problem.simulate(problem.start, e).states
+    assert follows(integer_model(problem), Case.of(problem, problem.start, e), exact)["level"] < 1e-6
+
+
 # --- python-control --------------------------------------------------------------------------------
 
 

@@ -122,6 +122,24 @@ def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
     assert done.stdout == "true\n", done.stderr
 
 
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+@pytest.mark.parametrize(("name", "method"), [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")])
+def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tmp_path):
+    model = fracid.model(name)
+    u = np.sign(np.sin(np.linspace(0, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
+    e = fracid.Experiment("twin", 5e-3, np.zeros((201, len(model.outputs))), u,
+                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
+    orders = dict.fromkeys(model.order_names, 0.9)
+    p = fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+    text = javascript_model(p, p.start, e, "run")
+    rows = "[run.states, run.outputs].map(a => a.map(v => Array.from(v)))"
+    (tmp_path / "run.mjs").write_text(f"{text}\nconst run = simulate();\nconsole.log(JSON.stringify({rows}));")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    states, outputs = map(np.array, json.loads(done.stdout))
+    same(states, p.simulate(p.start, e).states, name)
+    same(outputs, p.fitted(p.start, e), name)
+
+
 @pytest.mark.broad
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
 def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):

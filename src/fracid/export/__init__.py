@@ -169,8 +169,8 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
     channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
     if channels:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
-    if tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
-        yield "In MATLAB and JavaScript inputs are straight lines; where one jumps, give it the mean of both values."
+    if "matlab" in tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
+        yield "In MATLAB inputs are straight lines; where one jumps, give it the mean of both values."
 
 
 def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:

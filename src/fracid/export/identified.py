@@ -126,7 +126,7 @@ class Identified:
     @cached_property
     def inputs(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, u = self.problem.model, self.case.inputs_after[0]
+        model, u = self.problem.model, self.case.driven_after.after[0]
         rates = {n: f"rate of {of}" for n, of in model.input_rates.items()}
         return tuple(Quantity(n, model.input_units.get(n, ""), float(v), rates.get(n, ""))
                      for n, v in zip(model.inputs, u, strict=False))  # fmt: skip

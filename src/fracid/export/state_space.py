@@ -53,6 +53,7 @@ from fracid.models import Model
 from fracid.problem import Problem
 from fracid.problem.simulator import LIMIT
 from fracid.solver.arguments import Equation, InitialCondition, Options
+from fracid.solver.inputs import Driven
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import compile_rhs, names_time
@@ -382,15 +383,16 @@ class IntegerModel:
         """The right-hand side."""
         return self.model.derivatives(x, u, self.parameters if parameters is None else parameters)[: len(x)]
 
-    def simulate(self, x0: FloatArray, inputs: FloatArray, step: float, steps: int) -> FloatArray:
-        """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure."""
+    def simulate(self, x0: FloatArray, inputs: Driven, step: float, steps: int) -> FloatArray:
+        """States on a grid, shape (steps + 1, n_states); NaN after a failure."""
         from scipy.integrate import solve_ivp
 
-        driven = len(inputs) > 1
+        before, after = inputs
+        driven = len(before) > 1
 
         def slope(t: float, z: FloatArray) -> FloatArray:
-            k = min(int(t / step), len(inputs) - 2)
-            u = inputs[k] + (t / step - k) * (inputs[k + 1] - inputs[k]) if driven else inputs[0]
+            k = min(int(t / step), len(before) - 2)
+            u = after[k] + (t / step - k) * (before[k + 1] - after[k]) if driven else before[0]
             return np.asarray(-self.decay * z + self.B @ self.f(x0 + self.C @ z, u))
 
         time = step * np.arange(steps + 1)
@@ -595,7 +597,7 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
 def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
     """Root mean square of integer-order less fractional outputs over one recording [rad]."""
     own = replace(system, parameters=case.parameters)
-    states = own.simulate(case.past[-1], case.inputs_after, case.step, case.steps)
+    states = own.simulate(case.past[-1], case.driven_after, case.step, case.steps)
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
             for n, i in system.model.output_states.items()}  # fmt: skip
 
