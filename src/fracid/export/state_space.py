@@ -38,7 +38,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,6 +89,9 @@ STIFF = 1e3
 
 EXACT = 1e-7
 """Relative error of a simulation."""
+
+PULLED = 1e-4
+"""Of what a pendulum is pulled to its rest with, a rad off, that pulls any other output to one of its own."""
 
 
 @dataclass(frozen=True)
@@ -434,9 +437,9 @@ class IntegerModel:
         """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
         p = moving(self.model, self.parameters)
         if self.model.pendulum:
-            own = _by_name(self.model, self.parameters)
-            inputs = self.model.inputs if own.get(self.model.drive) != 0 else ("torque",)
-            return {n: replace(self.linearised(n, posture(self.model, own, n), p), inputs=inputs)
+            driven = _by_name(self.model, self.parameters).get(self.model.drive) != 0
+            inputs = self.model.inputs if driven else ("torque",)
+            return {n: replace(self.linearised(n, posture(self.model, self.parameters, n), p), inputs=inputs)
                     for n in ("hanging", "upright")}  # fmt: skip
         from scipy.optimize import root
 
@@ -606,17 +609,30 @@ def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
     return dict(zip(model.parameter_names, parameters.tolist(), strict=True))
 
 
-def posture(model: Model, p: Mapping[str, float], name: str) -> FloatArray:
-    """The states where a pendulum is ``hanging`` or ``upright``, every output where its ``…_rest`` says.
+def posture(model: Model, parameters: FloatArray, name: str) -> FloatArray:
+    """The states where a pendulum is ``hanging`` or ``upright``, every output that is pulled to its ``…_rest`` there.
 
     Examples
     --------
+    An arm without a cable to pull it rests anywhere, whatever its `theta_rest`:
+
     >>> import fracid
-    >>> posture(fracid.rotary_pendulum(), {"alpha_rest": 0.5}, "hanging")
+    >>> rig = fracid.rotary_pendulum(alpha_rest=0.5, theta_rest=-1.0, cable_stiffness=0.0)
+    >>> posture(rig, rig.parameter_vector(), "hanging")
     array([0. , 0. , 0.5, 0. ])
     """
+    p, f, u = _by_name(model, parameters), partial(model.derivatives, p=moving(model, parameters)), len(model.inputs)
     turned = {model.pendulum: math.pi} if name != model.zero else {}
-    return model.state_vector({n: p.get(model.rest_of(n), 0.0) + turned.get(n, 0.0) for n in model.output_states})
+    rests = model.state_vector({n: p.get(model.rest_of(n), 0.0) for n in model.output_states})
+
+    def pull(output: str) -> float:
+        away = rests.copy()
+        away[model.output_states[output]] += 1.0
+        return float(np.abs(f(away, np.zeros(u)) - f(rests, np.zeros(u)))[: len(away)].max())
+
+    least = PULLED * pull(model.pendulum)
+    return model.state_vector({n: rests[i] * (pull(n) > least) + turned.get(n, 0.0)
+                               for n, i in model.output_states.items()})  # fmt: skip
 
 
 def moving(model: Model, parameters: FloatArray) -> FloatArray:
