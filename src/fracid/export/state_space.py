@@ -18,13 +18,14 @@ fewest with which the error from a tenth of the lower frequency to the upper is 
 :data:`DEGREES`.  What is slower is off most; so is what dies within a swing, since the sum is right along the imaginary
 axis.
 
-Linearised about a posture, :math:`f ≈ F (x - x_e) + G u`:
+Linearised about a posture, :math:`f ≈ F (x - x_e) + G (u - u_e)`:
 
-.. math::  \dot z = (P + B F C)\,z + B G\,u, \qquad x - x_e = C z,
+.. math::  \dot z = (P + B F C)\,z + B G\,(u - u_e), \qquad x - x_e = C z,
 
-and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G u`, whose poles, zeros of the determinant, are
-found from those of the sum by the secant method.  Dry friction has no linear part in motion: it is left out, and so are
-the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring σ₀ and a dashpot σ₁.
+and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G (u - u_e)`, whose poles, zeros of the
+determinant, are found from those of the sum by the secant method.  Dry friction has no linear part in motion: it is
+left out, and so are the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring
+σ₀ and a dashpot σ₁.
 
 References
 ----------
@@ -89,6 +90,9 @@ STIFF = 1e3
 
 EXACT = 1e-7
 """Relative error of a simulation."""
+
+STEPS, ROUNDED, TINY = 10.0 ** -np.arange(2, 11), 1e3 * np.finfo(float).eps, np.finfo(float).tiny
+"""Steps of differences, beside the value where that is not 0, and what rounding may do to them."""
 
 PULLED = 1e-4
 """Of what a pendulum is pulled to its rest with, a rad off, that pulls any other output to one of its own."""
@@ -213,6 +217,8 @@ class LinearModel:
     """x_e, shape (n_states,)."""
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    driven: FloatArray
+    """u_e, the inputs there, shape (n_inputs,)."""
     orders: FloatArray
     """Of each state, shape (n_states,)."""
     weight: FloatArray
@@ -287,8 +293,8 @@ class LinearModel:
     def to_json(self) -> dict[str, Any]:
         """Everything, as plain JSON values."""
         return {
-            "about": self.about.tolist(), "inputs": list(self.inputs), "outputs": list(self.outputs),
-            **{n: getattr(self, n).tolist() for n in ("A", "B", "C", "D", "F", "G")},
+            "inputs": list(self.inputs), "outputs": list(self.outputs),
+            **{n: getattr(self, n).tolist() for n in ("about", "driven", "A", "B", "C", "D", "F", "G")},
             "poles": {"real": self.poles.real.tolist(), "imag": self.poles.imag.tolist()},
             "damping": [m.to_json() for m in self.modes],
         }  # fmt: skip
@@ -343,6 +349,8 @@ class IntegerModel:
     """Of each state."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
+    around: tuple[FloatArray, FloatArray] | None = None
+    """States and inputs near which the recordings are; 0 if left out."""
 
     def __post_init__(self) -> None:
         """Refuse what depends on time, as every other program does."""
@@ -415,26 +423,21 @@ class IntegerModel:
         Raises
         ------
         InputError
-            If the equations have no value there or next to it.
+            If the equations have no value there or next to it, or a corner.
         """
         u = np.zeros(len(self.model.inputs)) if inputs is None else inputs
-
-        def slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
-            columns = [(f(at + d) - f(at - d)) / 2e-6 for d in 1e-6 * np.eye(len(at))]
-            return np.ascontiguousarray(np.reshape(columns, (len(at), len(about))).T)
-
-        F = slopes(lambda x: self.f(x, u, parameters), about)
-        G = slopes(lambda v: self.f(about, v, parameters), u)
+        F = _slopes(lambda x: self.f(x, u, parameters), about)
+        G = _slopes(lambda v: self.f(about, v, parameters), u)
         if not np.isfinite([*F.flat, *G.flat]).all():
             raise InputError(SAYS("no-slopes", name=name))
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
-        return LinearModel(name, about, self.model.inputs, outputs, orders=self.orders, weight=self.weight, F=F, G=G,
-                           A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
+        return LinearModel(name, about, self.model.inputs, outputs, driven=u, orders=self.orders, weight=self.weight,
+                           F=F, G=G, A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
                            rows=rows)  # fmt: skip
 
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
-        """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
+        """About hanging and upright; of a model of yours about its rest near :attr:`around`, or without input."""
         p = moving(self.model, self.parameters)
         if self.model.pendulum:
             driven = _by_name(self.model, self.parameters).get(self.model.drive) != 0
@@ -443,9 +446,12 @@ class IntegerModel:
                     for n in ("hanging", "upright")}  # fmt: skip
         from scipy.optimize import root
 
-        solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs)), p), np.zeros(len(self.orders)))
-        with suppress(InputError):
-            return {"rest": self.linearised("rest", solution.x, p)} if solution.success else {}
+        near, around = self.around or (np.zeros(len(self.orders)), np.zeros(len(self.model.inputs)))
+        for u in (around, 0 * around):
+            solution = root(lambda x, u=u: self.f(x, u, p), near)
+            with suppress(InputError):
+                if solution.success:
+                    return {"rest": self.linearised("rest", solution.x, p, u)}
         return {}
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
@@ -456,8 +462,8 @@ class IntegerModel:
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
         p = moving(self.model, self.parameters)
-        u = np.zeros((1, len(linear.inputs)))
-        u[0, 0] = small
+        u = linear.driven[None].copy()
+        u[0, 0] += small
         equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale=time_scale(self.model, p),
                             relaxing=self.model.relaxing_states)  # fmt: skip
         run = integrate(equation, InitialCondition(linear.about), end / points, points,
@@ -495,7 +501,8 @@ class IntegerModel:
         """Operators, matrices and linear models as plain JSON values."""
         operators = dict(zip(self.model.states, self.operators, strict=True))
         return {
-            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e: z' = A z + B u, y - y_e = C z",
+            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e (about) and u_e (driven): "
+                     "z' = A z + B (u - u_e), y - y_e = C z",
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
                     "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
@@ -510,8 +517,9 @@ class IntegerModel:
         return {
             "decay": self.decay[:, None], "B": self.B, "C": self.C,
             "linear": {
-                n: {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "F": m.F, "G": m.G, "about": m.about[:, None],
-                    "poles": m.poles[:, None], "swings": np.array([mode.pole for mode in m.modes])}
+                n: {**{of: getattr(m, of) for of in ("A", "B", "C", "D", "F", "G", "driven")},
+                    "about": m.about[:, None], "poles": m.poles[:, None],
+                    "swings": np.array([mode.pole for mode in m.modes])}
                 for n, m in self.linear.items()
             },
         }  # fmt: skip
@@ -548,7 +556,15 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     operators = {q: positive_sum(q, band) for q in set(orders.tolist())}
     return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
-                        units=problem.experiments[0].units)  # fmt: skip
+                        units=problem.experiments[0].units, around=_around(problem))  # fmt: skip
+
+
+def _around(problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """The means of what was measured and of inputs that have one sign; of all else 0."""
+    y, u = (np.concatenate([getattr(e, of) for e in problem.experiments]) for of in ("measured", "all_inputs"))
+    shown = {n: float(np.nanmean(v)) for n, v in zip(problem.outputs, y.T, strict=True)}
+    states = problem.model.state_vector({n: v for n, v in shown.items() if n in problem.model.output_states})
+    return states, np.where(u.min(axis=0) * u.max(axis=0) >= 0, u.mean(axis=0), 0.0)[: len(problem.model.inputs)]
 
 
 def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
@@ -575,6 +591,10 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
         yield SAYS("sticks", delta=delta, value=p[delta], unit=model.parameter(delta).unit)
     if p.get(model.drive) == 0:
         yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
+    for linear in system.linear.values():
+        if linear.driven.any():
+            inputs = ", ".join(f"{n} = {v:.4g}" for n, v in zip(linear.inputs, linear.driven, strict=True))
+            yield SAYS("at-means", inputs=inputs)
     if not system.linear:
         yield SAYS("no-linear")
 
@@ -603,6 +623,32 @@ def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, fl
     states = own.simulate(case.past[-1], case.driven_after, case.step, case.steps)
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
             for n, i in system.model.output_states.items()}  # fmt: skip
+
+
+def _slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
+    """∂f/∂at by the central differences that differ least from those of a larger step; NaN at a corner.
+
+    Examples
+    --------
+    >>> _slopes(np.sin, np.array([0.0])).round(9).tolist(), _slopes(np.abs, np.array([0.0])).tolist()
+    ([[1.0]], [[nan]])
+    """
+    here, columns = f(at), []
+    for d in np.eye(len(at)):
+        steps = (STEPS * (np.abs(at) @ d or 1.0))[:, None]
+        up, down = (np.array([f(at + side * h * d) for h in steps]) for side in (1, -1))
+        slopes, bends = (
+            (up - down) / (2 * steps),
+            np.abs(up - 2 * here + down) / steps,
+        )  # the sides' mean and difference
+        size, rounding = np.abs(slopes), (ROUNDED * (np.abs(up) + np.abs(down)) / steps)[1:]
+        apart = np.abs(np.diff(slopes, axis=0))
+        grows = (apart > 0.1 * size[1:] + rounding) & (size[1:] > size[:-1])
+        corner = (bends[1:] > 0.5 * bends[:-1]) & (bends[1:] > 0.01 * size[1:] + rounding)
+        error = (apart + rounding + 1e-3 * bends[1:]) / (size[1:] + rounding + TINY)
+        best = np.nan_to_num(error, nan=np.inf).argmin(axis=0), np.arange(len(here))
+        columns.append(np.where((grows | corner)[best], np.nan, slopes[1:][best]))
+    return np.ascontiguousarray(np.reshape(columns, (len(at), len(here))).T)
 
 
 def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
