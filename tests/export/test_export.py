@@ -282,7 +282,7 @@ def test_equations_without_a_value_everywhere_have_programs_and_say_that_they_ha
     tank, e = ONE_STATE["one state"], ONE_STATE["one state"].experiments[0]
     assert 'OUTPUTS = ["level", "outflow"]' in javascript_model(tank, tank.start, e, "run")
     assert "fracid_output" in c_model(*tables_and_case(tank), "run")["fracid_model.c"]
-    system = integer_model(tank)
+    system = replace(integer_model(tank), around=None)
     assert system.linear == {}
     assert any("no linear model" in said for said in linear_sentences(system))
     with pytest.raises(InputError, match="About empty there is no linear model"):
@@ -493,6 +493,14 @@ def test_what_cannot_be_written_keeps_nothing_else_from_being_written(fitted, tm
     with pytest.raises(InputError, match=r"no JavaScript today.*All else is in"):
         export_run(load_run(fitted), tmp_path, ["javascript", "csv"])
     assert list(tmp_path.glob("*.csv"))
+
+
+def test_a_run_of_which_every_simulation_fails_is_not_exported(fitted, tmp_path):
+    run = load_run(fitted)
+    grows = replace(run.problem.model, rhs=lambda t, x, u, p, out: out.fill(1e9 * (1 + x[0] ** 2)))
+    with pytest.raises(InputError, match="There is nothing to export: release 20°: diverged"):
+        export_run(replace(run, problem=replace(run.problem, model=grows)), tmp_path / "out", ["c", "csv"])
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):

@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from fracid.errors import InputError, at_least, refuse_unknown, writing
+from fracid.errors import Failure, InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
 from fracid.safety.door import write_whole
 from fracid.safety.kinds import refuse_other_kinds
@@ -113,7 +113,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Raises
     ------
     InputError
-        For an unknown format, one that is asked for and cannot be written, or a folder that cannot be written.
+        For an unknown format, one that is asked for and cannot be written, a run of which every simulation fails, or a
+        folder that cannot be written.
 
     Examples
     --------
@@ -122,6 +123,9 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     """
     how, folder = Options(**options), Path(folder)
     refuse_unknown("format", FORMATS, *formats)
+    ends = [run.problem.fitted(run.x, e) for e in run.problem.experiments]
+    if all(isinstance(end, Failure) for end in ends):
+        raise InputError(f"There is nothing to export: {ends[0]}.")
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     refused: list[str] = []
