@@ -19,7 +19,7 @@ from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
-from fracid.export.identified import Identified
+from fracid.export.identified import Identified, columns_of
 from fracid.export.javascript import javascript_model
 from fracid.export.markup import literal
 from fracid.export.matlab import matlab_model
@@ -501,6 +501,13 @@ def test_a_run_of_which_every_simulation_fails_is_not_exported(fitted, tmp_path)
     with pytest.raises(InputError, match="There is nothing to export: release 20°: diverged"):
         export_run(replace(run, problem=replace(run.problem, model=grows)), tmp_path / "out", ["c", "csv"])
     assert not (tmp_path / "out").exists()
+
+
+def test_how_columns_are_read_is_what_the_project_file_says(fitted):
+    text = (fitted / "project.toml").read_text(encoding="utf-8")
+    lines = columns_of(load_run(fitted))
+    assert [line.partition(" =")[0] for line in lines] == ["theta", "alpha"]
+    assert all(line in text for line in lines)
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):

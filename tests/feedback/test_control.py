@@ -342,6 +342,15 @@ def test_the_controller_in_c_passes_its_own_test_and_is_the_loops_one(which, rig
     assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == 1
 
 
+def test_the_controller_in_c_says_its_units_and_how_a_column_is_read(found):
+    columns = ['theta = { column = 2, unit = "deg", sign = -1, zero = 0.3 }', "alpha = 1 */ evil"]
+    head = c_controller(found, columns).partition("#include")[0]
+    assert "y is theta [rad], alpha [rad], u is voltage [V]" in head
+    assert columns[0] in head
+    assert "alpha = 1 * / evil" in head
+    assert "sign * scale" not in c_controller(found)
+
+
 def test_a_pid_and_a_fopid_have_the_responses_of_their_formulas():
     omega = np.geomspace(0.5, 10.0, 10)
     s = 1j * omega

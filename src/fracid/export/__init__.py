@@ -256,12 +256,12 @@ def _bam(run: SavedRun, _folder: Path, options: Options) -> Written:
 
 def _observer(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c_observer import c_observer, error_of_observer
-    from fracid.export.identified import source_of
+    from fracid.export.identified import columns_of, source_of
     from fracid.filtering import first_samples, observer
 
     watch, single = observer(run, slow=options.slow), options.precision == "single"
     samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
-    text = c_observer(watch, *samples, source_of(run), single=single)
+    text = c_observer(watch, *samples, source_of(run), single=single, columns=columns_of(run))
     yield "observer.c", text
     yield error_of_observer(text, watch, *samples, single=single)
 
