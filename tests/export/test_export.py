@@ -135,7 +135,7 @@ def in_octave(tmp_path_factory):
         tables, case = tables_and_case(problem)
         (folder / str(i)).mkdir()
         (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
         lines.append(
             f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); "
             "[~, alone] = model(); save('-v6', 'out.mat', 't', 'x', 'alone');"
@@ -197,7 +197,7 @@ def in_c(folder, problem, real="double"):
                           capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     kind = {"double": "f8", "float": "f4"}[real]
-    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1))
+    inputs = np.broadcast_to(case.driven.mean, (case.steps + 1, 1))
     given = np.concatenate([case.past[-1], inputs.ravel()]).astype(kind).tobytes()
     done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
     return np.frombuffer(done.stdout, kind).reshape(-1, len(problem.model.states)), done.returncode
@@ -418,7 +418,7 @@ def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
     for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
         tables, case = tables_and_case(VARIANTS[name])
         text = matlab_model(tables, case, "a test")
-        assert f"x0 = {literal(case.past)};\n  u = {literal(case.inputs)};" in text
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.mean)};" in text
 
 
 def door(seal):

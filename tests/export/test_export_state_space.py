@@ -256,6 +256,20 @@ def test_slopes_of_states_of_any_size_are_those_of_the_equations():
         assert pytest.approx(np.array([[2e-12 / (1e-6 - x) ** 3]]), rel=1e-6) == linear.F
 
 
+def turned(t, x, u, p, out):
+    out[0] = -2.0 * x[0] + 1e3 * x[1]
+    out[1] = u[0] - 1e3 * x[1]
+
+
+def test_slopes_next_to_zero_are_those_at_zero():
+    own = fracid.Model("motor", turned, ("x", "y"), (1.0, 1.0), {"x": 0}, ("volt",), (), "", "")
+    e = fracid.Experiment("twin", 0.01, np.zeros((100, 1)), np.zeros((1, 1)))
+    system = integer_model(fracid.Problem(own, (e,), {}, initial_state="held"))
+    for tiny in (0.0, 1e-17, 1e-310):
+        F = system.linearised("rest", np.array([tiny, -tiny]), np.empty(0)).F
+        np.testing.assert_allclose(F, [[-2.0, 1e3], [0.0, -1e3]], rtol=1e-9)
+
+
 def filled(t, x, u, p, out):
     out[0] = u[0]
 

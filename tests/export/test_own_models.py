@@ -91,7 +91,7 @@ def test_in_c_they_step_as_fracid_does(problems, tmp_path):
         done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
                               capture_output=True, text=True, check=False)  # fmt: skip
         assert done.returncode == 0, done.stderr
-        given = np.concatenate([case.past[-1], case.inputs.ravel()]).tobytes()
+        given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
         done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
         same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
 
@@ -148,7 +148,7 @@ def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
         tables, case = tables_and_case(p)
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
         lines.append(
             f"clear all; cd {tmp_path / str(k)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 'x');"
         )

@@ -66,11 +66,6 @@ class Case:
     """Time of the start, from the recording's first sample [s]."""
 
     @property
-    def inputs(self) -> FloatArray:
-        """u on the grid; where it jumps, the mean of before and after, which straight lines come closest with."""
-        return self.driven.mean
-
-    @property
     def driven_after(self) -> Driven:
         """From the start on; the one row of those that never change."""
         first = len(self.past) - 1 if len(self.driven.before) > 1 else 0

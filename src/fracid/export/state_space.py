@@ -52,13 +52,10 @@ from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Problem
-from fracid.problem.simulator import LIMIT
-from fracid.solver.arguments import Equation, InitialCondition, Options
 from fracid.solver.inputs import Driven
-from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS
-from fracid.solver.right_hand_side import compile_rhs, names_time
-from fracid.solver.solve import integrate, time_scale
+from fracid.solver.right_hand_side import names_time
+from fracid.solver.solve import simulate, time_scale
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -91,8 +88,8 @@ STIFF = 1e3
 EXACT = 1e-7
 """Relative error of a simulation."""
 
-STEPS, ROUNDED, TINY = 10.0 ** -np.arange(2, 11), 1e3 * np.finfo(float).eps, np.finfo(float).tiny
-"""Steps of differences, beside the value where that is not 0, and what rounding may do to them."""
+STEPS, ROUNDED, TINY = 10.0 ** -np.arange(2, 15), 1e3 * np.finfo(float).eps, np.finfo(float).tiny
+"""Steps of differences, beside a value above 1, and what rounding may do to them."""
 
 PULLED = 1e-4
 """Of what a pendulum is pulled to its rest with, a rad off, that pulls any other output to one of its own."""
@@ -294,7 +291,7 @@ class LinearModel:
         """Everything, as plain JSON values."""
         return {
             "inputs": list(self.inputs), "outputs": list(self.outputs),
-            **{n: getattr(self, n).tolist() for n in ("about", "driven", "A", "B", "C", "D", "F", "G")},
+            **{n: getattr(self, n).tolist() for n in ("about", "driven", *"ABCDFG")},
             "poles": {"real": self.poles.real.tolist(), "imag": self.poles.imag.tolist()},
             "damping": [m.to_json() for m in self.modes],
         }  # fmt: skip
@@ -349,8 +346,8 @@ class IntegerModel:
     """Of each state."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
-    around: tuple[FloatArray, FloatArray] | None = None
-    """States and inputs near which the recordings are; 0 if left out."""
+    around: FloatArray | None = None
+    """Inputs about which the recordings are, shape (n_inputs,); 0 if left out."""
 
     def __post_init__(self) -> None:
         """Refuse what depends on time, as every other program does."""
@@ -437,7 +434,7 @@ class IntegerModel:
 
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
-        """About hanging and upright; of a model of yours about its rest near :attr:`around`, or without input."""
+        """About hanging and upright; of a model of yours about rest near zero, with :attr:`around` or without input."""
         p = moving(self.model, self.parameters)
         if self.model.pendulum:
             driven = _by_name(self.model, self.parameters).get(self.model.drive) != 0
@@ -446,9 +443,9 @@ class IntegerModel:
                     for n in ("hanging", "upright")}  # fmt: skip
         from scipy.optimize import root
 
-        near, around = self.around or (np.zeros(len(self.orders)), np.zeros(len(self.model.inputs)))
-        for u in (around, 0 * around):
-            solution = root(lambda x, u=u: self.f(x, u, p), near)
+        still = np.zeros(len(self.model.inputs))
+        for u in (still if self.around is None else self.around, still):
+            solution = root(lambda x, u=u: self.f(x, u, p), np.zeros(len(self.orders)))
             with suppress(InputError):
                 if solution.success:
                     return {"rest": self.linearised("rest", solution.x, p, u)}
@@ -461,13 +458,10 @@ class IntegerModel:
         time = np.linspace(0.0, end, points + 1)
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
-        p = moving(self.model, self.parameters)
         u = linear.driven[None].copy()
         u[0, 0] += small
-        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale=time_scale(self.model, p),
-                            relaxing=self.model.relaxing_states)  # fmt: skip
-        run = integrate(equation, InitialCondition(linear.about), end / points, points,
-                        options=Options("pi2", compressed(), limit=LIMIT))  # fmt: skip
+        run = simulate(self.model, orders=self.orders, initial=linear.about, step=end / points, end=end, inputs=u,
+                       parameters=_by_name(self.model, moving(self.model, self.parameters)))  # fmt: skip
         exact = np.full((points + 1, len(linear.rows)), np.nan)
         exact[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
         return time, integer.reshape(len(time), -1), exact
@@ -517,9 +511,8 @@ class IntegerModel:
         return {
             "decay": self.decay[:, None], "B": self.B, "C": self.C,
             "linear": {
-                n: {**{of: getattr(m, of) for of in ("A", "B", "C", "D", "F", "G", "driven")},
-                    "about": m.about[:, None], "poles": m.poles[:, None],
-                    "swings": np.array([mode.pole for mode in m.modes])}
+                n: {**{of: getattr(m, of) for of in (*"ABCDFG", "driven")}, "about": m.about[:, None],
+                    "poles": m.poles[:, None], "swings": np.array([mode.pole for mode in m.modes])}
                 for n, m in self.linear.items()
             },
         }  # fmt: skip
@@ -555,16 +548,10 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     operators = {q: positive_sum(q, band) for q in set(orders.tolist())}
+    u = np.concatenate([e.all_inputs for e in problem.experiments])[:, : len(problem.model.inputs)]
+    around = np.where(u.min(axis=0) * u.max(axis=0) >= 0, u.mean(axis=0), 0.0)  # the mean of those that have one sign
     return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
-                        units=problem.experiments[0].units, around=_around(problem))  # fmt: skip
-
-
-def _around(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """The means of what was measured and of inputs that have one sign; of all else 0."""
-    y, u = (np.concatenate([getattr(e, of) for e in problem.experiments]) for of in ("measured", "all_inputs"))
-    shown = {n: float(np.nanmean(v)) for n, v in zip(problem.outputs, y.T, strict=True)}
-    states = problem.model.state_vector({n: v for n, v in shown.items() if n in problem.model.output_states})
-    return states, np.where(u.min(axis=0) * u.max(axis=0) >= 0, u.mean(axis=0), 0.0)[: len(problem.model.inputs)]
+                        units=problem.experiments[0].units, around=around)  # fmt: skip
 
 
 def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
@@ -635,12 +622,10 @@ def _slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray
     """
     here, columns = f(at), []
     for d in np.eye(len(at)):
-        steps = (STEPS * (np.abs(at) @ d or 1.0))[:, None]
+        steps = STEPS[:, None] * max(1.0, np.abs(at) @ d)
         up, down = (np.array([f(at + side * h * d) for h in steps]) for side in (1, -1))
-        slopes, bends = (
-            (up - down) / (2 * steps),
-            np.abs(up - 2 * here + down) / steps,
-        )  # the sides' mean and difference
+        slopes = (up - down) / (2 * steps)
+        bends = np.abs(up - 2 * here + down) / steps  # by how much the slopes to both sides differ
         size, rounding = np.abs(slopes), (ROUNDED * (np.abs(up) + np.abs(down)) / steps)[1:]
         apart = np.abs(np.diff(slopes, axis=0))
         grows = (apart > 0.1 * size[1:] + rounding) & (size[1:] > size[:-1])

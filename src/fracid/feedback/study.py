@@ -146,7 +146,7 @@ class ClosedLoop:
     def posture(self, x: FloatArray) -> Posture:
         """Where the model rests with other values of the unknowns."""
         c, parameters = self.conditions, self.problem.unpack(x, self.experiment)[1]
-        return posture_of(self.problem.model, parameters, c.posture, c.at, channel=self.channel, most=c.most)
+        return posture_of(self.problem.model, parameters, c.posture, c.at, channel=self.channel, most=c.most or c.least)
 
     def plant(self, x: FloatArray) -> Plant:
         """Linearised, and reduced to the band of the loop."""
@@ -254,8 +254,7 @@ def conditions_of(
     for channel, s in {**e.sensors, **e.actuators}.items():
         if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):
             raise InputError(SAYS("sensor", channel=channel))
-    moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
-    name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])
+    name = input_ or next((n for n, u in zip(model.inputs, e.all_inputs.T, strict=True) if u.any()), model.inputs[0])
     refuse_unknown("input", model.inputs, name)
     parameters = problem.unpack(x, e)[1]
     if model.drive and parameters[model.parameter_names.index(model.drive)] == 0.0:
