@@ -266,14 +266,11 @@ class LinearModel:
 
     def _exact_pole(self, near: complex) -> complex | None:
         """Where the determinant is zero on the principal sheet, by the secant method."""
-        a, b = near, near * (1 + 1e-4)
-        fa, fb = (complex(np.linalg.det(self._matrix(p))) for p in (a, b))
-        for _ in range(50):
-            if fa == fb or abs(b - a) <= 1e-12 * abs(b):
-                break
-            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
-            fb = complex(np.linalg.det(self._matrix(b)))
-        return b if abs(b - near) < 0.2 * abs(near) else None
+        from scipy.optimize import newton
+
+        pole = newton(lambda p: complex(np.linalg.det(self._matrix(p))), near, x1=near * (1 + 1e-4), maxiter=50,
+                      tol=1e-12 * abs(near), disp=False)  # fmt: skip
+        return pole if abs(pole - near) < 0.2 * abs(near) else None
 
     def control(self) -> Any:
         """As a python-control StateSpace.
@@ -318,15 +315,12 @@ class Mode:
 
     def __str__(self) -> str:
         """Say it in words."""
-        own = ""
-        if self.exact is not None and self.pole.imag > 0:
-            size, damping = abs(self.exact), -self.exact.real / abs(self.exact)
-            own = f" (the fractional model's own pole: {size:.4g} rad/s, {damping:.3g})"
-        elif self.exact is not None:
-            own = f" (the fractional model's own: {1 / self.exact.real:.3g} s)"
+        own = Mode(self.exact, None) if self.exact else None
         if self.pole.imag > 0:
-            return f"swings at {self.frequency:.4g} rad/s with a damping of {self.damping:.3g}{own}"
-        return f"falls with a time constant of {1 / self.pole.real:.3g} s{own}"
+            exact = own and f" (the fractional model's own pole: {own.frequency:.4g} rad/s, {own.damping:.3g})"
+            return f"swings at {self.frequency:.4g} rad/s with a damping of {self.damping:.3g}{exact or ''}"
+        exact = own and f" (the fractional model's own: {1 / own.pole.real:.3g} s)"
+        return f"falls with a time constant of {1 / self.pole.real:.3g} s{exact or ''}"
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -378,8 +372,7 @@ class IntegerModel:
     @cached_property
     def B(self) -> FloatArray:
         """Which z each f drives, shape (n, n_states)."""
-        owner = np.repeat(np.arange(len(self.operators)), [len(o.poles) for o in self.operators])
-        return np.asarray(owner[:, None] == np.arange(len(self.operators)), dtype=np.float64)
+        return np.repeat(np.eye(len(self.operators)), [len(o.poles) for o in self.operators], axis=0)
 
     @cached_property
     def C(self) -> FloatArray:
@@ -458,8 +451,7 @@ class IntegerModel:
         time = np.linspace(0.0, end, points + 1)
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
-        u = linear.driven[None].copy()
-        u[0, 0] += small
+        u = linear.driven + small * np.eye(1, len(linear.driven))
         run = simulate(self.model, orders=self.orders, initial=linear.about, step=end / points, end=end, inputs=u,
                        parameters=_by_name(self.model, moving(self.model, self.parameters)))  # fmt: skip
         exact = np.full((points + 1, len(linear.rows)), np.nan)
@@ -622,7 +614,7 @@ def _slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray
     """
     here, columns = f(at), []
     for d in np.eye(len(at)):
-        steps = STEPS[:, None] * max(1.0, np.abs(at) @ d)
+        steps = STEPS[:, None] * max(1.0, float(np.abs(at) @ d))
         up, down = (np.array([f(at + side * h * d) for h in steps]) for side in (1, -1))
         slopes = (up - down) / (2 * steps)
         bends = np.abs(up - 2 * here + down) / steps  # by how much the slopes to both sides differ
