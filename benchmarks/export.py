@@ -63,7 +63,7 @@ def problem(driven: bool) -> fracid.Problem:
 def octave(folder: Path, tables: Recursion, case: Case) -> tuple[np.ndarray, str]:
     """States and processor seconds of model.m."""
     (folder / "model.m").write_text(matlab_model(tables, case, "benchmarks/export.py"), encoding="utf-8")
-    savemat(folder / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps), "h": case.step})
+    savemat(folder / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps), "h": case.step})
     script = (
         "load in.mat; c = cputime; [t, x] = model(x0, u, n, h); printf('%.1f', cputime - c); save('-v6', 'x.mat', 'x');"
     )
@@ -81,7 +81,7 @@ def in_c(folder: Path, tables: Recursion, case: Case, real: str = "double") -> t
         (folder / name).write_text(text, encoding="utf-8")
     command = ["gcc", "-std=c99", "-O2", f"-DSTEPS={case.steps}", "fracid_model.c", "main.c", "-o", "model", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
-    u = np.broadcast_to(case.inputs, (case.steps + 1, 1)).astype(float)
+    u = np.broadcast_to(case.driven.mean, (case.steps + 1, 1)).astype(float)
     done = subprocess.run([folder / "model"], input=np.concatenate([case.past[-1], u.ravel()]).astype(kind).tobytes(),
                           capture_output=True, check=True)  # fmt: skip
     return np.frombuffer(done.stdout, kind).reshape(-1, 4), done.stderr.decode()

@@ -252,6 +252,19 @@ def test_a_voltage_is_written_as_it_is_applied(tmp_path):
     )
 
 
+def test_a_plan_whose_signals_cannot_be_written_leaves_no_sheet_behind(tmp_path, monkeypatch):
+    space = fracid.DesignSpace(seconds=1, rate=50, voltage=fracid.Pulses(0.3, 0.3, peak=0.1))
+    plan = fracid.design(fracid.model("pendulum"), space, experiments=1, free=("J",), orders={"mu": 1.0})
+
+    def refused(*_signal):
+        raise InputError("This unit is not possible.")
+
+    monkeypatch.setattr(fracid.Recording, "of", refused)
+    with pytest.raises(InputError, match="This unit is not possible"):
+        plan.write(tmp_path / "design")
+    assert not (tmp_path / "design").exists()
+
+
 def driven_by(values, name="goal"):
     """Ten seconds of a joint, one of whose inputs moves, at 20 Hz."""
     model = fracid.model("joint", gain=0.5)

@@ -19,7 +19,7 @@ from folders import driven
 from fracid.errors import InputError
 from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
-from fracid.export.identified import Identified
+from fracid.export.identified import Identified, columns_of
 from fracid.export.javascript import javascript_model
 from fracid.export.markup import literal
 from fracid.export.matlab import matlab_model
@@ -135,7 +135,7 @@ def in_octave(tmp_path_factory):
         tables, case = tables_and_case(problem)
         (folder / str(i)).mkdir()
         (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
         lines.append(
             f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); "
             "[~, alone] = model(); save('-v6', 'out.mat', 't', 'x', 'alone');"
@@ -197,7 +197,7 @@ def in_c(folder, problem, real="double"):
                           capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     kind = {"double": "f8", "float": "f4"}[real]
-    inputs = np.broadcast_to(case.inputs, (case.steps + 1, 1))
+    inputs = np.broadcast_to(case.driven.mean, (case.steps + 1, 1))
     given = np.concatenate([case.past[-1], inputs.ravel()]).astype(kind).tobytes()
     done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
     return np.frombuffer(done.stdout, kind).reshape(-1, len(problem.model.states)), done.returncode
@@ -282,7 +282,7 @@ def test_equations_without_a_value_everywhere_have_programs_and_say_that_they_ha
     tank, e = ONE_STATE["one state"], ONE_STATE["one state"].experiments[0]
     assert 'OUTPUTS = ["level", "outflow"]' in javascript_model(tank, tank.start, e, "run")
     assert "fracid_output" in c_model(*tables_and_case(tank), "run")["fracid_model.c"]
-    system = integer_model(tank)
+    system = replace(integer_model(tank), around=None)
     assert system.linear == {}
     assert any("no linear model" in said for said in linear_sentences(system))
     with pytest.raises(InputError, match="About empty there is no linear model"):
@@ -418,7 +418,7 @@ def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
     for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
         tables, case = tables_and_case(VARIANTS[name])
         text = matlab_model(tables, case, "a test")
-        assert f"x0 = {literal(case.past)};\n  u = {literal(case.inputs)};" in text
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.mean)};" in text
 
 
 def door(seal):
@@ -493,6 +493,21 @@ def test_what_cannot_be_written_keeps_nothing_else_from_being_written(fitted, tm
     with pytest.raises(InputError, match=r"no JavaScript today.*All else is in"):
         export_run(load_run(fitted), tmp_path, ["javascript", "csv"])
     assert list(tmp_path.glob("*.csv"))
+
+
+def test_a_run_of_which_every_simulation_fails_is_not_exported(fitted, tmp_path):
+    run = load_run(fitted)
+    grows = replace(run.problem.model, rhs=lambda t, x, u, p, out: out.fill(1e9 * (1 + x[0] ** 2)))
+    with pytest.raises(InputError, match="There is nothing to export: release 20°: diverged"):
+        export_run(replace(run, problem=replace(run.problem, model=grows)), tmp_path / "out", ["c", "csv"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_how_columns_are_read_is_what_the_project_file_says(fitted):
+    text = (fitted / "project.toml").read_text(encoding="utf-8")
+    lines = columns_of(load_run(fitted))
+    assert [line.partition(" =")[0] for line in lines] == ["theta", "alpha"]
+    assert all(line in text for line in lines)
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):

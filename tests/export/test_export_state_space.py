@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -226,6 +227,60 @@ def test_a_users_own_model_has_a_linear_one_about_its_rest():
     assert linear.about == pytest.approx([1.0])
     assert pytest.approx(np.array([[-4.0]])) == linear.F
     assert linear.exact_response([2.0])[0, 0, 0] == pytest.approx(1 / ((2j) ** 0.9 + 4))
+
+
+def test_a_model_whose_input_has_one_sign_is_linearised_about_the_recordings_mean():
+    """Dlower = k_upper sqrt(upper) - k_lower sqrt(lower) has slopes of 0.025/sqrt(level), infinite at 0."""
+    tanks = fracid.model("tanks", k_pump=0.05, k_upper=0.05, k_lower=0.05)
+    e = fracid.Experiment("steps", 4.0, np.full((200, 2), 5.0), 2.5 + np.sin(np.arange(200))[:, None])
+    system = integer_model(fracid.Problem(tanks, (e,), {"q": 1.0}, initial_state="held"))
+    linear, mean = system.linear["rest"], e.inputs.mean()
+    assert linear.about == pytest.approx([mean**2] * 2)
+    assert linear.F[1] == pytest.approx([0.025 / mean, -0.025 / mean])
+    assert f"about rest with pump = {mean:.4g}, the mean of the recordings" in " ".join(linear_sentences(system))
+    empty = replace(system, around=None)
+    assert not empty.linear
+    assert "no state of rest at which the equations have slopes" in " ".join(linear_sentences(empty))
+
+
+def pulled(t, x, u, p, out):
+    out[0] = 1e-6 / (1e-6 - x[0]) ** 2 * 1e-6 * u[0] - 3.0
+
+
+def test_slopes_of_states_of_any_size_are_those_of_the_equations():
+    plate = fracid.Model("plate", pulled, ("x",), (1.0,), {"x": 0}, ("force",), (), "", "")
+    e = fracid.Experiment("twin", 0.01, np.full((100, 1), 4e-7), np.zeros((1, 1)))
+    system = integer_model(fracid.Problem(plate, (e,), {}, initial_state="held"))
+    for x in (0.0, 5e-7):
+        linear = system.linearised("there", np.array([x]), np.empty(0), np.array([1.0]))
+        assert pytest.approx(np.array([[2e-12 / (1e-6 - x) ** 3]]), rel=1e-6) == linear.F
+
+
+def turned(t, x, u, p, out):
+    out[0] = -2.0 * x[0] + 1e3 * x[1]
+    out[1] = u[0] - 1e3 * x[1]
+
+
+def test_slopes_next_to_zero_are_those_at_zero():
+    own = fracid.Model("motor", turned, ("x", "y"), (1.0, 1.0), {"x": 0}, ("volt",), (), "", "")
+    e = fracid.Experiment("twin", 0.01, np.zeros((100, 1)), np.zeros((1, 1)))
+    system = integer_model(fracid.Problem(own, (e,), {}, initial_state="held"))
+    for tiny in (0.0, 1e-17, 1e-310):
+        F = system.linearised("rest", np.array([tiny, -tiny]), np.empty(0)).F
+        np.testing.assert_allclose(F, [[-2.0, 1e3], [0.0, -1e3]], rtol=1e-9)
+
+
+def filled(t, x, u, p, out):
+    out[0] = u[0]
+
+
+def test_an_input_that_the_fit_holds_is_held_in_the_integer_order_model():
+    own = fracid.Model("tank", filled, ("level",), (1.0,), {"level": 0}, ("flow",), (), "", "")
+    e = fracid.Experiment("steps", 0.1, np.zeros((50, 1)), np.sign(np.sin(np.arange(50)))[:, None],
+                          between={"flow": "hold"})  # fmt: skip
+    problem = fracid.Problem(own, (e,), {}, initial_state="held")
+    exact = problem.simulate(problem.start, e).states
+    assert follows(integer_model(problem), Case.of(problem, problem.start, e), exact)["level"] < 1e-6
 
 
 # --- python-control --------------------------------------------------------------------------------

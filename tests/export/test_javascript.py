@@ -20,7 +20,7 @@ def problem_of(orders=(0.8623, 0.9146), method="pi2", *, steps=2000, step=2e-3, 
     rig = fracid.rotary_pendulum("srv02-rotpen", zero=zero)
     swing = fracid.Experiment(
         "twin", step, np.tile([0.0, 0.17], (steps + 1, 1)), np.zeros((1, 1)) if inputs is None else inputs(steps),
-        initial=initial or {}, between={} if between is None else {"u": between},
+        initial=initial or {}, between={} if between is None else {rig.inputs[0]: between},
     )  # fmt: skip
     q = dict(zip(("lambda", "mu"), orders, strict=True))
     more = {} if memory is None else {"memory": memory}
@@ -46,6 +46,7 @@ VARIANTS = {
     "a springpot and an elastic arm with play": problem_of(springpot_alpha=1e-3, springpot_order_alpha=0.4,
                                                            play_theta=0.01, arm_stiffness=20.0),
     "driven, on a leaning axis": problem_of(inputs=swept, torque_per_volt=0.05, tilt_x=0.01),
+    "driven by a voltage that is held": problem_of(inputs=swept, torque_per_volt=0.05, between="hold"),
     "pi2-implicit": problem_of(method="pi2-implicit"),
     "gl": problem_of(method="gl"),
     "gl-sequential": problem_of((0.9, 1.0), method="gl-sequential"),

@@ -83,6 +83,14 @@ def test_it_compiles_without_a_warning_and_passes_its_own_test_unless_it_is_wron
         assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == code
 
 
+def test_its_head_says_units_how_columns_are_read_and_what_the_deviations_leave_out():
+    head = c_observer(*case("pendulum"), "a run", columns=["angle = 1"]).partition("#include")[0]
+    assert "y is angle [rad], NAN for a sensor that is missing; u is torque [N m]" in head
+    assert " *     angle = 1\n" in head
+    assert "where the constants are those of the" in head
+    assert float(re.search(r"some (\S+) kB", head)[1]) > 0
+
+
 def test_in_single_precision_it_is_off_by_a_small_part_of_its_uncertainty_and_says_so():
     watch, y, u = case("pendulum")
     text = c_observer(watch, y, u, "a run", single=True)

@@ -91,7 +91,7 @@ def test_in_c_they_step_as_fracid_does(problems, tmp_path):
         done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
                               capture_output=True, text=True, check=False)  # fmt: skip
         assert done.returncode == 0, done.stderr
-        given = np.concatenate([case.past[-1], case.inputs.ravel()]).tobytes()
+        given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
         done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
         same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
 
@@ -122,6 +122,24 @@ def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
     assert done.stdout == "true\n", done.stderr
 
 
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+@pytest.mark.parametrize(("name", "method"), [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")])
+def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tmp_path):
+    model = fracid.model(name)
+    u = np.sign(np.sin(np.linspace(0, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
+    e = fracid.Experiment("twin", 5e-3, np.zeros((201, len(model.outputs))), u,
+                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
+    orders = dict.fromkeys(model.order_names, 0.9)
+    p = fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+    text = javascript_model(p, p.start, e, "run")
+    rows = "[run.states, run.outputs].map(a => a.map(v => Array.from(v)))"
+    (tmp_path / "run.mjs").write_text(f"{text}\nconst run = simulate();\nconsole.log(JSON.stringify({rows}));")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    states, outputs = map(np.array, json.loads(done.stdout))
+    same(states, p.simulate(p.start, e).states, name)
+    same(outputs, p.fitted(p.start, e), name)
+
+
 @pytest.mark.broad
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
 def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
@@ -130,7 +148,7 @@ def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
         tables, case = tables_and_case(p)
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.inputs, "n": float(case.steps)})
+        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
         lines.append(
             f"clear all; cd {tmp_path / str(k)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 'x');"
         )

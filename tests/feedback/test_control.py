@@ -166,6 +166,46 @@ def test_a_draw_rests_where_its_own_model_does_and_the_controller_knows_the_plac
     assert y[-1, 1] == pytest.approx(0.02, abs=0.005)
 
 
+@pytest.mark.parametrize(("cable", "place"), [(0.0, 0.0), (1e-9, 0.0), (1e-3, -1.0)])
+def test_an_arm_is_held_at_its_rest_angle_only_where_a_cable_pulls_it_there(cable, place):
+    rig = fracid.rotary_pendulum("qube-servo2", zero="hanging", cable_stiffness=cable, theta_rest=-1.0)
+    loop = loop_of(twin(rig, 2, {"lambda": 1.0, "mu": 1.0}))
+    assert loop.conditions.reference == pytest.approx({"theta": place, "alpha": np.pi})
+    assert loop.conditions.at_rest == pytest.approx(0.0, abs=1e-6)
+
+
+TANKS = fracid.model("tanks", k_pump=0.05, k_upper=0.045, k_lower=0.05)
+
+
+def pumped(mean):
+    return twin(TANKS, 2, {"q": 1.0}, mean + 0.6 * np.sin(np.arange(500))[:, None])
+
+
+def test_the_outputs_that_a_posture_does_not_name_are_where_it_takes_them():
+    c = loop_of(pumped(3.0), at={"lower": 4.0}).conditions
+    assert c.reference == pytest.approx({"lower": 4.0, "upper": 4.0 * (0.05 / 0.045) ** 2})
+    assert c.at_rest == pytest.approx(0.05 * 4.0**0.5 / 0.05, rel=1e-6)
+
+
+@pytest.mark.parametrize("limit", [None, 5.0])
+def test_an_input_that_has_one_sign_at_rest_and_in_the_recordings_has_no_other(limit):
+    c = loop_of(pumped(3.0), at={"lower": 4.0}, limit=limit).conditions
+    assert (c.least, c.most) == (0.0, limit or pytest.approx(3.6, abs=0.01))
+    assert loop_of(pumped(0.0), at={"lower": 4.0}, limit=5.0).conditions.least == -5.0
+    assert loop_of(twin(inputs=np.ones((500, 1)))).conditions.least == -0.3  # upright takes torques of both signs
+
+
+def pulled(t, x, u, p, out):
+    out[0] = x[1]
+    out[1] = 25.0 * u[0] ** 2 - 1e9 * x[0] - 1e4 * x[1]
+
+
+def test_a_posture_is_found_where_the_input_acts_by_its_square_and_states_are_small():
+    plate = fracid.Model("plate", pulled, ("x", "v"), ("mu", 1.0), {"x": 0}, ("volt",), (), "", "")
+    c = loop_of(twin(plate, orders={"mu": 1.0}, inputs=np.ones((500, 1))), at={"x": 1e-7}).conditions
+    assert abs(c.at_rest) == pytest.approx(2.0)
+
+
 def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
     titles = [axes.get_title() for axes in found.plot().axes]
     assert "margins of 5 draws" in " ".join(titles)
@@ -300,6 +340,15 @@ def test_the_controller_in_c_passes_its_own_test_and_is_the_loops_one(which, rig
     (tmp_path / "controller.c").write_text(text.replace(right, wrong))
     subprocess.run(own, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "test"], check=False, capture_output=True).returncode == 1
+
+
+def test_the_controller_in_c_says_its_units_and_how_a_column_is_read(found):
+    columns = ['theta = { column = 2, unit = "deg", sign = -1, zero = 0.3 }', "alpha = 1 */ evil"]
+    head = c_controller(found, columns).partition("#include")[0]
+    assert "y is theta [rad], alpha [rad], u is voltage [V]" in head
+    assert columns[0] in head
+    assert "alpha = 1 * / evil" in head
+    assert "sign * scale" not in c_controller(found)
 
 
 def test_a_pid_and_a_fopid_have_the_responses_of_their_formulas():

@@ -164,6 +164,7 @@ class Plan(CardDisplay, Record):
         from fracid.plots import save  # matplotlib is slow to load
 
         folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
+        model = problem.model
         texts = {
             "sheet.txt": _sheet(self),
             "plan.json": json.dumps(self.to_json(), indent=2, ensure_ascii=False) + "\n",
@@ -171,20 +172,20 @@ class Plan(CardDisplay, Record):
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}
-        files = [*write_files(folder, texts)]
+        signals = {}  # before anything is written: a sheet without them is of no use
         for curve in curves:
-            number = self.experiments.index(curve.candidate) + 1
+            number, note = self.experiments.index(curve.candidate) + 1, str(curve.candidate)
             if curve.voltage is not None:
                 name = driven(problem)
-                units = {name: problem.model.input_unit(name)}
-                signal = Recording.of("voltage", curve.time, {name: curve.voltage}, units)
-                files.append(save_recording(signal, folder / f"voltage-{number}.csv", note=str(curve.candidate)))
+                played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: model.input_unit(name)})
+                signals[f"voltage-{number}.csv"] = played, note
             bands = {n: y for o, y in curve.outputs.items() for n, y in
                      ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
-            kinds = {n: "rad" if n.split()[0] in problem.model.angles else "1" for n in bands}
-            expected, note = Recording.of("expected", curve.time, bands, kinds), f"{curve.candidate}, 95 % band"
-            files.append(save_recording(expected, folder / f"expected-{number}.csv", note=note))
-        files += save(draw("expected_curves", curves, problem.model), folder / "figures", "expected")
+            kinds = {n: "rad" if n.split()[0] in model.angles else "1" for n in bands}
+            signals[f"expected-{number}.csv"] = Recording.of("expected", curve.time, bands, kinds), f"{note}, 95 % band"
+        files = [*write_files(folder, texts)]
+        files += [save_recording(signal, folder / name, note=note) for name, (signal, note) in signals.items()]
+        files += save(draw("expected_curves", curves, model), folder / "figures", "expected")
         if len({(c.release, c.seconds) for c, _ in self.landscape}) > 1:  # one point shows nothing
             files += save(self.plot(), folder / "figures", "intervals")
         return tuple(files)

@@ -30,7 +30,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from fracid.errors import InputError, at_least, refuse_unknown, writing
+from fracid.errors import Failure, InputError, at_least, refuse_unknown, writing
 from fracid.export.compilers import PLATFORMS
 from fracid.safety.door import write_whole
 from fracid.safety.kinds import refuse_other_kinds
@@ -113,7 +113,8 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     Raises
     ------
     InputError
-        For an unknown format, one that is asked for and cannot be written, or a folder that cannot be written.
+        For an unknown format, one that is asked for and cannot be written, a run of which every simulation fails, or a
+        folder that cannot be written.
 
     Examples
     --------
@@ -122,6 +123,9 @@ def export_run(run: SavedRun, folder: str | Path, formats: Sequence[str] = (), *
     """
     how, folder = Options(**options), Path(folder)
     refuse_unknown("format", FORMATS, *formats)
+    ends = [run.problem.fitted(run.x, e) for e in run.problem.experiments]
+    if all(isinstance(end, Failure) for end in ends):
+        raise InputError(f"There is nothing to export: {ends[0]}.")
     wanted = formats or [name for name in FORMATS if name not in ON_REQUEST]
     files: list[Path] = []
     refused: list[str] = []
@@ -169,8 +173,8 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
     channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
     if channels:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
-    if tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
-        yield "In MATLAB and JavaScript inputs are straight lines; where one jumps, give it the mean of both values."
+    if "matlab" in tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
+        yield "In MATLAB inputs are straight lines; where one jumps, give it the mean of both values."
 
 
 def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:
@@ -252,12 +256,12 @@ def _bam(run: SavedRun, _folder: Path, options: Options) -> Written:
 
 def _observer(run: SavedRun, _folder: Path, options: Options) -> Written:
     from fracid.export.c_observer import c_observer, error_of_observer
-    from fracid.export.identified import source_of
+    from fracid.export.identified import columns_of, source_of
     from fracid.filtering import first_samples, observer
 
     watch, single = observer(run, slow=options.slow), options.precision == "single"
     samples = first_samples(run.problem, watch.sensors, len(run.problem.experiments[0].measured))
-    text = c_observer(watch, *samples, source_of(run), single=single)
+    text = c_observer(watch, *samples, source_of(run), single=single, columns=columns_of(run))
     yield "observer.c", text
     yield error_of_observer(text, watch, *samples, single=single)
 

@@ -122,9 +122,8 @@ def error_of_single(tables: Recursion, case: Case) -> str:
     >>> error_of_single.__name__
     'error_of_single'
     """
-    runs = []
-    width = max(1, case.inputs.shape[1])
-    u = np.broadcast_to(case.inputs, (max(len(case.inputs), case.steps + 1), width))[-case.steps - 1 :]
+    runs, u = [], case.driven_after.mean
+    u = np.broadcast_to(u, (case.steps + 1, max(1, u.shape[1])))
     for single in (False, True):
         run = along_recording(c_model(tables, case, "", single=single), "export/run.c.in", single=single)
         if run is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,9 @@ TOLERANCE = {False: 1e-6, True: 1e-2}
 
 
 def c_observer(
-    watch: StateObserver, measured: FloatArray, inputs: FloatArray, run: str, *, single: bool = False
-) -> str:
+    watch: StateObserver, measured: FloatArray, inputs: FloatArray, run: str, *, single: bool = False,
+    columns: Sequence[str] = (),
+) -> str:  # fmt: skip
     """Write an observer; its test goes through the first samples of a recording.
 
     Parameters
@@ -35,6 +37,8 @@ def c_observer(
         For the head of the file.
     single : bool
         In single precision.
+    columns : sequence of str
+        How those of a recording are taken, for the head.
 
     Raises
     ------
@@ -59,6 +63,7 @@ def c_observer(
         "observer.c.in", model, single=single, w=watch, F=F, u=u, run=run, values=[*model.states, *watch.slow],
         constants=constants_of(model, F.p, kind), constant=[*slow, "0"], spacing=spacing, pi=math.pi, far=FAR,
         before_lowest=lowest * math.exp(-spacing), rate=lowest * np.exp(spacing * np.arange(count + 1)),
+        columns=columns, units={n: model.output_unit(n) for n in watch.sensors},
         sensor=[list(model.shown).index(n) for n in watch.sensors], tolerance=TOLERANCE[single],
         variance=[watch.noise[n] ** 2 for n in watch.sensors],
         test_y=y, test_values=_values(watch, y, inputs[: len(y)]),

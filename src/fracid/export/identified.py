@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +15,7 @@ from fracid.estimation.records import Estimate
 from fracid.export.c import used_constants
 from fracid.export.recursion import Case, Recursion
 from fracid.problem import Problem
+from fracid.problem.toml_text import toml_value
 from fracid.runs.saved import SavedRun
 from fracid.safety.text import one_line, printable
 
@@ -48,6 +50,12 @@ def source_of(run: SavedRun) -> str:
     first = run.problem.experiments[0].recording.name
     own = f", with the constants of the recording {first!r}" if run.problem.per_recording else ""
     return printable(f"{run.folder.name}{own}")
+
+
+def columns_of(run: SavedRun) -> list[str]:
+    """How the columns of the first recording are taken for outputs and inputs, as its project file has it."""
+    table, problem = tomllib.loads(run.project.text)["recording"][0], run.problem
+    return [f"{n} = {toml_value(table[n])}" for n in (*problem.outputs, *problem.model.inputs) if n in table]
 
 
 @dataclass(frozen=True)
@@ -126,7 +134,7 @@ class Identified:
     @cached_property
     def inputs(self) -> tuple[Quantity, ...]:
         """With their values at the start."""
-        model, u = self.problem.model, self.case.inputs_after[0]
+        model, u = self.problem.model, self.case.driven_after.after[0]
         rates = {n: f"rate of {of}" for n, of in model.input_rates.items()}
         return tuple(Quantity(n, model.input_units.get(n, ""), float(v), rates.get(n, ""))
                      for n, v in zip(model.inputs, u, strict=False))  # fmt: skip

@@ -110,10 +110,11 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
         raise InputError(reason)
     model, case = problem.model, Case.of(problem, x, e)
     orders, (seen, names) = model.named_orders(problem.unpack(x, e)[0]), outputs_of(model)
+    jumps = case.driven_after.jumps
     recording = {
         "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
         "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
-        "inputs": case.inputs_after.ravel().tolist(), "jumps": None,
+        "inputs": case.driven_after.before.ravel().tolist(), "jumps": None if jumps is None else jumps.ravel().tolist(),
     }  # fmt: skip
     return filled(
         own_text("export/fracid_model.mjs.in"), model=model, case=case, run=run_name, solver=solver(),

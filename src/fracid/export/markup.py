@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 from xml.etree import ElementTree
@@ -114,6 +115,11 @@ def c_comment(text: str) -> str:
     return one_line(text).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
 
 
+def _named(names: Iterable[str], units: Mapping[str, str]) -> str:
+    """Names with their units."""
+    return ", ".join(f"{n} [{units.get(n) or 1}]" for n in names)
+
+
 @cache
 def _programs() -> Environment:
     """``${…}`` is a value, in C and MATLAB as it says: ``${x | c}``; lines of ``{% … %}`` choose and repeat."""
@@ -121,7 +127,7 @@ def _programs() -> Environment:
                         trim_blocks=True, keep_trailing_newline=True, loader=FunctionLoader(own_text))  # fmt: skip
     jinja.filters |= {"c": initialiser, "m": literal, "json": json.dumps, "comment": c_comment, "one_line": one_line,
                       "duration": duration}  # fmt: skip
-    jinja.globals |= {"version": __version__, "limit": LIMIT, "slack": SLACK, "open": OPEN}
+    jinja.globals |= {"named": _named, "version": __version__, "limit": LIMIT, "slack": SLACK, "open": OPEN}
     return jinja
 
 

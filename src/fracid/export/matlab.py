@@ -59,7 +59,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
         rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
         starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
-        inputs=case.inputs[:, : len(tables.model.inputs)],
+        inputs=case.driven.mean[:, : len(tables.model.inputs)],
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
         recordings.append({
             "name": name, "use": fit.use, "time": fit.time, "measured": fit.measured, "fitted": fit.fitted,
             "residual": {n: fit.residual(n) for n in fit.measured},
-            "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.inputs, "step": case.step,
+            "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.driven.mean, "step": case.step,
             "steps": float(case.steps), "start": case.start,
             "constants": dict(zip(p.model.parameter_names, case.parameters.tolist(), strict=True)),
         })  # fmt: skip

@@ -31,6 +31,7 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
+from fracid.solver.inputs import Driven
 from fracid.solver.memory import compressed
 from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
@@ -53,9 +54,9 @@ class Case:
     name: str
     past: FloatArray
     """Known states up to the start, the last row is that at the start, shape (n_past + 1, n_states)."""
-    inputs: FloatArray
-    """u on the grid from the first known state on, shape (n_past + steps + 1, n_inputs), or one row for all; where it
-    jumps, the mean of before and after, which straight lines come closest with."""
+    driven: Driven
+    """u before and after each grid point from the first known state on, (n_past + steps + 1, n_inputs), or one row for
+    all."""
     parameters: FloatArray
     """p, shape (n_parameters,)."""
     step: float
@@ -65,18 +66,19 @@ class Case:
     """Time of the start, from the recording's first sample [s]."""
 
     @property
-    def inputs_after(self) -> FloatArray:
+    def driven_after(self) -> Driven:
         """From the start on; the one row of those that never change."""
-        return self.inputs[len(self.past) - 1 if len(self.inputs) > 1 else 0 :]
+        first = len(self.past) - 1 if len(self.driven.before) > 1 else 0
+        return Driven(*(side[first:] for side in self.driven))
 
     @classmethod
     def of(cls, problem: Problem, x: FloatArray, e: Experiment) -> Case:
         """As :meth:`Problem.simulate` takes it."""
         simulator, values = problem.simulator, problem.unpack(x, e)
-        history, inputs = simulator.history(x, e), simulator.inputs(x, e).mean
+        history, driven = simulator.history(x, e), simulator.inputs(x, e)
         past = values.initial[None] if history is None else np.vstack([history, values.initial])
         step, steps = e.step / problem.substeps, simulator.steps(e)
-        return cls(e.name, past, inputs, values.parameters, step=step, steps=steps, start=values.release)
+        return cls(e.name, past, driven, values.parameters, step=step, steps=steps, start=values.release)
 
 
 @dataclass(frozen=True)

@@ -265,12 +265,12 @@ def error_in_mujoco(rig: Rig, text: str) -> str:
     model.opt.timestep = case.step / every
     data, found = mujoco.MjData(model), []
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    u = np.broadcast_to(case.inputs, (case.steps + 1, case.inputs.shape[1]))[-case.steps - 1 :]
+    before, after = (np.broadcast_to(u, (case.steps + 1, u.shape[1])) for u in case.driven_after)
     inputs = [own.inputs.index(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, k)) for k in range(model.nu)]
     for n in range(case.steps):
         found.append(data.qpos.copy())
         for k in range(every):
-            data.ctrl[:] = (u[n] + (u[n + 1] - u[n]) * (k + 0.5) / every)[inputs]
+            data.ctrl[:] = (after[n] + (before[n + 1] - after[n]) * (k + 0.5) / every)[inputs]
             mujoco.mj_step(model, data)
     found.append(data.qpos.copy())
     ours = rig.model.simulated()[:, [own.output_states[link.joint] for link in rig.links]]

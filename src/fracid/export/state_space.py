@@ -18,13 +18,14 @@ fewest with which the error from a tenth of the lower frequency to the upper is 
 :data:`DEGREES`.  What is slower is off most; so is what dies within a swing, since the sum is right along the imaginary
 axis.
 
-Linearised about a posture, :math:`f ≈ F (x - x_e) + G u`:
+Linearised about a posture, :math:`f ≈ F (x - x_e) + G (u - u_e)`:
 
-.. math::  \dot z = (P + B F C)\,z + B G\,u, \qquad x - x_e = C z,
+.. math::  \dot z = (P + B F C)\,z + B G\,(u - u_e), \qquad x - x_e = C z,
 
-and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G u`, whose poles, zeros of the determinant, are
-found from those of the sum by the secant method.  Dry friction has no linear part in motion: it is left out, and so are
-the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring σ₀ and a dashpot σ₁.
+and exactly :math:`x - x_e = (\mathrm{diag}(τ_0^{q-1} s^q) - F)^{-1} G (u - u_e)`, whose poles, zeros of the
+determinant, are found from those of the sum by the secant method.  Dry friction has no linear part in motion: it is
+left out, and so are the play of a gear and a motor's dead zone.  A presliding joint has one while it sticks: a spring
+σ₀ and a dashpot σ₁.
 
 References
 ----------
@@ -38,7 +39,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,12 +52,10 @@ from fracid.figures import Style, draw
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.problem import Problem
-from fracid.problem.simulator import LIMIT
-from fracid.solver.arguments import Equation, InitialCondition, Options
-from fracid.solver.memory import compressed
+from fracid.solver.inputs import Driven
 from fracid.solver.methods import METHODS
-from fracid.solver.right_hand_side import compile_rhs, names_time
-from fracid.solver.solve import integrate, time_scale
+from fracid.solver.right_hand_side import names_time
+from fracid.solver.solve import simulate, time_scale
 from fracid.units import with_unit
 
 if TYPE_CHECKING:
@@ -88,6 +87,12 @@ STIFF = 1e3
 
 EXACT = 1e-7
 """Relative error of a simulation."""
+
+STEPS, ROUNDED, TINY = 10.0 ** -np.arange(2, 15), 1e3 * np.finfo(float).eps, np.finfo(float).tiny
+"""Steps of differences, beside a value above 1, and what rounding may do to them."""
+
+PULLED = 1e-4
+"""Of what a pendulum is pulled to its rest with, a rad off, that pulls any other output to one of its own."""
 
 
 @dataclass(frozen=True)
@@ -209,6 +214,8 @@ class LinearModel:
     """x_e, shape (n_states,)."""
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    driven: FloatArray
+    """u_e, the inputs there, shape (n_inputs,)."""
     orders: FloatArray
     """Of each state, shape (n_states,)."""
     weight: FloatArray
@@ -259,14 +266,11 @@ class LinearModel:
 
     def _exact_pole(self, near: complex) -> complex | None:
         """Where the determinant is zero on the principal sheet, by the secant method."""
-        a, b = near, near * (1 + 1e-4)
-        fa, fb = (complex(np.linalg.det(self._matrix(p))) for p in (a, b))
-        for _ in range(50):
-            if fa == fb or abs(b - a) <= 1e-12 * abs(b):
-                break
-            a, b, fa = b, b - fb * (b - a) / (fb - fa), fb
-            fb = complex(np.linalg.det(self._matrix(b)))
-        return b if abs(b - near) < 0.2 * abs(near) else None
+        from scipy.optimize import newton
+
+        pole = newton(lambda p: complex(np.linalg.det(self._matrix(p))), near, x1=near * (1 + 1e-4), maxiter=50,
+                      tol=1e-12 * abs(near), disp=False)  # fmt: skip
+        return pole if abs(pole - near) < 0.2 * abs(near) else None
 
     def control(self) -> Any:
         """As a python-control StateSpace.
@@ -283,8 +287,8 @@ class LinearModel:
     def to_json(self) -> dict[str, Any]:
         """Everything, as plain JSON values."""
         return {
-            "about": self.about.tolist(), "inputs": list(self.inputs), "outputs": list(self.outputs),
-            **{n: getattr(self, n).tolist() for n in ("A", "B", "C", "D", "F", "G")},
+            "inputs": list(self.inputs), "outputs": list(self.outputs),
+            **{n: getattr(self, n).tolist() for n in ("about", "driven", *"ABCDFG")},
             "poles": {"real": self.poles.real.tolist(), "imag": self.poles.imag.tolist()},
             "damping": [m.to_json() for m in self.modes],
         }  # fmt: skip
@@ -311,15 +315,12 @@ class Mode:
 
     def __str__(self) -> str:
         """Say it in words."""
-        own = ""
-        if self.exact is not None and self.pole.imag > 0:
-            size, damping = abs(self.exact), -self.exact.real / abs(self.exact)
-            own = f" (the fractional model's own pole: {size:.4g} rad/s, {damping:.3g})"
-        elif self.exact is not None:
-            own = f" (the fractional model's own: {1 / self.exact.real:.3g} s)"
+        own = Mode(self.exact, None) if self.exact else None
         if self.pole.imag > 0:
-            return f"swings at {self.frequency:.4g} rad/s with a damping of {self.damping:.3g}{own}"
-        return f"falls with a time constant of {1 / self.pole.real:.3g} s{own}"
+            exact = own and f" (the fractional model's own pole: {own.frequency:.4g} rad/s, {own.damping:.3g})"
+            return f"swings at {self.frequency:.4g} rad/s with a damping of {self.damping:.3g}{exact or ''}"
+        exact = own and f" (the fractional model's own: {1 / own.pole.real:.3g} s)"
+        return f"falls with a time constant of {1 / self.pole.real:.3g} s{exact or ''}"
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
@@ -339,6 +340,8 @@ class IntegerModel:
     """Of each state."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Output → its unit; rad where it says nothing."""
+    around: FloatArray | None = None
+    """Inputs about which the recordings are, shape (n_inputs,); 0 if left out."""
 
     def __post_init__(self) -> None:
         """Refuse what depends on time, as every other program does."""
@@ -369,8 +372,7 @@ class IntegerModel:
     @cached_property
     def B(self) -> FloatArray:
         """Which z each f drives, shape (n, n_states)."""
-        owner = np.repeat(np.arange(len(self.operators)), [len(o.poles) for o in self.operators])
-        return np.asarray(owner[:, None] == np.arange(len(self.operators)), dtype=np.float64)
+        return np.repeat(np.eye(len(self.operators)), [len(o.poles) for o in self.operators], axis=0)
 
     @cached_property
     def C(self) -> FloatArray:
@@ -382,15 +384,16 @@ class IntegerModel:
         """The right-hand side."""
         return self.model.derivatives(x, u, self.parameters if parameters is None else parameters)[: len(x)]
 
-    def simulate(self, x0: FloatArray, inputs: FloatArray, step: float, steps: int) -> FloatArray:
-        """States on a grid, the inputs linear between its points, shape (steps + 1, n_states); NaN after a failure."""
+    def simulate(self, x0: FloatArray, inputs: Driven, step: float, steps: int) -> FloatArray:
+        """States on a grid, shape (steps + 1, n_states); NaN after a failure."""
         from scipy.integrate import solve_ivp
 
-        driven = len(inputs) > 1
+        before, after = inputs
+        driven = len(before) > 1
 
         def slope(t: float, z: FloatArray) -> FloatArray:
-            k = min(int(t / step), len(inputs) - 2)
-            u = inputs[k] + (t / step - k) * (inputs[k + 1] - inputs[k]) if driven else inputs[0]
+            k = min(int(t / step), len(before) - 2)
+            u = after[k] + (t / step - k) * (before[k + 1] - after[k]) if driven else before[0]
             return np.asarray(-self.decay * z + self.B @ self.f(x0 + self.C @ z, u))
 
         time = step * np.arange(steps + 1)
@@ -410,37 +413,35 @@ class IntegerModel:
         Raises
         ------
         InputError
-            If the equations have no value there or next to it.
+            If the equations have no value there or next to it, or a corner.
         """
         u = np.zeros(len(self.model.inputs)) if inputs is None else inputs
-
-        def slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
-            columns = [(f(at + d) - f(at - d)) / 2e-6 for d in 1e-6 * np.eye(len(at))]
-            return np.ascontiguousarray(np.reshape(columns, (len(at), len(about))).T)
-
-        F = slopes(lambda x: self.f(x, u, parameters), about)
-        G = slopes(lambda v: self.f(about, v, parameters), u)
+        F = _slopes(lambda x: self.f(x, u, parameters), about)
+        G = _slopes(lambda v: self.f(about, v, parameters), u)
         if not np.isfinite([*F.flat, *G.flat]).all():
             raise InputError(SAYS("no-slopes", name=name))
         outputs, rows = tuple(self.model.output_states), tuple(self.model.output_states.values())
-        return LinearModel(name, about, self.model.inputs, outputs, orders=self.orders, weight=self.weight, F=F, G=G,
-                           A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
+        return LinearModel(name, about, self.model.inputs, outputs, driven=u, orders=self.orders, weight=self.weight,
+                           F=F, G=G, A=np.diag(-self.decay) + self.B @ F @ self.C, B=self.B @ G, C=self.C[list(rows)],
                            rows=rows)  # fmt: skip
 
     @cached_property
     def linear(self) -> Mapping[str, LinearModel]:
-        """About hanging and upright; of a model of yours about its state of rest, where it has one near zero."""
+        """About hanging and upright; of a model of yours about rest near zero, with :attr:`around` or without input."""
         p = moving(self.model, self.parameters)
         if self.model.pendulum:
-            own = _by_name(self.model, self.parameters)
-            inputs = self.model.inputs if own.get(self.model.drive) != 0 else ("torque",)
-            return {n: replace(self.linearised(n, posture(self.model, own, n), p), inputs=inputs)
+            driven = _by_name(self.model, self.parameters).get(self.model.drive) != 0
+            inputs = self.model.inputs if driven else ("torque",)
+            return {n: replace(self.linearised(n, posture(self.model, self.parameters, n), p), inputs=inputs)
                     for n in ("hanging", "upright")}  # fmt: skip
         from scipy.optimize import root
 
-        solution = root(lambda x: self.f(x, np.zeros(len(self.model.inputs)), p), np.zeros(len(self.orders)))
-        with suppress(InputError):
-            return {"rest": self.linearised("rest", solution.x, p)} if solution.success else {}
+        still = np.zeros(len(self.model.inputs))
+        for u in (still if self.around is None else self.around, still):
+            solution = root(lambda x, u=u: self.f(x, u, p), np.zeros(len(self.orders)))
+            with suppress(InputError):
+                if solution.success:
+                    return {"rest": self.linearised("rest", solution.x, p, u)}
         return {}
 
     def step_response(self, linear: LinearModel, end: float, points: int = 2000) -> tuple[Any, ...]:
@@ -450,13 +451,9 @@ class IntegerModel:
         time = np.linspace(0.0, end, points + 1)
         _, integer = step((linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]), T=time)
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
-        p = moving(self.model, self.parameters)
-        u = np.zeros((1, len(linear.inputs)))
-        u[0, 0] = small
-        equation = Equation(compile_rhs(self.model.rhs), self.orders, u, p, time_scale=time_scale(self.model, p),
-                            relaxing=self.model.relaxing_states)  # fmt: skip
-        run = integrate(equation, InitialCondition(linear.about), end / points, points,
-                        options=Options("pi2", compressed(), limit=LIMIT))  # fmt: skip
+        u = linear.driven + small * np.eye(1, len(linear.driven))
+        run = simulate(self.model, orders=self.orders, initial=linear.about, step=end / points, end=end, inputs=u,
+                       parameters=_by_name(self.model, moving(self.model, self.parameters)))  # fmt: skip
         exact = np.full((points + 1, len(linear.rows)), np.nan)
         exact[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
         return time, integer.reshape(len(time), -1), exact
@@ -490,7 +487,8 @@ class IntegerModel:
         """Operators, matrices and linear models as plain JSON values."""
         operators = dict(zip(self.model.states, self.operators, strict=True))
         return {
-            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e: z' = A z + B u, y - y_e = C z",
+            "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e (about) and u_e (driven): "
+                     "z' = A z + B (u - u_e), y - y_e = C z",
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
                     "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
@@ -505,7 +503,7 @@ class IntegerModel:
         return {
             "decay": self.decay[:, None], "B": self.B, "C": self.C,
             "linear": {
-                n: {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "F": m.F, "G": m.G, "about": m.about[:, None],
+                n: {**{of: getattr(m, of) for of in (*"ABCDFG", "driven")}, "about": m.about[:, None],
                     "poles": m.poles[:, None], "swings": np.array([mode.pole for mode in m.modes])}
                 for n, m in self.linear.items()
             },
@@ -542,8 +540,10 @@ def integer_model(run: SavedRun | Problem, x: FloatArray | None = None) -> Integ
     cases = [Case.of(problem, values, e) for e in problem.experiments]
     band = (2 * np.pi / max(c.step * c.steps for c in cases), np.pi / min(e.step for e in problem.experiments))
     operators = {q: positive_sum(q, band) for q in set(orders.tolist())}
+    u = np.concatenate([e.all_inputs for e in problem.experiments])[:, : len(problem.model.inputs)]
+    around = np.where(u.min(axis=0) * u.max(axis=0) >= 0, u.mean(axis=0), 0.0)  # the mean of those that have one sign
     return IntegerModel(problem.model, parameters, orders, tuple(operators[q] for q in orders.tolist()),
-                        units=problem.experiments[0].units)  # fmt: skip
+                        units=problem.experiments[0].units, around=around)  # fmt: skip
 
 
 def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
@@ -570,6 +570,10 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
         yield SAYS("sticks", delta=delta, value=p[delta], unit=model.parameter(delta).unit)
     if p.get(model.drive) == 0:
         yield "The motor's constant is 0: the input of the linear models is the torque on the arm [N m]."
+    for linear in system.linear.values():
+        if linear.driven.any():
+            inputs = ", ".join(f"{n} = {v:.4g}" for n, v in zip(linear.inputs, linear.driven, strict=True))
+            yield SAYS("at-means", inputs=inputs)
     if not system.linear:
         yield SAYS("no-linear")
 
@@ -595,26 +599,63 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
 def follows(system: IntegerModel, case: Case, exact: FloatArray) -> dict[str, float]:
     """Root mean square of integer-order less fractional outputs over one recording [rad]."""
     own = replace(system, parameters=case.parameters)
-    states = own.simulate(case.past[-1], case.inputs_after, case.step, case.steps)
+    states = own.simulate(case.past[-1], case.driven_after, case.step, case.steps)
     return {n: float(np.sqrt(np.mean((states[: len(exact), i] - exact[:, i]) ** 2)))
             for n, i in system.model.output_states.items()}  # fmt: skip
+
+
+def _slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
+    """∂f/∂at by the central differences that differ least from those of a larger step; NaN at a corner.
+
+    Examples
+    --------
+    >>> _slopes(np.sin, np.array([0.0])).round(9).tolist(), _slopes(np.abs, np.array([0.0])).tolist()
+    ([[1.0]], [[nan]])
+    """
+    here, columns = f(at), []
+    for d in np.eye(len(at)):
+        steps = STEPS[:, None] * max(1.0, float(np.abs(at) @ d))
+        up, down = (np.array([f(at + side * h * d) for h in steps]) for side in (1, -1))
+        slopes = (up - down) / (2 * steps)
+        bends = np.abs(up - 2 * here + down) / steps  # by how much the slopes to both sides differ
+        size, rounding = np.abs(slopes), (ROUNDED * (np.abs(up) + np.abs(down)) / steps)[1:]
+        apart = np.abs(np.diff(slopes, axis=0))
+        grows = (apart > 0.1 * size[1:] + rounding) & (size[1:] > size[:-1])
+        corner = (bends[1:] > 0.5 * bends[:-1]) & (bends[1:] > 0.01 * size[1:] + rounding)
+        error = (apart + rounding + 1e-3 * bends[1:]) / (size[1:] + rounding + TINY)
+        best = np.nan_to_num(error, nan=np.inf).argmin(axis=0), np.arange(len(here))
+        columns.append(np.where((grows | corner)[best], np.nan, slopes[1:][best]))
+    return np.ascontiguousarray(np.reshape(columns, (len(at), len(here))).T)
 
 
 def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
     return dict(zip(model.parameter_names, parameters.tolist(), strict=True))
 
 
-def posture(model: Model, p: Mapping[str, float], name: str) -> FloatArray:
-    """The states where a pendulum is ``hanging`` or ``upright``, every output where its ``…_rest`` says.
+def posture(model: Model, parameters: FloatArray, name: str) -> FloatArray:
+    """The states where a pendulum is ``hanging`` or ``upright``, every output that is pulled to its ``…_rest`` there.
 
     Examples
     --------
+    An arm without a cable to pull it rests anywhere, whatever its `theta_rest`:
+
     >>> import fracid
-    >>> posture(fracid.rotary_pendulum(), {"alpha_rest": 0.5}, "hanging")
+    >>> rig = fracid.rotary_pendulum(alpha_rest=0.5, theta_rest=-1.0, cable_stiffness=0.0)
+    >>> posture(rig, rig.parameter_vector(), "hanging")
     array([0. , 0. , 0.5, 0. ])
     """
+    p, f, u = _by_name(model, parameters), partial(model.derivatives, p=moving(model, parameters)), len(model.inputs)
     turned = {model.pendulum: math.pi} if name != model.zero else {}
-    return model.state_vector({n: p.get(model.rest_of(n), 0.0) + turned.get(n, 0.0) for n in model.output_states})
+    rests = model.state_vector({n: p.get(model.rest_of(n), 0.0) for n in model.output_states})
+
+    def pull(output: str) -> float:
+        away = rests.copy()
+        away[model.output_states[output]] += 1.0
+        return float(np.abs(f(away, np.zeros(u)) - f(rests, np.zeros(u)))[: len(away)].max())
+
+    least = PULLED * pull(model.pendulum)
+    return model.state_vector({n: rests[i] * (pull(n) > least) + turned.get(n, 0.0)
+                               for n, i in model.output_states.items()})  # fmt: skip
 
 
 def moving(model: Model, parameters: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
-from fracid.export.state_space import LinearModel, _by_name, moving, posture
+from fracid.export.state_space import LinearModel, moving, posture
 from fracid.findings import Words
 from fracid.models import Model
 from fracid.schemas.feedback import Controller
@@ -68,8 +68,12 @@ class Posture:
     """u_e, shape (n_inputs,)."""
 
 
-def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int) -> Posture:
-    """Where a model rests with outputs at given values; of the rest the least that balances it.
+def posture_of(
+    model: Model, parameters: FloatArray, name: str, at: Mapping[str, float], channel: int, most: float = 1.0
+) -> Posture:
+    """Where a model rests with outputs at given values, and the others where that takes them.
+
+    A pendulum's other outputs are at rest, and all of them at 0 where none is given.  `most` is the whole input.
 
     Raises
     ------
@@ -88,23 +92,24 @@ def posture_of(model: Model, parameters: FloatArray, name: str, at: Mapping[str,
     name = name or names[0]
     refuse_unknown("posture", names, name)
     refuse_unknown("output at a posture", model.output_states, *at)
-    x = posture(model, _by_name(model, parameters), name) if model.pendulum else np.zeros(len(model.states))
+    x = posture(model, parameters, name) if model.pendulum else np.zeros(len(model.states))
     for n, value in at.items():
         x[model.output_states[n]] = value
-    held = np.isin(np.arange(len(x)), [*model.output_states.values(), *model.relaxing_states])
-    u = np.zeros(len(model.inputs))
+    named = {n: i for n, i in model.output_states.items() if model.pendulum or not at or n in at}
+    held, u = np.isin(np.arange(len(x)), [*named.values(), *model.relaxing_states]), np.zeros(len(model.inputs))
 
     def left(unknown: FloatArray) -> FloatArray:
         x[~held], u[channel] = unknown[:-1], unknown[-1]
         return np.nan_to_num(model.derivatives(x, u, p)[: len(x)], nan=1e9)  # where there is no value
 
-    start = np.append(x[~held], 0.0)
-    size = np.abs(left(np.append(start[:-1], 1.0)) - left(start)).max() or 1.0
-    found = least_squares(left, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    if np.abs(left(found.x)).max() > BALANCED * size:
-        where = ", ".join(f"{n} = {x[i]:.4g}" for n, i in model.output_states.items())
-        raise InputError(f"{model.name} does not rest at {where}, whatever its input: there is no posture to control.")
-    return Posture(name, x.copy(), u.copy())
+    starts = [np.append(x[~held], begun) for begun in (0.0, most, -most)]  # at 0 the slope of what squares it is 0
+    size = np.abs(left(starts[1]) - left(starts[0])).max() or 1.0
+    for start in starts:
+        found = least_squares(left, start, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        if np.abs(left(found.x)).max() <= BALANCED * size:
+            return Posture(name, x.copy(), u.copy())
+    where = ", ".join(f"{n} = {x[i]:.4g}" for n, i in named.items())
+    raise InputError(f"{model.name} does not rest at {where}, whatever its input: there is no posture to control.")
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,18 @@ from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.covariance import uncertainty
 from fracid.export.state_space import IntegerModel, moving, positive_sum
 from fracid.feedback.pid import pid
-from fracid.feedback.regulators import REDUCED, SAYS, SLOWEST, UPRIGHT, Plant, Posture, margins, posture_of, regulator
+from fracid.feedback.regulators import (
+    BALANCED,
+    REDUCED,
+    SAYS,
+    SLOWEST,
+    UPRIGHT,
+    Plant,
+    Posture,
+    margins,
+    posture_of,
+    regulator,
+)
 from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
@@ -135,7 +146,7 @@ class ClosedLoop:
     def posture(self, x: FloatArray) -> Posture:
         """Where the model rests with other values of the unknowns."""
         c, parameters = self.conditions, self.problem.unpack(x, self.experiment)[1]
-        return posture_of(self.problem.model, parameters, c.posture, c.at, channel=self.channel)
+        return posture_of(self.problem.model, parameters, c.posture, c.at, channel=self.channel, most=c.most or c.least)
 
     def plant(self, x: FloatArray) -> Plant:
         """Linearised, and reduced to the band of the loop."""
@@ -243,16 +254,21 @@ def conditions_of(
     for channel, s in {**e.sensors, **e.actuators}.items():
         if any(s.range(n) != (d, d) for n, d in (("gain", 1.0), ("bias", 0.0), ("lowpass", 0.0))):
             raise InputError(SAYS("sensor", channel=channel))
-    moved = {n: float(np.abs(u).max()) for n, u in zip(model.inputs, e.all_inputs.T, strict=True)}
-    name = input_ or next((n for n, size in moved.items() if size > 0), model.inputs[0])
+    name = input_ or next((n for n, u in zip(model.inputs, e.all_inputs.T, strict=True) if u.any()), model.inputs[0])
     refuse_unknown("input", model.inputs, name)
     parameters = problem.unpack(x, e)[1]
     if model.drive and parameters[model.parameter_names.index(model.drive)] == 0.0:
         raise InputError(SAYS("no-drive", model=model, name=name))
-    most = limit or max(float(np.abs(f.all_inputs[:, model.inputs.index(name)]).max()) for f in problem.experiments)
+    driven = model.inputs.index(name)
+    recorded = np.concatenate([f.all_inputs[:, driven] for f in problem.experiments])
+    most = limit or float(np.abs(recorded).max())
     if not most > 0:
         raise InputError(SAYS("undriven", name=name, unit=model.input_units.get(name, "SI units")))
-    there = posture_of(model, parameters, posture, at, channel=model.inputs.index(name))
+    there = posture_of(model, parameters, posture, at, channel=driven, most=most)
+    at_rest = float(there.inputs[driven])  # an input of one sign that holds the posture, as a heater's, has no other
+    lowest, highest, needed = recorded.min(), recorded.max(), BALANCED * most
+    least = 0.0 if at_rest > needed and highest > 0 <= lowest else -most
+    most = 0.0 if at_rest < -needed and lowest < 0 >= highest else most
     outputs = tuple(n for n in problem.outputs if n in model.output_states)
     if not outputs:
         raise InputError(f"None of {', '.join(problem.outputs)} is a state of {model.name}: a loop needs one.")
@@ -265,7 +281,7 @@ def conditions_of(
     period = e.step if rate is None else 1 / rate
     conditions = Conditions(
         there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name, model.input_units.get(name, "1"),
-        at_rest=float(there.inputs[model.inputs.index(name)]), least=-most, most=most,
+        at_rest=at_rest, least=least, most=most,
         delay=delay_of(problem, x, name) if delay is None else delay, period=period,
         steps=max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs=outputs,
         reference={n: float(there.states[model.output_states[n]]) for n in outputs}, units=units,
@@ -351,7 +367,8 @@ def control(
     posture : str
         ``upright`` or ``hanging`` of a pendulum; ``upright`` if left out.
     at : mapping, optional
-        Output → its value at the posture; 0 where it says nothing.
+        Output → its value at the posture.  Where it names some, the others are found, but of a pendulum; where it names
+        none, all are 0.
     input_ : str, optional
         The one that is driven.
     limit : float, optional

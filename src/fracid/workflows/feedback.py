@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fracid.errors import InputError
+from fracid.export.identified import columns_of
 from fracid.feedback.code import c_controller
 from fracid.feedback.study import DRAWS, Control, planned
 from fracid.recording.readers.numpy_files import read_npz
@@ -108,6 +109,7 @@ def run_control(
         scene = fit.problem.model.scene
         moving = {} if scene is None else {"motion.svg": scene_moving(scene, *found.worst_motion())}
         motion = write_files(folder / FIGURES, moving)
+        code = {CODE: c_controller(found, columns_of(fit))}
         finished = FinishedControl.written(folder, found.to_json() | {"source": str(run)}, [("control", found.plot)],
-                                           watching, contents={CODE: c_controller(found)}, control=found)  # fmt: skip
+                                           watching, contents=code, control=found)  # fmt: skip
         return replace(finished, figures=(*finished.figures, *motion))
