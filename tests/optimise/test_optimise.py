@@ -631,6 +631,13 @@ def test_a_scale_takes_the_place_of_what_start_and_bounds_tell():
     assert replace(space, scale=np.array([1e-4, np.nan])).typical.tolist() == [1e-4, 0.5]
 
 
+def test_a_constant_that_ends_at_zero_has_the_size_of_its_start_in_any_unit():
+    """A stiffness that began at 0.7 GPa had 0.01 Pa for its size at 0, and a standard error of rounding."""
+    space = Space(("b", "E"), np.zeros(2), np.array([10.0, 9e9]), np.array([0.0, 0.7e9]))
+    assert space.sizes(np.zeros(2)).tolist() == [0.01, 0.7e7]
+    assert space.sizes(np.array([2.0, 1e9])).tolist() == [2.0, 1e9]
+
+
 def test_least_squares_stops_where_no_unknown_changes_anything():
     found = minimise(lambda x: Evaluation(x, 1.0, np.array([1.0, 0.0])), least_squares(SPACE, None))
     assert found.outcome is Outcome.CONVERGED

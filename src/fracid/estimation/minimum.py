@@ -133,8 +133,7 @@ def _with_idle_unmoved(here: Tangent) -> Tangent:
     space = here.problem.space
     effect = np.linalg.norm(here.R, axis=0) * np.where(np.isfinite(width := space.upper - space.lower), width, 0.0)
     for i in np.flatnonzero((effect < math.sqrt(2 * here.unit)) & (here.x != space.start)):
-        x = here.x.copy()
-        x[i] = space.start[i]
+        x = np.where(np.arange(len(here.x)) == i, space.start, here.x)
         (there,) = side_by_side(here.problem, [here.there(x)])
         if there is not None and there.value == here.value:
             here = replace(there, derivatives=[np.where(np.arange(len(x)) == i, 0.0, j) for j in there.derivatives])

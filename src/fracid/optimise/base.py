@@ -105,8 +105,9 @@ class Space:
         return np.where(x + h > self.upper, -h, h)
 
     def sizes(self, x: FloatArray) -> FloatArray:
-        """How large each unknown typically is next to x: as its value, or a hundredth of its range, of 1 at most."""
-        return np.maximum(np.abs(x), 1e-2 * np.minimum(self.upper - self.lower, 1.0))
+        """The size of each unknown next to x: its value, or a hundredth of its range, of its start or 1 at most."""
+        most = np.maximum(np.abs(self.start), 1.0)
+        return np.maximum(np.abs(x), 1e-2 * np.minimum(self.upper - self.lower, most))
 
     def from_unit(self, points: FloatArray) -> FloatArray:
         """Map points of the unit cube, shape (…, n), onto the bounds.
