@@ -38,6 +38,7 @@ from fracid.problem.toml_text import plain_value, toml_document
 from fracid.problem.unknowns import Value as Given
 from fracid.quantiles import NORMAL_95, normal_interval
 from fracid.recording import Recording
+from fracid.recording.channel import si_unit
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
@@ -177,7 +178,7 @@ class Plan(CardDisplay, Record):
             number, note = self.experiments.index(curve.candidate) + 1, str(curve.candidate)
             if curve.voltage is not None:
                 name = driven(problem)
-                played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: model.input_unit(name)})
+                played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: si_unit(model.input_unit(name))})
                 signals[f"voltage-{number}.csv"] = played, note
             bands = {n: y for o, y in curve.outputs.items() for n, y in
                      ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
