@@ -6,7 +6,7 @@ r"""The density that a posterior is drawn from: a likelihood as informative as t
 simulates the recording, :math:`Δ_t = f_t(x) - f_t(\hat x)`, is split into a change of parameters T that makes the same
 difference to first order, and a remainder:
 
-.. math::  T(x) = A^{-1} \overline{ρ''} \sum_t w_t J_t Δ_t, \qquad
+.. math::  T(x) = A^{-1} \sum_t \overline{ρ''}\, w_t J_t Δ_t, \qquad
            -\log L(x) = \frac{ν + d}{2} \log\Big(1 + \frac{T' C_S^{-1} T}{ν}\Big)
            + \frac{n_{eff}}{2 V(\hat x)} \Big(V(x) - V(\hat x) - \tfrac12\, T' A T\Big).
 

@@ -3,9 +3,12 @@ r"""How sure an estimate is: the covariance of the unknowns of a problem, and wh
 At the minimum of :math:`\sum_t w_t\,ρ(e_t(x))` over samples t, with :math:`J_t = \partial e_t/\partial x` and
 scores :math:`s_t = w_t\,ρ'(e_t)\,J_t`,
 
-.. math::  \mathrm{cov}\,\hat x = A^{-1} S A^{-1}, \quad A = \overline{ρ''}\sum w_t J_t J_t', \quad
+.. math::  \mathrm{cov}\,\hat x = A^{-1} S A^{-1}, \quad A = \sum \overline{ρ''}\,w_t J_t J_t', \quad
            S = \Gamma_0 + \sum_{k=1}^{B}\Big(1 - \frac{k}{B+1}\Big)(\Gamma_k + \Gamma_k'), \;
-           \Gamma_k = \sum_t s_t s_{t+k}' .
+           \Gamma_k = \sum_t s_t s_{t+k}' ,
+
+with :math:`\overline{ρ''}` the mean over each output of a recording: for the square it is 2, for \|e\| twice the
+residual's density at zero (:mod:`fracid.problem.costs`), and recordings differ in noise.
 
 This is the M-estimator's sandwich [H]_ with the long-run covariance of Newey and West [NW]_: it holds for
 residuals that are correlated in time, as 20,000 samples of a 1 kHz recording are, where

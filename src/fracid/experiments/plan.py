@@ -178,7 +178,8 @@ class Plan(CardDisplay, Record):
             number, note = self.experiments.index(curve.candidate) + 1, str(curve.candidate)
             if curve.voltage is not None:
                 name = driven(problem)
-                played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: si_unit(model.input_unit(name))})
+                unit = si_unit(model.input_unit(name))
+                played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: unit})
                 signals[f"voltage-{number}.csv"] = played, note
             bands = {n: y for o, y in curve.outputs.items() for n, y in
                      ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip

@@ -6,7 +6,8 @@ cost       formula                               what to use when
 ``rmse``   :math:`\sqrt{\frac1n\sum e^2}`        the default: constant-variance noise, in the data's unit
 ``ise``    :math:`\int e^2 dt`                   the same minimum for one recording; several add up by length
 ``huber``  :math:`\frac1n\sum ρ(e)`,             outliers: a bump against the table, a lost count
-           e² below 1°, linear above
+           e² below 1°, linear above; in another unit
+           below 0.01745 of it
 ``iae``    :math:`\int |e|\,dt`                  heavy-tailed errors
 ``itse``   :math:`\int t\,e^2 dt`                the late part matters more
 ``itae``   :math:`\int t\,|e|\,dt`, (26)         the paper's.  91–99 % of its weight can fall after the motion
