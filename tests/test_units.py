@@ -62,7 +62,7 @@ def test_figures_of_an_angle_are_in_degrees_whether_its_unit_is_said_or_not():
 @pytest.mark.parametrize("unit", ["V", "1"])
 def test_sentences_of_a_residual_say_its_unit(unit):
     level = fracid.residual_analysis(recorded(unit), "y").sentences["level"]
-    said = re.match(r"rms ([\d.]+\d)(.*?)\. No step", level)
+    said = re.match(r"rms ([\d.]+\d)(.*?)\. No rounding", level)
     assert float(said[1]) == pytest.approx(1e-3, rel=0.1)
     assert said[2].strip() == ("" if unit == "1" else unit)
     off = replace(recorded(unit), fitted={"y": recorded(unit).measured["y"] - 0.5})

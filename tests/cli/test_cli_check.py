@@ -101,7 +101,7 @@ def test_an_unfit_recording_is_shown_and_exits_3(capsys, tmp_path):
         (["--column", "alpha"], "--column 'alpha' is not possible; expected NAME=COLUMN"),
         (["--column", "alpha=9"], "has no column 9"),
         (["--column", "alpha=1,unit=grad"], "unit = 'grad' is not possible"),
-        (["--column", "alpha=1,colour=red"], "unknown field 'colour'"),
+        (["--column", "alpha=1,colour=red"], "unknown field of alpha 'colour'"),
         (["--rate", "100", "--time", "0"], "give --time or --rate, not both"),
         (["--rate", "-1"], "rate = -1.0 is not possible"),
         (["--from", "later"], "--from 'later' is not possible"),

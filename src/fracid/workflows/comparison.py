@@ -209,6 +209,7 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
     places += [(table, key) for table, key in code if is_own(table.get(key, ""))]
     for table, key in places:
         table[key] = table[key] if Path(table[key]).is_absolute() else f"{way}/{table[key]}"
+    tables["fit"] = tables.get("fit", {}) | {"substeps": found.substeps}  # at which it was found
     head = f"# {row.name}: the structure that fracid compare found best, with its values.\n"
     return {BEST: head + toml_document(tables)}
 
