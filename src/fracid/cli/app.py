@@ -511,11 +511,7 @@ def print_table(console: Any, headings: Sequence[str], rows: Iterable[Sequence[s
     (console if console.is_terminal else Console(file=console.file, width=10_000)).print(grid)
 
 
-@app.callback(
-    invoke_without_command=True,
-    epilog="New here? [bold]fracid demo[/bold] shows what comes out; [bold]fracid check FILE[/bold] looks at a "
-    "recording of yours.",
-)
+@app.callback(invoke_without_command=True, epilog=SAYS("new-here"))
 def _program(
     ctx: typer.Context,
     version: Annotated[

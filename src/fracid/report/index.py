@@ -207,8 +207,7 @@ def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any]
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
     if page.is_symlink():
         return
-    if (text := text_if_any(page)) is None:
-        return
+    text = text_if_any(page) or ""
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return

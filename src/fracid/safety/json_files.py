@@ -79,6 +79,19 @@ def from_json(value: _Value | None, otherwise: _Value) -> _Value:
     return otherwise if value is None else value
 
 
+def json_document(record: Mapping[str, Any]) -> str:
+    """Give a record as the text of a file, without NaN or infinity.
+
+    Examples
+    --------
+    >>> print(json_document({"mu": 0.9}), end="")
+    {
+      "mu": 0.9
+    }
+    """
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def json_of(text: str | bytes, **numbers: Any) -> Any:
     """JSON's value, if it has nothing that fracid does not write.
 
