@@ -62,7 +62,6 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 app = typer.Typer(
     name="fracid",
     cls=Group,
-    help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",

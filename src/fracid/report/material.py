@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -123,10 +124,9 @@ class Material:
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
     if not {"from", "to"} & table.keys() and recording.report.resampled is None:
         return recording  # it was used whole
-    try:
+    with suppress(FracidError, OSError):
         return inspect_recording(
             recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"), name=recording.name,
             variable=table.get("variable"),
         )  # fmt: skip
-    except (FracidError, OSError):
-        return recording
+    return recording
