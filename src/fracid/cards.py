@@ -192,9 +192,8 @@ def brief(value: object) -> str:
         return f"array of {' × '.join(f'{n:,}' for n in shape)}" if shape else f"{value:.4g}"
     if isinstance(value, Mapping):
         plain = (int, float, str)
-        return listed(
-            f"{GREEK.get(str(n), n)} = {brief(v)}" if isinstance(v, plain) else str(n) for n, v in value.items()
-        )
+        items = (f"{GREEK.get(str(n), n)} = {brief(v)}" if isinstance(v, plain) else str(n) for n, v in value.items())
+        return listed(items)
     if isinstance(value, tuple | list):
         short = len(value) <= FEW and all(isinstance(item, str | int | float) for item in value)
         return listed(map(brief, value)) if short else f"{len(value):,} in all"

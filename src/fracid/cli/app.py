@@ -62,7 +62,6 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 app = typer.Typer(
     name="fracid",
     cls=Group,
-    help="Identify fractional- and integer-order models of nonlinear mechanical systems from recordings.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -511,11 +510,7 @@ def print_table(console: Any, headings: Sequence[str], rows: Iterable[Sequence[s
     (console if console.is_terminal else Console(file=console.file, width=10_000)).print(grid)
 
 
-@app.callback(
-    invoke_without_command=True,
-    epilog="New here? [bold]fracid demo[/bold] shows what comes out; [bold]fracid check FILE[/bold] looks at a "
-    "recording of yours.",
-)
+@app.callback(invoke_without_command=True, epilog=SAYS("new-here"))
 def _program(
     ctx: typer.Context,
     version: Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from math import pi
 from pathlib import Path
@@ -182,10 +183,8 @@ def _number(text: str) -> int | float | str | bool:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     for kind in (int, float):
-        try:
+        with suppress(ValueError):
             return kind(text)
-        except ValueError:
-            continue
     return text
 
 
@@ -218,9 +217,8 @@ def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] 
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)
-    print_signals(console, report, dict.fromkeys(_doubted(recording), 1.0) | {
-        f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"
-    })  # fmt: skip
+    in_degrees = {f.where: 180 / pi for f in report.findings if f.code == "radians-as-degrees"}
+    print_signals(console, report, dict.fromkeys(_doubted(recording), 1.0) | in_degrees)
     print_sketches(console, recording)
     warn(console, *[*notes, *_folded(report.notes)][:MOST], mark="  • ")
     _print_rest(console, len(_folded(report.notes)), "notes")

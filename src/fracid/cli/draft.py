@@ -37,20 +37,14 @@ def init(files: list[Path], how: How) -> None:
         from fracid.workflows.draft import chosen_model, write_draft  # here: it takes a second to import
 
         model = how.model or chosen_model(files, columns, time=clock, variable=how.variable, rig=rig)
-    if (
-        model == "rotary-pendulum"
-        and columns is None
-        and not (how.yes or how.json_)
-        and sys.stdin
-        and sys.stdin.isatty()
-    ):
+    asks = not (how.yes or how.json_) and sys.stdin and sys.stdin.isatty()
+    if asks and model == "rotary-pendulum" and columns is None:
         columns, rig = _asked(files[0], clock, how.variable, rig)
     with shown("project"):
         draft = write_draft(files[0], target, columns, model=model, zero=how.zero, more=files[1:], time=clock,
                             variable=how.variable, rig=rig)  # fmt: skip
-    how.answer(
-        {"project": str(target), "model": model, "notes": list(draft.notes)}, partial(_show, draft.notes, target)
-    )
+    record = {"project": str(target), "model": model, "notes": list(draft.notes)}
+    how.answer(record, partial(_show, draft.notes, target))
 
 
 def _show(notes: Sequence[str], target: Path, console: Console) -> None:

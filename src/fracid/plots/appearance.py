@@ -188,8 +188,7 @@ def _no_latex(figure: Figure) -> None:
     if not mpl.rcParams["text.usetex"]:  # no text has it, and looking at each makes every tick
         return
     for text in figure.findobj(Text):
-        if isinstance(text, Text):
-            text.set_usetex(False)
+        text.set_usetex(False)
 
 
 def _letter(panels: list[Axes]) -> None:
@@ -268,8 +267,7 @@ def label(axes: Axes, heading: str, x: str, y: str, ticks: int | None = 6) -> No
     title(axes, heading)
     if ticks is not None:
         axes.locator_params(axis="x", nbins=ticks)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
 
 
 def line(axes: Axes, time: FloatArray, y: FloatArray, **style: Any) -> None:

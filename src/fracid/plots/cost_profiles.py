@@ -100,8 +100,7 @@ def _profile(axes: Axes, panel: Profile, calibrated: bool, model: Model) -> None
         parabola = ((v - factor * panel.best) / se) ** 2
         axes.plot(v, parabola, color="black", lw=1.1, ls=(0, (4, 3)), label="parabola of the sandwich", zorder=2)
     axes.plot(factor * panel.best, 0.0, ls="", label="best", **(MARKS["best"] | {"ms": 11}))
-    axes.set_xlim(*limits)
-    axes.set_ylim(-0.04 * top, top)
+    axes.set(xlim=limits, ylim=(-0.04 * top, top))
     axes.ticklabel_format(axis="x", useOffset=False)  # 0.94998, not -2 and far off 1e-5+9.5e-1
     rises = "rise of the cost, W [–]" if calibrated else "rise, 3.84 where it doubled"
     label(axes, panel.verdict, name, rises, ticks=4)

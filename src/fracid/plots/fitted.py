@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from matplotlib.artist import setp
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -91,8 +92,7 @@ def fitted_over_time(
             first, last = time[spans[1]][[0, -1]]
             panels[0].axvspan(first, last, color="0.93", zorder=0, label="shown close up")
             title(panels[1], f"close up, {first:.2f} to {last:.2f} s", loc="left")
-    for axes in grid[-1]:
-        axes.set_xlabel("time [s]")
+    setp(grid[-1], xlabel="time [s]")
     role = "measured and fitted"
     if recording.use == "validate":
         role = "held out, predicted; at most its initial state and its own parameters were refitted"

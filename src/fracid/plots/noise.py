@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.artist import setp
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -68,8 +69,7 @@ def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     panels = figure.subplots(len(rows), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for name, (left, right) in zip(rows, panels, strict=True):
         _unknown(left, right, study, name)
-    for axes in panels[-1]:
-        axes.set_xlabel(f"noise, standard deviation [{axis_unit(study.cells[0].unit)[0]}]")
+    setp(panels[-1], xlabel=f"noise, standard deviation [{axis_unit(study.cells[0].unit)[0]}]")
     more = f" (the first {len(rows)} of {len(names)} free parameters)" if len(names) > len(rows) else ""
     cost = cost_label(study.cost_name)[0]
     return finish(figure, f"{study.seeds} repetitions a cell, {study.optimiser}, {cost}{more}")

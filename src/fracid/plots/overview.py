@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.artist import setp
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -65,8 +66,7 @@ def recording_overview(recording: Recording, *, zero: str = "", style: str | Sty
     release = recording.report.release
     title(grid[0][0], "whole recording")
     title(grid[0][1], "its start" if release is None else f"about the release at {release:.3f} s")
-    for axes in grid[-1]:
-        axes.set_xlabel("time [s]")
+    setp(grid[-1], xlabel="time [s]")
     grid[0][1].set_xlim(*near)
     return finish(figure, f"{plain(recording.name)}: {plain(recording.report.verdict, 200)}")
 

@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import setp
 from matplotlib.figure import Figure
 
 from fracid.errors import InputError
@@ -112,6 +113,5 @@ def expected_curves(curves: Sequence[Any], model: Model, *, style: str | Style =
             axes.plot(curve.time[shown], y[shown], color=BLUE, lw=1.0, label="expected")
             axes.set_ylabel(angle_label(name, unit, model.zero if name == model.pendulum else ""))
         title(row[0], plain(str(curve.candidate), 90), "left")
-    for axes in grid[-1]:
-        axes.set_xlabel("time [s]")
+    setp(grid[-1], xlabel="time [s]")
     return finish(figure, "Expected curves")

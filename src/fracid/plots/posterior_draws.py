@@ -123,8 +123,7 @@ def posterior_predictive(posterior: Posterior, *, style: str | Style = "screen")
             low, high = (factor * np.quantile(curves[:, :, o], q, axis=0) for q in (0.025, 0.975))
             axes.fill_between(time, low, high, color=BLUE, alpha=0.7, lw=0, zorder=3,
                               label=f"95 % of {len(curves)} draws, less the fitted")  # fmt: skip
-        label(axes, "", "time [s]" if o == len(outputs) - 1 else "",
-                         f"residual of {symbol(output)} [{unit}]")  # fmt: skip
+        label(axes, "", "time [s]" if o == len(outputs) - 1 else "", f"residual of {symbol(output)} [{unit}]")
     part = "" if problem is posterior.problem else f"the first {e.time[-1]:.3g} s of "
     return finish(figure, f"What the posterior leaves undetermined: {part}{plain(e.name)}")
 
@@ -155,8 +154,7 @@ def _alone(axes: Axes, posterior: Posterior, name: str, values: FloatArray, fact
     axes.hist(values, bins=BINS, range=reach, weights=posterior.weights, density=True, color=BLUE, alpha=0.55)
     axes.axvspan(low, high, color=BLUE, alpha=0.12, lw=0, label="95 % interval")
     axes.axvline(factor * posterior.x[posterior.names.index(name)], color=VERMILLION, lw=1.2, label="fitted")
-    axes.set_xlim(*reach)
-    axes.set_yticks([])
+    axes.set(xlim=reach, yticks=[])
 
 
 def _pair(axes: Axes, x: FloatArray, y: FloatArray, weights: FloatArray) -> None:
@@ -173,8 +171,7 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, weights: FloatArray) -> None
         axes.contourf(*middle, density.T, levels=[*levels, max(float(density.max()), levels[1] * 1.01)],
                       colors=[BLUE], alpha=0.4)  # fmt: skip
         axes.contour(*middle, density.T, levels=levels, colors=[BLUE], linewidths=1.0)
-    axes.set_xlim(*reach[0])
-    axes.set_ylim(*reach[1])
+    axes.set(xlim=reach[0], ylim=reach[1])
 
 
 def _reach(values: FloatArray, weights: FloatArray) -> tuple[float, float]:

@@ -70,9 +70,8 @@ def waterfall(starts: Sequence[Start], *, cost_name: str = "cost", style: str | 
     best = sum(cost <= SAME_COST * ranking[0][0] for cost, _ in ranking) if ranking else 0
     left = f"; {len(starts) - len(ranking)} left for their cost" if len(ranking) < len(starts) else ""
     name, unit = cost_label(cost_name)
-    label(axes, f"{best} of {len(starts)} starts at the lowest cost{left}",
-                     "start, sorted by its final cost",
-                     f"final {name} {unit}".rstrip())  # fmt: skip
+    heading = f"{best} of {len(starts)} starts at the lowest cost{left}"
+    label(axes, heading, "start, sorted by its final cost", f"final {name} {unit}".rstrip())
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0.5, len(starts) + 0.5)
     return finish(figure, "where the starts ended")

@@ -110,8 +110,7 @@ class Axis:
         with np.errstate(divide="ignore", invalid="ignore"):
             v, low, high = ((np.log10(u) if self.log else np.asarray(u, dtype=float))
                             for u in (values, self.low, self.high))  # fmt: skip
-        placed: FloatArray = self.start + (v - low) / (high - low) * (self.end - self.start)
-        return placed
+        return np.asarray(self.start + (v - low) / (high - low) * (self.end - self.start))
 
     def within(self, value: float) -> float:
         """The place of a value, or the end that it is beyond."""

@@ -7,6 +7,7 @@ there is each state with its order.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from fracid.errors import InputError
@@ -61,10 +62,9 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
 
 def _lines(model: Model, constants: Mapping[str, Any], driven: bool) -> list[Equality] | None:
     there = {n: e["value"] for n, e in constants.items() if e["free"] or e["value"]}
-    try:
+    with suppress(InputError):
         return equalities(model, there, driven)
-    except InputError:
-        return None
+    return None
 
 
 def _constants(result: Mapping[str, Any]) -> dict[str, Any]:

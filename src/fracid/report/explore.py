@@ -26,6 +26,9 @@ from fracid.report.sentences import letter
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
 from fracid.units import half_of, typeset_unit
+from fracid.words import Sentences
+
+SAYS = Sentences("report/explore.toml")
 
 MOST = 6
 """Recordings to choose from."""
@@ -60,21 +63,14 @@ def _functions(problem: Problem) -> list[str]:
     if derived := [n for n in functions if n in problem.model.derived]:
         raise InputError(f"{derived[0]} is a derivative of an output, which the page's solver lacks.")
     if functions and any(e.release_time != 0.0 for e in problem.experiments):
-        raise InputError(
-            f"{functions[0]} is a function of the states, which the page reads at steps, not between them."
-        )
+        raise InputError(SAYS("function", name=functions[0]))
     return [written_outputs(problem.model, "javascript")] if functions else []
 
 
 def _beyond(e: Experiment) -> str:
     """What a recording has that the page's solver lacks; empty for nothing."""
-    if e.past is not None:
-        return f"{e.name} begins with a measured past, which the page's solver does not take."
-    if e.sensors:
-        return f"The sensors of {e.name} have a delay, gain, bias or lowpass, which the page's solver lacks."
-    if e.times is not None:
-        return f"The samples of {e.name} are not evenly spaced, which the page's solver expects."
-    return ""
+    has = {"past": e.past is not None, "sensors": bool(e.sensors), "uneven": e.times is not None}
+    return next((SAYS(what, name=e.name) for what, there in has.items() if there), "")
 
 
 def _explorable(material: Material) -> Iterator[tuple[Problem, FloatArray, Experiment]]:

@@ -99,11 +99,10 @@ def identity(folder: Path, result: Mapping[str, Any], environment: Mapping[str, 
 
 
 def _date(started: str) -> str:
-    try:
+    with suppress(ValueError):  # a run of an earlier version, or a file that was edited
         at = datetime.fromisoformat(started)
-    except ValueError:  # a run of an earlier version, or a file that was edited
-        return ""
-    return f"{at.day} {MONTHS[at.month - 1]} {at:%Y %H:%M}"
+        return f"{at.day} {MONTHS[at.month - 1]} {at:%Y %H:%M}"
+    return ""
 
 
 _begun = itemgetter("started", "name")
@@ -157,11 +156,9 @@ def write_study_page(folder: Path, file: str) -> Path:
 
 def _is_ours(index: Path) -> bool:
     """Whether fracid wrote it; False too of one that is not there or cannot be read."""
-    try:
-        with opened(index) as file:
-            return GENERATOR.encode() in file.read(HEAD)
-    except OSError:
-        return False
+    with suppress(OSError), opened(index) as file:
+        return GENERATOR.encode() in file.read(HEAD)
+    return False
 
 
 def write_index(folder: str | Path) -> Path:
@@ -207,8 +204,7 @@ def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any]
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
     if page.is_symlink():
         return
-    if (text := text_if_any(page)) is None:
-        return
+    text = text_if_any(page) or ""
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return
@@ -261,7 +257,7 @@ def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:
 
 def _swings(page: Path) -> Markup:
     """The first swings of a page's first recording, measured and simulated; nothing of a page that cannot be read."""
-    try:
+    with suppress(OSError, ValueError, LookupError, TypeError, ArithmeticError):
         text = text_of(page)
         begin = text.index(SAMPLES) + len(SAMPLES)
         recording = json_of(text[begin : text.index("</script>", begin)])["recordings"][0]
@@ -276,8 +272,7 @@ def _swings(page: Path) -> Markup:
         name = f"{printable(recording['name'])}, first swings"
         label = f"{symbol} [{unit}]" if unit else symbol
         return still(Chart(name, t[:end], "time [s]", label, series=lines, xname="time"), SWINGS_WIDTH)
-    except (OSError, ValueError, LookupError, TypeError, ArithmeticError):
-        return Markup("")
+    return Markup("")
 
 
 def _end_of_swings(y: FloatArray) -> int:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fracid.arrays import FloatArray
 from fracid.errors import FracidError, InputError
 from fracid.estimation.cost_plane import CostPlane
 from fracid.estimation.cost_profile import Profiles
@@ -21,7 +19,6 @@ from fracid.problem import Problem
 from fracid.problem.project import Project
 from fracid.recording import Recording, inspect_recording
 from fracid.report.sentences import in_unit
-from fracid.runs.evaluations import tried
 from fracid.runs.saved import SavedRun
 from fracid.safety.schema import Block, Record, read_as
 from fracid.schemas.run_record import EnvironmentBlock
@@ -102,13 +99,6 @@ class Material:
         tables, signals = tomllib.loads(self.project.text)["recording"], (*self.model.outputs, *self.model.inputs)
         return {r.name: _whole(r, s, signals) for r, s in zip(self.project.recordings, tables, strict=True)}
 
-    @cached_property
-    def tried(self) -> FloatArray:
-        """The plane's two orders at all evaluations of the log, shape (n, 2)."""
-        if self.plane is None:
-            return np.empty((0, 2))
-        return tried(self.folder, self.plane.names)
-
     def beside(self, name: str) -> dict[str, Any]:
         """A JSON file of the run folder; empty where there is none that can be read."""
         return dict(self._beside[0].get(name, {}))
@@ -134,10 +124,9 @@ class Material:
 def _whole(recording: Recording, table: Mapping[str, Any], signals: tuple[str, ...]) -> Recording:
     if not {"from", "to"} & table.keys() and recording.report.resampled is None:
         return recording  # it was used whole
-    try:
+    with suppress(FracidError, OSError):
         return inspect_recording(
             recording.path, {n: table[n] for n in signals if n in table}, time=table.get("time"), name=recording.name,
             variable=table.get("variable"),
         )  # fmt: skip
-    except (FracidError, OSError):
-        return recording
+    return recording

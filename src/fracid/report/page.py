@@ -39,12 +39,16 @@ from fracid.report.surface import Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
 from fracid.report.verdict import does_not_fit, moved_by_the_step, verdict, where
 from fracid.report.whiskers import orders_drawn
+from fracid.runs.evaluations import tried
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_files
 from fracid.selection.doubts import in_motion, unsaid
 from fracid.units import number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_analyses import Analyses
+from fracid.words import Sentences
+
+SAYS = Sentences("report/page.toml")
 
 REPORT = "report.html"
 
@@ -178,12 +182,12 @@ def _cost_surface(material: Material) -> Surface | None:
     plane, orders = material.plane, material.result["orders"]
     if plane is None or not np.isfinite(plane.cost).any():
         return None
-    fine, tried = plane.refined(61), material.tried[:: max(1, -(-len(material.tried) // TRIED))]
+    fine, points = plane.refined(61), tried(material.folder, plane.names)
     height, scale, least = risen(fine.cost)
     best, ends, integers = ([orders[n].get(key) for n in plane.names] for key in ("value", "interval95", "integer"))
     names = [f"order {letter(n)}" for n in plane.names]
     return Surface(names, fine.first, fine.second, height, scale=scale, best=best, intervals=ends, integers=integers,
-                   tried=tried, keys=plane.names, least=least)  # fmt: skip
+                   tried=points[:: max(1, -(-len(points) // TRIED))], keys=plane.names, least=least)  # fmt: skip
 
 
 # --- charts ----------------------------------------------------------------------------------------
@@ -256,12 +260,10 @@ def _no_rival(result: Mapping[str, Any]) -> str:
     """Why there is no integer-order rival."""
     places = {where(e) for e in result["orders"].values() if e["free"]}
     if not places:
-        return "None was tried: no order was free."
+        return SAYS("none-free")
     if places == {"without"}:
-        return "None was tried: the model gives its free orders no integer value (integer_orders)."
-    return (
-        "None was needed: no order is off its integer value." if places <= {"inside", "without"} else "None was tried."
-    )
+        return SAYS("no-integer-value")
+    return SAYS("not-needed" if places <= {"inside", "without"} else "not-tried")
 
 
 def _driven(material: Material) -> bool:
@@ -286,8 +288,7 @@ def _begins(material: Material, name: str) -> str:
     after = f", {number(start - release, '.2g')} s after its release" if release is not None and start > release else ""
     checked = result["cut"] is not None
     what = "Where the record begins, under Checks," if checked else f"fracid fit {material.project.path.name} --cut"
-    return (f"It begins in motion{after}: the motion before the record, part of its memory, is unknown. {what} shows "
-            "how far the orders move with that.")  # fmt: skip
+    return SAYS("begins-in-motion", after=after, what=what)
 
 
 def _parameters(material: Material) -> Iterator[dict[str, Any]]:

@@ -75,10 +75,6 @@ def does_not_fit(codes: Iterable[str]) -> bool:
     return not NO_FIT.isdisjoint(codes)
 
 
-def _no_fit(result: Mapping[str, Any]) -> bool:
-    return does_not_fit(result["claim_codes"])
-
-
 def _stand_in(result: Mapping[str, Any]) -> bool:
     """Whether nothing but the integer-order alternative speaks against orders that are off their integer values."""
     known = (e for e in result["orders"].values() if e["free"] and e["interval95"])
@@ -109,7 +105,8 @@ def _fit(material: Material) -> Line:
     hardly = "no" if not percents or min(percents) <= 0 else "hardly"
     doubt = f" For one of them that is {hardly} better than a constant." if poor and percents else ""
     doubt += f" The residual of {joined(misfit)} is more than noise." if misfit else ""
-    follows = f"does not follow {what}: it is off by" if _no_fit(material.result) else f"follows {what} to"
+    lost = does_not_fit(material.result["claim_codes"])
+    follows = f"does not follow {what}: it is off by" if lost else f"follows {what} to"
     sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
     return Line("Fit", sentence, not poor and not misfit)
 
@@ -155,7 +152,7 @@ def _orders(material: Material) -> Line:
     free = {n: e for n, e in orders.items() if e["free"]}
     if not free:
         return Line("Orders", f"{sentence} They were given, not found.", True)
-    if _no_fit(material.result):
+    if does_not_fit(material.result["claim_codes"]):
         return Line("Orders", f"{sentence} The model does not fit: they mean nothing.", False)
     if rival and rival["warning"]:
         return Line("Orders", f"{sentence} They stand in for something of integer order, see above.", False)

@@ -41,6 +41,7 @@ from fracid.problem.project import Project
 from fracid.runs.environment import code, machine, versions
 from fracid.runs.evaluations import EVALUATIONS
 from fracid.safety.door import bytes_of, text_if_any, write_files, write_whole
+from fracid.safety.json_files import json_document
 from fracid.safety.schema import Record, as_json, read_as, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import FolderLock
@@ -305,7 +306,7 @@ def _refuse_another(folder: Path, before: RunState, now: RunState) -> None:
 
 
 def _write_state(folder: Path, state: RunState) -> None:
-    write_files(folder, {RUN: json.dumps(as_json(RunState, state), indent=2, ensure_ascii=False) + "\n"})
+    write_files(folder, {RUN: json_document(as_json(RunState, state))})
 
 
 def open_folder(folder: Path, command: Sequence[str] = ()) -> Path:
@@ -416,7 +417,6 @@ def write_result(folder: Path, fit: Fit, project: Project, timing: Mapping[str, 
         If the disk will not take them.
     """
     result = result_of(fit, project, timing)
-    text = json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    write_files(folder, {"result.json": text, "project.toml": project.text},
+    write_files(folder, {"result.json": json_document(result), "project.toml": project.text},
                 writing(f"The result in {folder}", "Allow it, then type fracid resume."))  # fmt: skip
     return result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
 from pydantic.json_schema import GenerateJsonSchema
@@ -11,6 +10,7 @@ from fracid.errors import InputError, entry_of
 from fracid.estimation.likelihood_record import Likelihood
 from fracid.regression.linear import RegressionResult
 from fracid.runs.saved import SavedRun
+from fracid.safety.json_files import json_document
 from fracid.safety.schema import Block, Record, described
 from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord
@@ -49,12 +49,13 @@ def json_schema(file: str = "result.json") -> str:
 
     Examples
     --------
+    >>> import json
     >>> json.loads(json_schema())["title"]
     'result.json of fracid'
     """
     schema = described(entry_of("file", FILES, file)).json_schema(schema_generator=WithoutTitles)
     head = {"$schema": WithoutTitles.schema_dialect, "title": f"{file} of fracid"}
-    return json.dumps(schema | head, indent=2, ensure_ascii=False) + "\n"
+    return json_document(schema | head)
 
 
 if __name__ == "__main__":

@@ -110,10 +110,9 @@ def text_if_any(path: Path, most: int = MOST, encoding: str = "utf-8") -> str | 
     >>> text_if_any(Path("nowhere")) is None
     True
     """
-    try:
+    with suppress(OSError, ValueError):
         return text_of(path, most, encoding)
-    except (OSError, ValueError):
-        return None
+    return None
 
 
 def own_text(name: str) -> str:

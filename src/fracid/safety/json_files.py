@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import is_dataclass
 from typing import Any, TypeVar
 
@@ -79,6 +80,19 @@ def from_json(value: _Value | None, otherwise: _Value) -> _Value:
     return otherwise if value is None else value
 
 
+def json_document(record: Mapping[str, Any]) -> str:
+    """Give a record as the text of a file, without NaN or infinity.
+
+    Examples
+    --------
+    >>> print(json_document({"mu": 0.9}), end="")
+    {
+      "mu": 0.9
+    }
+    """
+    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def json_of(text: str | bytes, **numbers: Any) -> Any:
     """JSON's value, if it has nothing that fracid does not write.
 
@@ -124,11 +138,10 @@ def object_of(text: str | bytes | None) -> dict[str, Any] | None:
     >>> object_of('{"mu": 0.9}'), object_of('{"mu": 0.'), object_of("[1]"), object_of(None)
     ({'mu': 0.9}, None, None, None)
     """
-    try:
+    with suppress(ValueError):
         content = json_of(text or "")
-    except ValueError:
-        return None
-    return content if isinstance(content, dict) else None
+        return content if isinstance(content, dict) else None
+    return None
 
 
 def _no_number(word: str) -> Any:

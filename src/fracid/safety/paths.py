@@ -19,6 +19,7 @@ import difflib
 import os
 import shlex
 import tomllib
+from contextlib import suppress
 from itertools import islice
 from os import PathLike
 from os.path import exists, isdir, isfile
@@ -31,15 +32,14 @@ from fracid.safety.json_files import json_of
 
 Kind = Literal["project", "recording", "run", "study"]
 
-RECORDINGS = (".csv", ".tsv", ".txt", ".dat", ".mat", ".npz", ".npy", ".h5", ".hdf5", ".parquet", ".json", ".jsonl",
-              ".xlsx", ".tdms", ".mf4", ".mdf", ".mcap", ".db3")  # fmt: skip
+SAID = tomllib.loads(own_text("safety/paths.toml"))
+"""What is wanted → what it is → what to say."""
+
+RECORDINGS: tuple[str, ...] = tuple(SAID["recordings"])
 """Endings of recordings: the keys of :data:`fracid.recording.readers.table.READERS`, which a test compares."""
 
-STUDIES = {"compare.json": "fracid compare", "noise.json": "fracid noise", "posterior.json": "fracid posterior",
-           "control.json": "fracid control"}  # fmt: skip
-
-INSTEAD = tomllib.loads(own_text("safety/paths.toml"))
-"""(What is wanted, what it is) → what to say."""
+STUDIES: dict[str, str] = SAID["studies"]
+"""What a study writes → its command."""
 
 NAMED = 1000
 """Names among which the one that was meant is looked for."""
@@ -124,16 +124,15 @@ def _instead(path: Path, target: Kind, kind: Kind) -> str:
     run = Path("runs") / path.stem
     study = next((command for name, command in STUDIES.items() if exists(path / name)), "")
     fitted = f"; its run may be {_typed(run)}" if kind_of(run) == "run" else ""
-    return str(INSTEAD[target][kind]).format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
+    return str(SAID[target][kind]).format(path=_typed(path), project=_project_of(path), study=study, fitted=fitted)
 
 
 def _project_of(folder: Path) -> str:
     """The project that a run was made of, as it was typed."""
-    try:
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration):
         words = json_of(text_of(folder / "environment.json"))["command"]
         return _typed(Path(next(word for word in words if word.endswith(".toml"))))
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration):
-        return "PROJECT"
+    return "PROJECT"
 
 
 def _nearest(path: Path, target: Kind) -> str:
@@ -148,8 +147,7 @@ def _nearest(path: Path, target: Kind) -> str:
     if not there and target == "run":
         there = {p.name: p for p in beside_each_other(beside / "runs") if kind_of(p) == "run"}
     if not there:
-        missing = {"project": "Write one: fracid init RECORDING", "run": "Fit one: fracid fit PROJECT"}
-        return f"No other {target} is in {beside.resolve()}. {missing.get(target, 'Check the path')}."
+        return f"No other {target} is in {beside.resolve()}. {SAID['missing'].get(target, 'Check the path')}."
     names = [_typed(p) for p in there.values()]
     return f"There {'is' if len(names) == 1 else 'are'} {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}."
 
@@ -162,11 +160,9 @@ def beside_each_other(folder: Path) -> list[Path]:
     >>> beside_each_other(Path("/nowhere"))
     []
     """
-    try:
-        with os.scandir(folder) as entries:
-            return sorted(folder / entry.name for entry in islice(entries, NAMED))
-    except OSError:
-        return []
+    with suppress(OSError), os.scandir(folder) as entries:
+        return sorted(folder / entry.name for entry in islice(entries, NAMED))
+    return []
 
 
 def default_folder(name: str) -> Path:

@@ -71,11 +71,11 @@ AS_NULL = PlainSerializer(json_number, return_type=float | None)
 
 Number = Annotated[float | None, AS_NULL]
 
-_null_as = partial(BeforeValidator, json_schema_input_type=float | None)
+null_as = partial(BeforeValidator, json_schema_input_type=float | None)
 
-Unknown = Annotated[float, _null_as(partial(from_json, otherwise=nan)), AS_NULL]
+Unknown = Annotated[float, null_as(partial(from_json, otherwise=nan)), AS_NULL]
 
-Infinite = Annotated[float, _null_as(partial(from_json, otherwise=inf)), AS_NULL]
+Infinite = Annotated[float, null_as(partial(from_json, otherwise=inf)), AS_NULL]
 
 Pair = Field(strict=False, min_length=2, max_length=2)
 """Of a tuple: it is a list in JSON, and has two entries."""
@@ -396,11 +396,8 @@ def lines_of(path: Path, kind: type[Block | Record]) -> Iterator[Any]:
     >>> list(lines_of(Path("/nowhere/evaluations.jsonl"), Block))
     []
     """
-    try:
-        with opened(path) as file:
-            while line := file.readline(LONGEST):
-                content = object_of(line)
-                if content is not None and not fault_of(content, kind):
-                    yield content
-    except OSError:
-        return
+    with suppress(OSError), opened(path) as file:
+        while line := file.readline(LONGEST):
+            content = object_of(line)
+            if content is not None and not fault_of(content, kind):
+                yield content

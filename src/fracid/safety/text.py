@@ -103,9 +103,8 @@ def refuse_unseen(what: str, text: str) -> str:
     fracid.errors.InputError: the recording's name 'release\n92°' holds U+000A, which cannot be seen; leave it out.
     """
     if character := next((c for c in text if _unseen(c)), None):
-        raise InputError(
-            f"{what} {ascii_short(text)} holds U+{ord(character):04X}, which cannot be seen; leave it out."
-        )
+        held = f"{ascii_short(text)} holds U+{ord(character):04X}"
+        raise InputError(f"{what} {held}, which cannot be seen; leave it out.")
     if not text.strip():
         raise InputError(f"{what} is empty; expected something to call it by.")
     if len(text) > LONGEST_NAME:

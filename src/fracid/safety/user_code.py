@@ -14,6 +14,7 @@ All of fracid runs a file here and nowhere else; ``tests/safety/test_safety.py``
 from __future__ import annotations
 
 import sys
+import tomllib
 from collections.abc import Sequence
 from importlib.machinery import SourceFileLoader
 from importlib.util import module_from_spec, spec_from_file_location
@@ -23,6 +24,9 @@ from types import ModuleType
 from typing import Any
 
 from fracid.errors import InputError, NotTrusted, unknown_name
+from fracid.safety.door import own_text
+
+SAID = tomllib.loads(own_text("safety/user_code.toml"))
 
 
 def is_own(name: str) -> bool:
@@ -77,11 +81,8 @@ def refuse_untrusted(who: Path, names: Sequence[str], trust: bool) -> tuple[Path
         if not file.is_file():
             raise InputError(f"{name!r}: there is no file {file}.")
     if files and not trust:
-        raise NotTrusted(
-            f"{who} refers to Python code of its own: {' and '.join(map(str, files))}. Such code can do all "
-            f"that you can. Review {'it' if len(files) == 1 else 'them'} first; to run it, add --trust on the command "
-            "line, trust=True in Python."
-        )
+        them = "it" if len(files) == 1 else "them"
+        raise NotTrusted(SAID["not-trusted"].format(who=who, files=" and ".join(map(str, files)), them=them))
     return tuple(files)
 
 

@@ -35,6 +35,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -317,10 +318,9 @@ def _piece(
         part = replace(e, measured=part.measured, inputs=part.inputs, deviation=part.deviation,
                        release_time=problem.unpack(x, e).release)  # fmt: skip
     of = partial(replace, problem, orders=orders, parameters=parameters, per_recording=(), initial_state=state)
-    try:
+    with suppress(InputError):  # of a past that does not tell every state: the window's memory begins with it
         return of(experiments=(part,))
-    except InputError:  # a past that does not tell every state: the window's memory begins with it
-        return of(experiments=(replace(part, past=None, past_inputs=None),))
+    return of(experiments=(replace(part, past=None, past_inputs=None),))
 
 
 def _window_values(
@@ -380,9 +380,8 @@ def _window(
     least = {o: COUNTS * (resolution(y) or 0.0) for o, y in zip(piece.outputs, e.measured.T, strict=True)}
     sizes, stills = ({n: max(of[o] for o in own) for n, own in told.items()} for of in (swings, least))
     units = {n: e.units.get(own[0], "rad") for n, own in told.items()}
-    standard_errors = {
-        n: s if (s := errors.get(n, math.nan)) > 0 and sizes[n] > stills[n] else math.inf for n in orders
-    }
+    known = {n: s for n, s in errors.items() if n in orders and s > 0 and sizes[n] > stills[n]}
+    standard_errors = {n: known.get(n, math.inf) for n in orders}
     return Window(e.name, float(times[0]), float(times[1]), whole, amplitude=sizes, orders=orders,
                   standard_errors=standard_errors, units=units)  # fmt: skip
 

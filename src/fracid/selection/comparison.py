@@ -358,6 +358,7 @@ def _fit_structure(
     predicted = {e.name: (problem, e, errors) if isinstance(errors, Failure)
                  else _predicted(structure, values, e, place.fold.window, jobs=jobs) for e in others}  # fmt: skip
     every = followed | {name: (e, y) for name, (_, e, y) in predicted.items()}
+    curves = {n: _curves(problem, e, y, len(every)) for n, (e, y) in every.items() if not isinstance(y, Failure)}
     intervals, beyond, at_bound = dict[str, tuple[float, float]](), dict[str, float](), tuple[str, ...]()
     if not isinstance(precision := uncertainty(problem, best.point, jobs=jobs), Failure):
         searched = {problem.names[i]: i for i in problem.order_indices}
@@ -378,9 +379,7 @@ def _fit_structure(
         "row": row,
         "squares": None if best.residuals is None else float(np.sum(best.residuals**2)),
         "samples": 2.0 if isinstance(errors, Failure) else effective_samples(errors),
-        "curves": {
-            name: _curves(problem, e, y, len(every)) for name, (e, y) in every.items() if not isinstance(y, Failure)
-        },
+        "curves": curves,
         "work": watch.work,
     })  # fmt: skip
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, computed_field
+from pydantic import Field, computed_field
 
 from fracid.cards import Card, CardDisplay, listed, tabulated
 from fracid.errors import entry_of
@@ -34,6 +34,7 @@ from fracid.safety.schema import (
     computed,
     fault_of,
     lacking,
+    null_as,
 )
 from fracid.selection.amplitude import AmplitudeTest
 from fracid.selection.claim import ClaimWord
@@ -43,9 +44,7 @@ from fracid.selection.opened_bounds import OpenedBound
 from fracid.signals.left_over import LeftOver
 from fracid.units import with_unit
 
-Missed = Annotated[
-    float, BeforeValidator(partial(from_json, otherwise=-math.inf), json_schema_input_type=float | None), AS_NULL
-]
+Missed = Annotated[float, null_as(partial(from_json, otherwise=-math.inf)), AS_NULL]
 """A fit in per cent: null of a constant output that is missed."""
 
 
@@ -352,9 +351,8 @@ class CurvesBlock(Coherent):
         for name, found in self.structures.items():
             for recording, curves in found.items():
                 beside = self.recordings.get(recording)
-                if beside is None or any(
-                    len(y) != len(beside.time) for y in (*curves.values(), *beside.measured.values())
-                ):
+                signals = () if beside is None else (*curves.values(), *beside.measured.values())
+                if beside is None or any(len(y) != len(beside.time) for y in signals):
                     return f"the curves of {short_text(name)} are others"
         return ""
 

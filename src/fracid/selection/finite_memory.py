@@ -211,14 +211,12 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
     names = [q.parameter if isinstance(q, Complement) else q for q in model.orders]
     gone = {q for i, q in enumerate(names) if i in replaced}
     states = tuple(f"{model.states[i]} relaxing {j}" for i, _ in where for j in range(1, count + 1))
-    parameters = tuple(
-        row for name in groups for row in (
-            Parameter(f"share0_{name}", "1", 1.0, "what of the rate stays"),
-            *(row for j in range(1, count + 1) for row in (
-                Parameter(f"share{j}_{name}", "1", 0.0, f"what relaxation {j} forgets"),
-                Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))),
-        )
-    )  # fmt: skip
+    parameters: list[Parameter] = []
+    for name in groups:
+        parameters.append(Parameter(f"share0_{name}", "1", 1.0, "what of the rate stays"))
+        for j in range(1, count + 1):
+            parameters.append(Parameter(f"share{j}_{name}", "1", 0.0, f"what relaxation {j} forgets"))
+            parameters.append(Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))
     place, n = {p.name: k for k, p in enumerate((*model.parameters, *parameters))}, len(model.states)
     memories = tuple(
         FadingState(

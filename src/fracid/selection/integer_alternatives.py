@@ -34,6 +34,7 @@ it is held against, as a springpot is against Maxwell elements.
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -48,6 +49,7 @@ from fracid.estimation.windows import in_parts, shared_values
 from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
+from fracid.safety.door import own_text
 from fracid.selection.bic import STRONG
 from fracid.selection.finite_memory import finite_memories
 from fracid.selection.integer_rival import (
@@ -62,15 +64,6 @@ from fracid.selection.integer_rival import (
     warning_of,
 )
 from fracid.solver.inputs import Between
-
-LATE = 0.02
-"""A channel is looked for this much late or early [s]."""
-
-SLOW = 0.03
-"""The longest time constant of a channel's low-pass [s]."""
-
-SCALE = 0.05
-"""A channel is looked for this part too large or too small."""
 
 WAYS: Mapping[Between, str] = {"hold": "held", "line": "in lines"}
 """What an input does, in words."""
@@ -133,7 +126,7 @@ def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = Fal
     yield Element(name, replace(problem, parameters={**problem.parameters, **ranges, **rests}), off, slow)
 
 
-def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> Iterator[Element]:
+def _channel(problem: Problem, quantity: Quantity, name: str, **value: Any) -> Iterator[Element]:
     """A quantity of one channel; of the first output only beside an input that varies, for the start is free."""
     together = not _driven(problem) and quantity != "lowpass"
     for output in problem.outputs[together:]:
@@ -145,7 +138,7 @@ def _channel(problem: Problem, quantity: Quantity, value: Free, name: str) -> It
             yield Element(name.format(output), problem, {}, possible=False)
             continue
         experiments = tuple(
-            replace(e, sensors={**e.sensors, output: replace(s, **{quantity: value})})
+            replace(e, sensors={**e.sensors, output: replace(s, **{quantity: Free(**value)})})
             for e, s in zip(problem.experiments, tables, strict=True)
         )
         changed = replace(problem, experiments=experiments, memo=None)
@@ -187,21 +180,11 @@ def _driven(problem: Problem) -> bool:
     return any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments)
 
 
-ELEMENTS: tuple[Change, ...] = (
-    partial(_channel, quantity="delay", value=Free(0.0, -LATE, LATE, scale=1e-3), name="a delay of {}"),
-    partial(_channel, quantity="lowpass", value=Free(1e-3, 0.0, SLOW), name="a low-pass of {}"),
-    partial(_channel, quantity="gain", value=Free(1.0, 1 - SCALE, 1 + SCALE, scale=1e-2), name="a scale of {}"),
-    partial(_rung, name="friction over load", rungs=("load",)),
-    partial(_rung, name="drag", rungs=("drag",)),
-    partial(_rung, name="a cable", rungs=("cable",)),
-    partial(_rung, name="a tilted axis", rungs=("tilt",)),
-    _inputs,
-    _changing,
-    partial(_rung, name="play", rungs=("play",), slow=True),
-    partial(_rung, name="presliding", rungs=("presliding",), slow=True),
-    partial(_rung, name="Stribeck's friction", rungs=("presliding", "Stribeck", "LuGre"), slow=True),
-    partial(_rung, name="an elastic arm", rungs=("elastic arm",), slow=True),
-)
+_KINDS: dict[str, Any] = {"channel": _channel, "rung": _rung, "inputs": _inputs, "changing": _changing}
+
+_ROWS = tomllib.loads(own_text("selection/integer_alternatives.toml"))["elements"]
+
+ELEMENTS: tuple[Change, ...] = tuple(partial(_KINDS[row.pop("kind")], **row) for row in _ROWS)
 """What is tried after friction, in this order."""
 
 

@@ -133,9 +133,8 @@ class Structure:
 
     def on(self, values: Mapping[str, float], recording: Experiment) -> Problem:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
-        recording = replace(recording, initial={
-            n: v for n, v in recording.initial.items() if n in self.whole.model.states
-        })  # fmt: skip
+        known = {n: v for n, v in recording.initial.items() if n in self.whole.model.states}
+        recording = replace(recording, initial=known)
         x = np.array([values.get(u.name, u.range.start) for u in self.whole.unknowns])
         alone = self.whole.with_shared(x, (recording,))
         return held(alone, unseen(alone, 0.0))
@@ -240,7 +239,8 @@ def ladder(
     names, missing = _rungs(problem, keep, chosen | own - {*RUNGS})
     top = _free(problem, names, tuple(names))
     blind = unseen(top, SEEN)
-    blind |= _offsets(problem, [n for rung in names.values() for n in rung])
+    kinds, moves = problem.model.friction, moving(problem)  # an arm that is clamped shows no lean of its axis
+    blind |= {n for rung in names.values() for n in rung if kinds[n].signed and kinds[n].joint not in moves}
     nowhere = blind - {n for e in others for n in _seen_in(e, top)}
     exclusions = {rung: n for rung, n in names.items() if set(n) <= nowhere}
     names = {rung: n for rung, n in names.items() if rung not in exclusions}
@@ -248,19 +248,12 @@ def ladder(
         raise InputError(SAYS("no-structures"))
     notes += missing if own & {*RUNGS} else []
     notes += [f"The rung + {r} is skipped: no recording depends on {' or '.join(n)}." for r, n in exclusions.items()]
-    kinds = problem.model.friction
     alone = sorted(blind - {n for rung in exclusions.values() for name in rung for n in (name, *kinds[name].rests)})
     notes += [f"The fitted recordings do not depend on {n}: {_instead(top, n)}." for n in alone]
     found = tuple(_structures(problem, names, blind))
     if rungs is None or chosen >= {*RUNGS}:
         found = _with_own(problem, found)
     return Ladder(_marked((*found, *beside), given), tuple(notes), given)
-
-
-def _offsets(problem: Problem, names: Collection[str]) -> set[str]:
-    """What only shifts a zero where its joint stands still: a lean of the axis under an arm that is clamped."""
-    kinds, moves = problem.model.friction, moving(problem)
-    return {n for n in names if kinds[n].signed and kinds[n].joint not in moves}
 
 
 def _seen_in(e: Experiment, top: Problem) -> set[str]:

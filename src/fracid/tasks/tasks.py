@@ -173,7 +173,11 @@ def _check(work: Work, tasks: Sequence[Task], executor: str) -> None:
         raise InputError(f"{work!r} cannot be sent to other processes: give a function of a module, or threads.")
 
 
-def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]:
+Place = Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]
+"""Where repetitions are done: of the work, the tasks and the number of jobs it gives each as it ends."""
+
+
+def executor_from_name(name: str) -> Place:
     """Find what runs tasks; a scheduler's address is not tried.
 
     Raises
@@ -193,8 +197,5 @@ def executor_from_name(name: str) -> Callable[[Work, Sequence[Task], int], Itera
     raise InputError(SAYS("no-executor", name=name, executors=", ".join(EXECUTORS)))
 
 
-EXECUTORS: dict[str, Callable[[Work, Sequence[Task], int], Iterator[tuple[Task, Ended]]]] = {
-    "threads": on_threads,
-    "processes": on_processes,
-}
+EXECUTORS: dict[str, Place] = {"threads": on_threads, "processes": on_processes}
 """By name; see the module's table."""

@@ -227,8 +227,7 @@ class Twin(CardDisplay):
     @property
     def time(self) -> FloatArray:
         """Times of the samples, from 0 [s], shape (n_samples,)."""
-        samples: FloatArray = np.arange(round(self.end / self.step) + 1, dtype=np.float64)
-        return samples * self.step
+        return np.asarray(self.step * np.arange(round(self.end / self.step) + 1, dtype=np.float64))
 
     def simulate(self) -> Trajectory:
         """Simulate all samples; its time is that of the recording, from 0.

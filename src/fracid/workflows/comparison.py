@@ -78,11 +78,8 @@ class FinishedComparison(Finished):
 
     project: Project
     comparison: Comparison
-
-    @property
-    def table(self) -> Path:
-        """Path of compare.csv."""
-        return self.folder / TABLE
+    table: Path
+    """Path of compare.csv."""
 
     @property
     def best(self) -> Path | None:
@@ -171,7 +168,7 @@ def run_comparison(
         "project.toml": project.text, TABLE: csv_text(comparison.lines()),
         CURVES: json.dumps(_curves(base, others, comparison), separators=(",", ":")),
         **_best(project, comparison, folder),
-    }, project=project, comparison=comparison)  # fmt: skip
+    }, project=project, comparison=comparison, table=folder / TABLE)  # fmt: skip
 
 
 def _curves(base: Problem, others: Sequence[Experiment], comparison: Comparison) -> dict[str, Any]:

@@ -44,11 +44,8 @@ class FinishedNoiseStudy(Finished):
     FILE, FOUND = "noise.json", "study"
 
     study: NoiseStudy
-
-    @property
-    def table(self) -> Path:
-        """Path of noise.csv."""
-        return self.folder / TABLE
+    table: Path
+    """Path of noise.csv."""
 
 
 def run_noise_study(
@@ -139,7 +136,8 @@ def run_noise_study(
                 watching.notice(str(finding))
             study = plan.run(Execution(executor or ("threads" if plan.own else "processes"), jobs, **kept))
     return FinishedNoiseStudy.written(folder, study.to_json() | {"source": str(source)}, of_study(study), watching,
-                                      contents={TABLE: csv_text(study.lines())}, study=study)  # fmt: skip
+                                      contents={TABLE: csv_text(study.lines())}, study=study,
+                                      table=folder / TABLE)  # fmt: skip
 
 
 def _grid(

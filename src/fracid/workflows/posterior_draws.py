@@ -35,11 +35,8 @@ class FinishedPosterior(Finished):
     FILE, FOUND = "posterior.json", "posterior"
 
     posterior: Posterior
-
-    @property
-    def draws(self) -> Path:
-        """Path of draws.npz: ``points``, ``log_weights`` and ``names``."""
-        return self.folder / DRAWN
+    draws: Path
+    """Path of draws.npz: ``points``, ``log_weights`` and ``names``."""
 
 
 def run_posterior(
@@ -107,7 +104,8 @@ def run_posterior(
     np.savez_compressed(content, points=drawn.points, log_weights=drawn.log_weights, names=np.array(drawn.names))
     pictures = ("posterior", drawn.plot), ("posterior-predictive", drawn.plot_predictive)
     return FinishedPosterior.written(folder, drawn.to_json() | {"source": str(run)}, pictures, watching,
-                                     contents={DRAWN: content.getvalue()}, posterior=drawn)  # fmt: skip
+                                     contents={DRAWN: content.getvalue()}, posterior=drawn,
+                                     draws=folder / DRAWN)  # fmt: skip
 
 
 def _fault(_key: str, values: Any) -> str:

@@ -1,28 +1,14 @@
-"""What every workflow writes alike: a record as JSON, a table as CSV, and the command that does the same."""
+"""What every workflow writes alike: a table as CSV, and the command that does the same."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fracid.safety.text import csv_cell
-
-
-def json_document(record: Mapping[str, Any]) -> str:
-    """Give a record as the text of a file, without NaN or infinity.
-
-    Examples
-    --------
-    >>> print(json_document({"mu": 0.9}), end="")
-    {
-      "mu": 0.9
-    }
-    """
-    return json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -109,10 +109,7 @@ def _of_folder(folder: Path, trust: bool, jobs: int) -> Pictures:
     if not (folder / "result.json").exists() and (folder / "noise.json").exists():
         content = read_as(folder / "noise.json", NoiseStudy, "fracid noise RUN", UNREAD)
         return of_study(NoiseStudy.of_json(content))
-    return _of_run(load_run(folder, trust=trust), jobs)
-
-
-def _of_run(run: SavedRun, jobs: int) -> Pictures:
+    run = load_run(folder, trust=trust)
     return chain(
         of_rig(rig_as_found(run.problem.model, run.parameters)), of_recordings(run.recordings, run.resolutions),
         of_tests(run.recordings, run.resolutions), of_plane(run, plane_of(run, jobs), run.folder),

@@ -19,10 +19,10 @@ from fracid.regression.equations import regress_equations
 from fracid.regression.linear import SEARCHED, Asked
 from fracid.regression.rows import swing_of
 from fracid.safety.door import write_files
+from fracid.safety.json_files import json_document
 from fracid.safety.paths import kind_of, refuse_mistaken
 from fracid.tasks.job import one_blas_thread
 from fracid.validation.unknown_past import whole_recordings
-from fracid.workflows.records import json_document
 
 SAYS = Words("workflows/regression.toml")
 

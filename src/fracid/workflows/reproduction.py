@@ -15,12 +15,13 @@ from fracid.errors import InputError
 from fracid.runs.folder import JOURNAL, SAYS, open_folder, refuse_used
 from fracid.runs.reproduction import Reproduction, compared, not_as_before, reproduce
 from fracid.safety.door import write_files
+from fracid.safety.json_files import json_document
 from fracid.safety.paths import STUDIES, kind_of, refuse_mistaken
 from fracid.safety.schema import Block, read_as
 from fracid.tasks.display import unless_given
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
-from fracid.workflows.records import command_of, json_document, words_of
+from fracid.workflows.records import command_of, words_of
 from fracid.workflows.resumption import ADDRESS, command_of_study, safe_words
 from fracid.workflows.study import header_of
 

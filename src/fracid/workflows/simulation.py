@@ -22,13 +22,13 @@ from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import write_files
+from fracid.safety.json_files import json_document
 from fracid.safety.paths import default_folder, kind_of, refuse_mistaken
 from fracid.safety.text import printable
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.display import unless_given
 from fracid.tasks.progress import Observer
 from fracid.twins.twin import Twin
-from fracid.workflows.records import json_document
 from fracid.workflows.study import run_or_project
 
 SAYS = Words("workflows/simulation.toml")
@@ -258,17 +258,16 @@ def _written(
     made: Recording, record: Mapping[str, Any], file: Path, folder: Path | None, truth: Path | None
 ) -> tuple[Path, ...]:
     """Write the recording, the truth and the figure; gives the files."""
-    recording = save_recording(made, file, note=_note(record, secret=truth is not None))
+    files = [save_recording(made, file, note=_note(record, secret=truth is not None))]
     if truth is None and folder is not None:
         truth = folder / f"{file.stem}.json"
     if truth is not None:
-        write_files(truth.parent, {truth.name: json_document(record)})
-    files = (recording,) if truth is None else (recording, truth)
-    if folder is None:
-        return files
-    from fracid.plots import recording_overview, save
+        files += write_files(truth.parent, {truth.name: json_document(record)})
+    if folder is not None:
+        from fracid.plots import recording_overview, save
 
-    return *files, *save(recording_overview(made), folder, file.stem)
+        files += save(recording_overview(made), folder, file.stem)
+    return tuple(files)
 
 
 def _note(record: Mapping[str, Any], *, secret: bool) -> str:

@@ -20,13 +20,13 @@ from fracid.report.study import STUDIES
 from fracid.runs.folder import FIGURES, JOURNAL, inputs_of, open_folder
 from fracid.runs.saved import SavedRun, load_run
 from fracid.safety.door import write_files
+from fracid.safety.json_files import json_document
 from fracid.safety.paths import default_folder, refuse_mistaken
 from fracid.safety.schema import lines_of
 from fracid.schemas.run_record import StudyLine
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import SILENT, Observer
 from fracid.workflows.figures import Pictures, saved
-from fracid.workflows.records import json_document
 
 
 @dataclass(frozen=True, repr=False)

@@ -348,7 +348,7 @@ class _Units:
 class _Text(Python):
     """Expressions as a project file has them."""
 
-    def __init__(self, program: Program, names: Mapping[Expression, str]) -> None:
+    def __init__(self, program: Program, names: Mapping[Entry, str]) -> None:
         super().__init__(program)
         self.names = names
 
@@ -425,9 +425,7 @@ class Flat:
     def writer(self, states: Iterable[str]) -> Callable[[Expression], str]:
         """What writes an expression, with these names for the states."""
         arrays = {"x": states, "u": self.model.inputs, "p": self.model.parameter_names}
-        names: dict[Expression, str] = {
-            Entry(array, Number(i)): n for array, own in arrays.items() for i, n in enumerate(own)
-        }
+        names = {Entry(array, Number(i)): n for array, own in arrays.items() for i, n in enumerate(own)}
         return _Text(self.program, names).expression
 
     def _new(self, name: str) -> str:

@@ -39,6 +39,7 @@ from fracid.models.written.tree import (
     Name,
     Number,
     Operation,
+    mentioned,
     parts,
 )
 from fracid.safety.door import own_text
@@ -196,12 +197,12 @@ class _Read(Flat):
 
     def _placed(self, found: Sequence[Equality]) -> list[str]:
         """Variables that keep their line, in order; the others are written where they are used."""
-        used = [n for e in found for n in _names(e.left, e.right) if n in self.definitions]
+        used = [n for e in found for n in mentioned((e.left, e.right)) if n in self.definitions]
         for n in reversed(self.definitions):
             if n in used:
-                used += _names(self.definitions[n])
+                used += mentioned(self.definitions[n])
         choices = [e for e in self.definitions.values() if isinstance(e, Choice)]
-        within = _names(*(e.yes for e in choices), *(e.no for e in choices))
+        within = mentioned((*(e.yes for e in choices), *(e.no for e in choices)))
         for n in [n for n in self.definitions if n in used]:
             meant = self._within(self.definitions[n], {})
             if (n in within or not _long(meant)) and (used.count(n) == 1 or _size(meant) <= SHORT):
@@ -323,10 +324,6 @@ def _long(e: Expression) -> bool:
     """What has a line of its own: a choice, a limit."""
     return any(isinstance(part, Choice) or (isinstance(part, Call) and part.function in ("min", "max"))
                for part in parts(e))  # fmt: skip
-
-
-def _names(*es: Expression) -> list[str]:
-    return [e.name for e in parts(es) if isinstance(e, Name)]
 
 
 def _size(e: Expression) -> int:
@@ -595,10 +592,7 @@ class MathML(Mathematics):
 class LaTeX(Mathematics):
     """What papers are written in, with amsmath."""
 
-    signs: ClassVar[Mapping[str, str]] = {
-        "−": "-", "′": "'", "·": r"\cdot ", "×": r"\times ", "≤": r"\le ", "≥": r"\ge ", "≠": r"\ne ",
-        **{letter: f"\\{name} " for name, letter in GREEK.items()},
-    }  # fmt: skip
+    signs: ClassVar[Mapping[str, str]] = MARKS["LaTeX signs"] | {letter: f"\\{name} " for name, letter in GREEK.items()}
 
     marks: ClassVar[Mapping[str, str]] = MARKS["LaTeX"]
 

@@ -15,11 +15,12 @@ import textwrap
 import tokenize
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
 from io import StringIO
 from itertools import chain, count
+from pkgutil import resolve_name
 from types import FunctionType
 from typing import Any
 
@@ -56,11 +57,7 @@ _TABLE = tomllib.loads(own_text("models/written/reading.toml"))
 FUNCTIONS: tuple[str, ...] = tuple(_TABLE["functions"])
 """Of ``math``, by their names there; ``abs``, ``min``, ``max`` and ``sign`` are known too."""
 
-_CALLED: dict[Any, str] = {
-    **{f: n for n in FUNCTIONS for f in (getattr(np, _TABLE["numpy"].get(n, n), None), getattr(math, n)) if f},
-    abs: "abs", math.fabs: "abs", np.absolute: "abs", np.fabs: "abs", min: "min", np.minimum: "min", max: "max",
-    np.maximum: "max", np.sign: "sign", int: "trunc", pow: "**", math.pow: "**", np.power: "**",
-}  # fmt: skip
+_CALLED: dict[Any, str] = {resolve_name(place): n for n, places in _TABLE["called"].items() for place in places}
 """Python's function → its name in a tree."""
 
 _SIGNS: dict[type, str] = {getattr(ast, node): sign for sign, (node, _) in _TABLE["signs"].items()}
@@ -269,10 +266,8 @@ def call(name: str, arguments: Sequence[Expression]) -> Expression:
     if name == "log" and more:
         return operation("/", call(name, [first]), call(name, more))
     if name in _EVALUATED and all(isinstance(e, Number) for e in arguments):
-        try:
+        with suppress(ArithmeticError, ValueError):
             return Number(_EVALUATED[name](*(e.value for e in arguments if isinstance(e, Number))))
-        except (ArithmeticError, ValueError):
-            pass
     return Call(name, tuple(arguments))
 
 
