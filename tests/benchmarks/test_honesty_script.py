@@ -16,6 +16,7 @@ def script():
 
 
 LEFT_OUT = {
+    "other-unit",
     "stopped-short",
     "low-order",
     "ringing",
