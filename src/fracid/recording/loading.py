@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable
+from fracid.findings import Finding
+from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
@@ -33,8 +33,6 @@ from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 from fracid.safety.door import opened
 from fracid.safety.paths import path_of
-
-SAYS = Words("recording/recording.toml")
 
 
 def load_recording(

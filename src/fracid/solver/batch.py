@@ -23,13 +23,10 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least
-from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
-from fracid.solver.trajectory import Trajectory, vector
+from fracid.solver.trajectory import SAYS, Trajectory, vector
 from fracid.tasks.job import in_threads
-
-SAYS = Words("solver/arguments.toml")
 
 
 def solve_fde_batch(
