@@ -74,7 +74,7 @@ from numpy.typing import NDArray
 from scipy.special import binom, gamma, rgamma, zeta
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.compilation import MATRIX, VECTOR, evaluate, when_called
 from fracid.solver.loop_arguments import Run
 from fracid.solver.weights import (
     bdf_series,
@@ -330,10 +330,7 @@ def _third_expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArr
 # --- the start of a run ------------------------------------------------------------------------------
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-
-
-@when_called(types.void(types.int64, _vector, _matrix, _matrix, _vector, _matrix), allocates=False)
+@when_called(types.void(types.int64, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX), allocates=False)
 def _evaluate(rhs, t, x, u, p, f):
     """Fill each row of f from those of t, x and u."""
     for k in range(len(t)):
@@ -476,8 +473,8 @@ def _solved_together(
 
 
 @when_called(
-    types.boolean(types.int64, _vector, _matrix, _matrix, _vector, _matrix, _matrix, types.float64[:, :, ::1], _matrix,
-                  _vector, _vector, types.int64, types.float64), allocates=False,
+    types.boolean(types.int64, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, MATRIX, types.float64[:, :, ::1], MATRIX,
+                  VECTOR, VECTOR, types.int64, types.float64), allocates=False,
 )  # fmt: skip
 def _iterate(rhs, t, x, u, p, f, drift, weights, inverse, left, base, m, limit):
     """Newton's method for the steps beyond m, with one matrix; tell if it settles."""

@@ -83,8 +83,7 @@ class Kernel:
         k = np.asarray(lags)
         beyond = np.maximum(k - self.lags - 1, 0)
         modes = np.exp(np.outer(beyond, np.log1p(self.decay))) @ self.amplitude + self.ramp * beyond
-        weights: FloatArray = np.where(k <= self.lags, self.weights[np.minimum(k, self.lags)], modes)
-        return weights
+        return np.asarray(np.where(k <= self.lags, self.weights[np.minimum(k, self.lags)], modes))
 
 
 # --- exact weights ---------------------------------------------------------------------------------
