@@ -26,7 +26,7 @@ from fracid.recording.readers.content import (
     TEXT,
     Content,
     LeftOut,
-    damaged,
+    reading,
     refuse_bomb,
 )
 from fracid.recording.readers.matlab import object_left_out
@@ -48,14 +48,8 @@ def read_hdf5(path: Path) -> Content:
     """
     import h5py
 
-    size = path.stat().st_size
-    try:
-        with h5py.File(path, "r") as file:
-            return _group(file, _Taken(path, size), 0, set())
-    except (DataError, MemoryError):
-        raise
-    except Exception as error:  # h5py raises OSError, RuntimeError, KeyError, TypeError, ... for one damage or another
-        raise damaged(path, "HDF5 file", error) from None
+    with reading(path, "HDF5 file", (DataError, MemoryError)), h5py.File(path, "r") as file:
+        return _group(file, _Taken(path, path.stat().st_size), 0, set())
 
 
 @dataclass
