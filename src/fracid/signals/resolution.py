@@ -221,8 +221,7 @@ def _agreement(rates: FloatArray, x: FloatArray, weights: FloatArray) -> FloatAr
     coarse = np.exp(2j * np.pi * np.outer(rates[::some], x))
     fine = np.exp(2j * np.pi * np.outer(rates[:some] - rates[0], x))
     turns = np.einsum("ct,ft->cf", coarse, weights * fine)  # not by BLAS: it has threads, and few to share here
-    found: FloatArray = np.abs(turns.ravel()[: len(rates)]) / weights.sum()
-    return found
+    return np.asarray(np.abs(turns.ravel()[: len(rates)]) / weights.sum())
 
 
 def _believed(values: FloatArray, copies: FloatArray, q: float) -> Lattice | None:
