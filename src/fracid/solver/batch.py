@@ -164,8 +164,7 @@ STENCIL = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 
 def _steps(values: FloatArray) -> FloatArray:
     """d: ε^(1/5) of the value, where rounding and d⁴ are alike; of 1 for a zero."""
-    size: FloatArray = np.where(values == 0, 1.0, np.abs(values))
-    return 5e-4 * size
+    return np.asarray(5e-4 * np.where(values == 0, 1.0, np.abs(values)))
 
 
 def _order_steps(q: FloatArray) -> FloatArray:

@@ -26,7 +26,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -135,9 +134,7 @@ def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatA
     """w_k and those of the start, for k = 0 … steps."""
     if family == "gl":
         return (w := gl_weights(q, steps + 1)), w
-    of: Any = {"pi": trapezoidal_weights, "pi3": third_weights, "bdf": bdf_weights}[family]
-    weights: tuple[FloatArray, FloatArray] = of(q, steps)
-    return weights
+    return {"pi": trapezoidal_weights, "pi3": third_weights, "bdf": bdf_weights}[family](q, steps)
 
 
 def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:
