@@ -280,8 +280,7 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
         smooth = math.gamma(s + 1) * d * rgamma(s + q + 1 - i) * (i > 0)
         c = (zeta(-s - i) + 0.5 * (s == 0)) * (-1.0) ** i / gamma(i + 1.0)
         singular = np.convolve(c, d)[:BDF_TERMS] * rgamma(q - i)
-        row[~near] = (-(far ** (s + q)) * polyval(1 / far, smooth)
-                      - far ** (q - 1) * polyval(1 / far, singular))  # fmt: skip
+        row[~near] = -(far ** (s + q)) * polyval(1 / far, smooth) - far ** (q - 1) * polyval(1 / far, singular)
     return E
 
 
