@@ -482,8 +482,7 @@ class _Findings:
     def look(self) -> Evaluation | None:
         """Look for faults; where the search stopped short, for a lower minimum too."""
         found = after(self.problem, self.x, self.known, jobs=self.asked.jobs, near=self.near)
-        says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
-        said = {"stopped-short"} if says_more else set[str]()
+        said = {"stopped-short"} if self.asked.optimiser.keeps_its_own else set[str]()  # the polishing says more
         said |= {"late"} if any(f.code == "between" for f in self.seen) else set()  # an input that is held is late
         self.seen += [f for f in found if f.code not in said]
         return self._onward() if self.restarts < RESTARTS else None

@@ -26,7 +26,7 @@ import numpy as np
 from numba import types
 
 from fracid.arrays import FloatArray, IntArray
-from fracid.solver.compilation import MATRIX, VECTOR, helper, when_called
+from fracid.solver.compilation import INDICES, MATRIX, VECTOR, helper, when_called
 from fracid.solver.history import HISTORY
 from fracid.solver.loop_arguments import Run, run_type
 from fracid.solver.schemes import WORK, _jump, adapted, room_for, step_pi2
@@ -113,8 +113,7 @@ class Loop(NamedTuple):
 
 _pump = types.NamedTuple((*[types.int64] * 2, *[types.float64] * 15), Pump)
 LAW = types.NamedTuple((*[MATRIX] * 5, VECTOR, _pump, VECTOR, MATRIX), Law)
-LOOP = types.NamedTuple((LAW, types.int64[::1], VECTOR, VECTOR, MATRIX, *[types.int64] * 3, VECTOR,
-                         *[MATRIX] * 3), Loop)  # fmt: skip
+LOOP = types.NamedTuple((LAW, INDICES, VECTOR, VECTOR, MATRIX, *[types.int64] * 3, VECTOR, *[MATRIX] * 3), Loop)
 
 HOLDS = 2.0
 """Last of what a controller remembers, while it holds; 1 while it pumps, 0 before its first sample."""

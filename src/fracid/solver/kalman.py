@@ -74,9 +74,8 @@ class Filter(NamedTuple):
 
 
 FILTER = types.NamedTuple(
-    (*(VECTOR, VECTOR, VECTOR, INDICES), *(VECTOR, VECTOR, VECTOR, MATRIX), *(INDICES, VECTOR),
-     *(VECTOR, MATRIX, VECTOR, VECTOR)), Filter,
-)  # fmt: skip
+    (*[VECTOR] * 3, INDICES, *[VECTOR] * 3, MATRIX, INDICES, *[VECTOR] * 2, MATRIX, *[VECTOR] * 2), Filter
+)
 
 
 @helper

@@ -74,7 +74,7 @@ from numpy.typing import NDArray
 from scipy.special import binom, gamma, rgamma, zeta
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import MATRIX, VECTOR, evaluate, when_called
+from fracid.solver.compilation import INDICES, MATRIX, VECTOR, evaluate, when_called
 from fracid.solver.loop_arguments import Run
 from fracid.solver.weights import (
     bdf_series,
@@ -119,9 +119,7 @@ class Start(NamedTuple):
     """:math:`\\sum_m c_m E_{σ_m}` between the knots (:func:`_parabolas`), (n_pieces, n_states, 3)."""
 
 
-START = types.NamedTuple(
-    (types.float64[:, ::1], types.float64[::1], types.int64, types.int64[::1], types.float64[:, :, ::1]), Start
-)
+START = types.NamedTuple((MATRIX, VECTOR, types.int64, INDICES, types.float64[:, :, ::1]), Start)
 
 
 # --- the tables of a start ---------------------------------------------------------------------------
