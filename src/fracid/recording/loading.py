@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
@@ -258,11 +259,10 @@ def _guesses(
 
 def _state(path: Path) -> tuple[int, int] | None:
     """Return what changes when a file is written to."""
-    try:
+    with suppress(OSError, ValueError):  # for read_table to tell
         status = path.stat()
-    except (OSError, ValueError):
-        return None  # for read_table to tell
-    return status.st_size, status.st_mtime_ns
+        return status.st_size, status.st_mtime_ns
+    return None
 
 
 def _digest(path: Path) -> str:
