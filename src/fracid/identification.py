@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 import re
 import time
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -74,6 +75,7 @@ from fracid.optimise import Entry, Evaluation, EvaluationLog, Outcome, optimiser
 from fracid.problem import Experiment, Free, Problem, Unknown
 from fracid.problem.checks import refuse_twins
 from fracid.problem.project import Project
+from fracid.safety.door import own_text
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, SAME, TIMES, integer_alternatives
@@ -480,8 +482,7 @@ class _Findings:
     def look(self) -> Evaluation | None:
         """Look for faults; where the search stopped short, for a lower minimum too."""
         found = after(self.problem, self.x, self.known, jobs=self.asked.jobs, near=self.near)
-        says_more = self.asked.optimiser.keeps_its_own  # by the step that polishes
-        said = {"stopped-short"} if says_more else set[str]()
+        said = {"stopped-short"} if self.asked.optimiser.keeps_its_own else set[str]()  # the polishing says more
         said |= {"late"} if any(f.code == "between" for f in self.seen) else set()  # an input that is held is late
         self.seen += [f for f in found if f.code not in said]
         return self._onward() if self.restarts < RESTARTS else None
@@ -624,25 +625,12 @@ class _Findings:
 Step = Callable[[_Findings], Evaluation | None]
 """A step after the search; it gives a lower minimum where it sees one."""
 
-STEPS: tuple[tuple[str, str, Step], ...] = (
-    ("bounds", "bounds", _Findings.open_bounds),
-    ("all samples", "correction", _Findings.correct),
-    ("intervals", "uncertainty", _Findings.settle),
-    ("check of the step", "discretisation", _Findings.with_quiet_step),
-    ("ends of the intervals", "walk", _Findings.walk),
-    ("inputs between samples", "honesty", _Findings.allow_for_inputs),
-    ("identifiability", "uncertainty", _Findings.identify),
-    ("checks of the fit", "honesty", _Findings.look),
-    ("validation", "validation", _Findings.predict),
-    ("each recording alone", "spread", _Findings.fit_each),
-    ("least squares from the best point", "polish", _Findings.polish),
-    ("integer-order alternative", "alternative", _Findings.make_claim),
-    ("search from the integer-order model", "nested", _Findings.from_nested),
+*STEPS, WHERE_IT_BEGINS = (
+    (row["told"], row["counted"], getattr(_Findings, name))
+    for name, row in tomllib.loads(own_text("identification-steps.toml")).items()
 )
-"""What is told as a step begins, where its seconds count, and what it does, in this order."""
-
-WHERE_IT_BEGINS: tuple[str, str, Step] = ("where the record begins", "cut", _Findings.cut_record)
-"""The last of them, where it is asked for."""
+"""What is told as a step begins, where its seconds count, and what it does, in this order; the last where it is asked
+for."""
 
 
 def _beside(other: Problem, problem: Problem) -> Problem:

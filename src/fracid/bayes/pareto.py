@@ -88,5 +88,4 @@ def _generalised_pareto(x: FloatArray) -> tuple[float, float]:
     keep = weights >= 10 * np.finfo(float).eps
     theta = float(np.sum(b[keep] * weights[keep]) / np.sum(weights[keep]))
     k = float(np.mean(np.log1p(-theta * x)))
-    sigma = -k / theta
-    return (n * k + 5.0) / (n + 10), sigma
+    return (n * k + 5.0) / (n + 10), -k / theta

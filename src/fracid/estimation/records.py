@@ -265,9 +265,8 @@ def fit_of(
         alone = replace(problem.criterion, experiments=(e,), priors={})
         cost = alone.cost(x, [np.where(np.isnan(error), 0.0, error)])
     deviations = () if e.deviation is None else zip(problem.outputs, e.deviation.T, strict=True)
-    states = model.states
     windows = {} if e is problem.experiments[at][0] else {
-        w.name: dict(zip(states, problem.unpack(x, w)[2].tolist(), strict=True)) for w in problem.experiments[at]
+        w.name: dict(zip(model.states, problem.unpack(x, w)[2].tolist(), strict=True)) for w in problem.experiments[at]
     }  # fmt: skip
     return RecordingFit(
         name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),

@@ -9,8 +9,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from fracid.errors import SMALLEST, InputError, at_least, refuse_beyond, refuse_unknown, unknown_name
-from fracid.findings import Words
-from fracid.problem.costs import COSTS
+from fracid.problem.costs import COSTS, SAYS
 from fracid.problem.criterion import Criterion
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
@@ -19,8 +18,6 @@ from fracid.problem.simulator import Simulator
 from fracid.problem.unknowns import Free, Tied, root_of, start_of
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import probe
-
-SAYS = Words("problem/checks.toml")
 
 ELSEWHERE, PROBE = 0.05, 1e-6
 """An output that is off at the start by this part of its range begins elsewhere; and the step of a derivative."""

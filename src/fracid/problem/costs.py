@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.errors import InputError, unknown_name
+from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.safety.user_code import attribute_of, is_own
 from fracid.signals.resolution import resolution
@@ -117,6 +117,16 @@ HUBERS = Loss(_huber, lambda e: 2 * np.clip(e, -HUBER, HUBER),
               lambda e, _: 2 * max(float(np.mean(np.abs(e) <= HUBER)), 1 / len(e)), _huber)  # fmt: skip
 
 
+def _widths(time: FloatArray) -> FloatArray:
+    """The trapezoidal rule's weight of each sample."""
+    dt = np.diff(time)
+    return np.asarray(0.5 * (np.append(dt, 0.0) + np.insert(dt, 0, 0.0)))
+
+
+def _equal(time: FloatArray) -> FloatArray:
+    return np.full(len(time), 1 / len(time))
+
+
 @dataclass(frozen=True)
 class Cost:
     """A cost of the residual of one recording.
@@ -130,7 +140,7 @@ class Cost:
 
     name: str
     """As in the project file; of a user's own, the function's."""
-    weight: Callable[[FloatArray], FloatArray] | None = None
+    weight: Callable[[FloatArray], FloatArray] = _equal
     """time [s], shape (n,) → w, shape (n,)."""
     loss: Loss | None = None
     """ρ; None for a user's own."""
@@ -168,7 +178,7 @@ class Cost:
         """
         if not np.all(np.isfinite(residual)):
             return math.inf
-        if self.loss is None or self.weight is None:
+        if self.loss is None:
             return self._own_value(*((time, residual) if scored is None else (time[scored], residual[scored])))
         with np.errstate(over="ignore", invalid="ignore"):  # 1e200 squared, and that at t = 0
             # no dot product: it would wake the threads of BLAS beside those of the optimiser
@@ -189,7 +199,6 @@ class Cost:
 
     def weights(self, time: FloatArray, scored: Scored = None) -> FloatArray:
         """w of each sample, 0 of those that do not count, shape (n_samples,)."""
-        assert self.weight is not None
         if scored is None:
             return self.weight(time)
         if self.weight is _equal:
@@ -198,7 +207,7 @@ class Cost:
 
     def rows(self, time: FloatArray, residual: FloatArray, scored: Scored = None) -> FloatArray | None:
         """Rows for least squares, shape (n_samples · n_outputs,), None for a user's own cost."""
-        if self.loss is None or self.weight is None:
+        if self.loss is None:
             return None
         if self.loss is SQUARE:
             return np.asarray((np.sqrt(self.weights(time, scored))[:, None] * residual).ravel())
@@ -229,16 +238,6 @@ class Cost:
         return sum(costs)
 
 
-def _widths(time: FloatArray) -> FloatArray:
-    """The trapezoidal rule's weight of each sample."""
-    dt = np.diff(time)
-    return np.asarray(0.5 * (np.append(dt, 0.0) + np.insert(dt, 0, 0.0)))
-
-
-def _equal(time: FloatArray) -> FloatArray:
-    return np.full(len(time), 1 / len(time))
-
-
 COSTS = {
     "rmse": Cost("rmse", _equal, SQUARE, "rad", root=True),
     "ise": Cost("ise", _widths, SQUARE, "rad² s"),
@@ -263,10 +262,9 @@ def cost_from_name(name: str) -> Cost:
     >>> cost_from_name("itae").name
     'itae'
     """
-    if name in COSTS:
-        return COSTS[name]
     if not is_own(name):
-        raise unknown_name("cost", name, (*COSTS, "my.py:function"))
+        refuse_unknown("cost", (*COSTS, "my.py:function"), name)
+        return COSTS[name]
     own = attribute_of("cost", name, Path(), OF_A_FILE)
     if not callable(own):
         raise InputError(f"cost {name!r} is {own!r}; expected a function of time and residual.")

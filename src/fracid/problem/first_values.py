@@ -183,8 +183,7 @@ class _Equations:
             found = [h(0.0, state, u, p) for state, u in zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)]  # type: ignore[operator]
             rows.append((y[pick] - np.array(found)) / _size(y[pick] - y.mean()))
         residuals: FloatArray = np.concatenate(rows) / np.sqrt(sum(map(len, rows)))
-        bounded: FloatArray = np.clip(np.nan_to_num(residuals, nan=1e3, posinf=1e3, neginf=-1e3), -1e3, 1e3)
-        return bounded
+        return np.asarray(np.clip(np.nan_to_num(residuals, nan=1e3, posinf=1e3, neginf=-1e3), -1e3, 1e3))
 
     def _with_simulated(self, rhs: Callable[..., None], p: FloatArray) -> FloatArray:
         """States that nobody measures, stepped by Grünwald and Letnikov between those that are."""

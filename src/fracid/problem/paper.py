@@ -18,12 +18,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from fracid.findings import Words
 from fracid.models import Model, rotary_pendulum
 from fracid.problem.experiment import Experiment
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, start_of
 from fracid.units import GREEK
+
+SAYS = Words("problem/paper.toml")
 
 RATE, DURATION, ANGLE = 1000.0, 20.0, math.radians(10.0)
 """Of the paper's recording [Hz, s, rad]."""
@@ -114,10 +117,7 @@ def _of_constants(model: Model, rig: str | None, given: Mapping[str, float]) -> 
     beyond = [p.name for p in model.parameters if p.name.startswith(BEYOND) and p.value != own[p.name]]
     if beyond:
         yield f"the model has {', '.join(beyond)} (the paper: viscous and Coulomb friction)"
-    yield (
-        "the constants are the rig's, since the paper prints none; three misprints are corrected: the bracket of (1) "
-        "is divided by det(M), I2xx counts once in (6), and Coulomb friction opposes the motion"
-    )
+    yield SAYS("constants")
     if model.zero == "hanging":
         yield "α = 0 is hanging (upright in (1) as printed)"
 

@@ -104,24 +104,21 @@ class Parametrisation:
     def unknowns(self) -> tuple[Unknown, ...]:
         """The entries of x, in order."""
         units = {p.name: p.unit for p in self.model.parameters}
-        free = {n: v for n, v in self.orders.items() if isinstance(v, Free)}
-        shared = [Unknown(n, "", "order", n, experiment=None, range=v) for n, v in free.items()]
-        own = []
-        for name, value in self.parameters.items():
-            if isinstance(value, Free) and name not in self.per_recording:
-                shared.append(Unknown(name, units[name], "parameter", name, experiment=None, range=value))
+        orders, free = ({n: v for n, v in of.items() if isinstance(v, Free)} for of in (self.orders, self.parameters))
+        unknowns = [Unknown(n, "", "order", n, experiment=None, range=v) for n, v in orders.items()]
+        shared = {n: v for n, v in free.items() if n not in self.per_recording}
+        unknowns += [Unknown(n, units[n], "parameter", n, experiment=None, range=v) for n, v in shared.items()]
         begun = set[str]()
         for e in self.experiments:
             for name in self.per_recording if (of := e.recording.name) not in begun else ():
-                value = self.parameters[name]
-                assert isinstance(value, Free)
-                own.append(Unknown(f"{name} [{of}]", units[name], "parameter", name, experiment=of, range=value))
+                label = f"{name} [{of}]"
+                unknowns.append(Unknown(label, units[name], "parameter", name, experiment=of, range=free[name]))
             begun.add(of)
-            own += self._initial_unknowns(e)
+            unknowns += self._initial_unknowns(e)
             if isinstance(e.release_time, Free):
-                own.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", experiment=e.name,
-                                   range=e.release_time))  # fmt: skip
-        return (*shared, *own)
+                unknowns.append(Unknown(f"release_time [{e.name}]", "s", "time", "release_time", experiment=e.name,
+                                        range=e.release_time))  # fmt: skip
+        return tuple(unknowns)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

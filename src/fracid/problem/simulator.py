@@ -254,8 +254,7 @@ class Simulator:
         how += tuple((h.__module__, h.__qualname__, h.__code__.co_code, h.__code__.co_consts) for h in functions)
         digests = {}
         for e in p.experiments:
-            arrays = [e.sampled.all_inputs,
-                      *([] if e.past is None else [e.past, e.measured])]  # fmt: skip
+            arrays = [e.sampled.all_inputs, *([] if e.past is None else [e.past, e.measured])]
             digests[e.name] = blake2b(repr((how, [a.shape for a in arrays])).encode(), digest_size=16)
             for array in arrays:
                 digests[e.name].update(np.ascontiguousarray(array).data)

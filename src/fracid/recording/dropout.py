@@ -26,12 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, stretches
-from fracid.findings import Finding, Words
+from fracid.findings import Finding
+from fracid.recording.backwards import SAYS
 from fracid.signals.noise import white_noise
 from fracid.signals.resolution import encoder_lattice, resolution
 from fracid.units import with_unit
-
-SAYS = Words("recording/faults.toml")
 
 LONG = 64
 """Samples at one value: noise of half a step makes 20 of them by chance at most."""

@@ -56,16 +56,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray, stretches
-from fracid.findings import Finding, Words
-from fracid.recording.backwards import counted_backwards
+from fracid.findings import Finding
+from fracid.recording.backwards import SAYS, counted_backwards
 from fracid.recording.clock import SECONDS
 from fracid.recording.dropout import dropout_finding, dropouts, without_dropouts
 from fracid.recording.measures import FAMILIAR_COUNTS, GAP, SignalReport, is_pendulum
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import final_value, quickening, stands, swing_count, swing_period
 from fracid.units import with_unit
-
-SAYS = Words("recording/faults.toml")
 
 EXACT = 2e-3
 """Relative: a lattice this near to a familiar count is one."""

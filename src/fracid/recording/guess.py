@@ -28,12 +28,11 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import Words, with_code
+from fracid.findings import with_code
+from fracid.recording.columns import SAYS
 from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
 from fracid.recording.recording import Recording
 from fracid.safety.door import own_text
-
-SAYS = Words("recording/columns.toml")
 
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
@@ -22,8 +23,8 @@ from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
-from fracid.findings import Finding, Words
-from fracid.recording.channel import COUNTING, Channel, Specs, constant, header_unit, measurable
+from fracid.findings import Finding
+from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, header_unit, measurable
 from fracid.recording.clock import read_clock
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
@@ -33,8 +34,6 @@ from fracid.recording.recording import Recording, demand_fitness, read_only
 from fracid.recording.report import measure
 from fracid.safety.door import opened
 from fracid.safety.paths import path_of
-
-SAYS = Words("recording/recording.toml")
 
 
 def load_recording(
@@ -260,11 +259,10 @@ def _guesses(
 
 def _state(path: Path) -> tuple[int, int] | None:
     """Return what changes when a file is written to."""
-    try:
+    with suppress(OSError, ValueError):  # for read_table to tell
         status = path.stat()
-    except (OSError, ValueError):
-        return None  # for read_table to tell
-    return status.st_size, status.st_mtime_ns
+        return status.st_size, status.st_mtime_ns
+    return None
 
 
 def _digest(path: Path) -> str:

@@ -175,9 +175,7 @@ def measure_signal(
 def _noise(time: FloatArray, signal: FloatArray) -> float:
     """:func:`white_noise` of the stretches without gaps and blanks: over a gap a motion leaves a third difference."""
     dt = np.diff(time)
-    if not np.any(dt > 0):
-        return white_noise(signal[np.isfinite(signal)])
-    even = dt <= GAP * np.median(dt[dt > 0])
+    even = dt <= (GAP * np.median(dt[dt > 0]) if np.any(dt > 0) else -math.inf)
     rough = np.diff(signal, 3)[even[:-2] & even[1:-1] & even[2:]] if signal.size > 3 else signal[:0]
     rough = rough[np.isfinite(rough)]
     if 2 * rough.size < signal.size:  # uneven throughout: no stretch says more than the whole

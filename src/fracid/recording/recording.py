@@ -15,14 +15,12 @@ from fracid.arrays import FloatArray, real_array, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
-from fracid.findings import Note, Words
-from fracid.recording.channel import UNITS, si_unit
+from fracid.findings import Note
+from fracid.recording.channel import SAYS, UNITS, si_unit
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
 from fracid.units import GREEK, with_unit
-
-SAYS = Words("recording/recording.toml")
 
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""

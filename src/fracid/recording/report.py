@@ -31,6 +31,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ class Report:
         return (
             *dict.fromkeys((*self.faults, *self.unusable, *self.warnings)),
             *resampled,
-            *map(_signal_note, filter(_signal_note, self.signals)),
+            *chain.from_iterable(map(_signal_notes, self.signals)),
             *self.reading,
         )
 
@@ -211,8 +212,7 @@ class Report:
         signals = {s.name: {"range": s.range, "missing_count": len(s.missing)} for s in self.signals}
         own = asdict(short)
         own |= {"clock": own["clock"] | clock, "signals": {s["name"]: s | signals[s["name"]] for s in own["signals"]}}
-        content: dict[str, Any] = plain(derived | own)
-        return content
+        return dict(plain(derived | own))
 
 
 def measure(
@@ -375,12 +375,11 @@ def bridgeable(s: SignalReport, clock: Clock) -> bool:
     return ordered and len(s.missing) <= BLANK * clock.samples and s.unit not in COMMANDS
 
 
-def _signal_note(s: SignalReport) -> str | None:
+def _signal_notes(s: SignalReport) -> Iterable[str]:
     if s.range == 0:
-        return f"{shortened(s.name)} is constant: is its sensor connected?"
+        yield f"{shortened(s.name)} is constant: is its sensor connected?"
     if s.unit == "rad" and s.resolution and 1.5 < s.range / s.resolution < 50:  # a switch has one
-        return f"{shortened(s.name)} moves through only {s.range / s.resolution:.0f} counts of its encoder."
-    return None
+        yield f"{shortened(s.name)} moves through only {s.range / s.resolution:.0f} counts of its encoder."
 
 
 def _as_numbers(s: SignalReport, factor: float) -> SignalReport:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -49,36 +49,33 @@ def save_recording(recording: Recording, path: str | Path, *, note: str = "") ->
     path = Path(path)
     if path.suffix.lower() not in WRITERS:
         raise InputError(f"{path} cannot be written: its ending is {path.suffix!r}; expected {', '.join(WRITERS)}.")
-    content = WRITERS[path.suffix.lower()](recording, note)
-    write_files(path.parent, {path.name: content}, writing(str(path), "Give another file."))
+    file = io.BytesIO()
+    WRITERS[path.suffix.lower()](file, recording, note)
+    write_files(path.parent, {path.name: file.getvalue()}, writing(str(path), "Give another file."))
     return path
 
 
-def _csv(recording: Recording, note: str) -> bytes:
+def _csv(file: BinaryIO, recording: Recording, note: str) -> None:
     head = ["time [s]", *(f"{n} [{recording.units[n]}]" for n in recording.signals)]
     columns = np.column_stack([recording.time, *recording.signals.values()])
     lines = [*(f"# {line}" for line in note.splitlines()), ",".join(head)]
     lines += [",".join(repr(v).removesuffix(".0") for v in row) for row in columns.tolist()]
-    return ("\n".join(lines) + "\n").encode()
+    file.write(("\n".join(lines) + "\n").encode())
 
 
 def _arrays(recording: Recording, note: str) -> dict[str, Any]:
     return {"time": recording.time, **recording.signals, **({"note": note} if note else {})}
 
 
-def _mat(recording: Recording, note: str) -> bytes:
+def _mat(file: BinaryIO, recording: Recording, note: str) -> None:
     from scipy.io import savemat
 
-    with io.BytesIO() as file:
-        savemat(file, _arrays(recording, note), oned_as="column", do_compression=True)
-        return file.getvalue()
+    savemat(file, _arrays(recording, note), oned_as="column", do_compression=True)
 
 
-def _npz(recording: Recording, note: str) -> bytes:
-    with io.BytesIO() as file:
-        np.savez_compressed(file, **_arrays(recording, note))
-        return file.getvalue()
+def _npz(file: BinaryIO, recording: Recording, note: str) -> None:
+    np.savez_compressed(file, **_arrays(recording, note))
 
 
-WRITERS: Mapping[str, Callable[[Recording, str], bytes]] = {".csv": _csv, ".mat": _mat, ".npz": _npz}
-"""Ending → the bytes of the file."""
+WRITERS: Mapping[str, Callable[[BinaryIO, Recording, str], None]] = {".csv": _csv, ".mat": _mat, ".npz": _npz}
+"""Ending → what writes the bytes of such a file."""

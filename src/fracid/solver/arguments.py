@@ -25,13 +25,10 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, brief, unknown_name
-from fracid.findings import Words
 from fracid.solver.inputs import BETWEEN, Driven, between_samples
 from fracid.solver.memory import Memory
 from fracid.solver.methods import METHODS
-from fracid.solver.trajectory import refuse_masked, vector
-
-SAYS = Words("solver/arguments.toml")
+from fracid.solver.trajectory import SAYS, refuse_masked, vector
 
 MOST_STEPS = 1e15
 """Whole numbers beyond it are no exact floats, and a year of computing."""

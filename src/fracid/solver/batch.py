@@ -23,13 +23,10 @@ from numpy.typing import ArrayLike
 from fracid.arrays import FloatArray
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least
-from fracid.findings import Words
 from fracid.solver.right_hand_side import RightHandSide
 from fracid.solver.solve import solve_fde
-from fracid.solver.trajectory import Trajectory, vector
+from fracid.solver.trajectory import SAYS, Trajectory, vector
 from fracid.tasks.job import in_threads
-
-SAYS = Words("solver/arguments.toml")
 
 
 def solve_fde_batch(
@@ -167,8 +164,7 @@ STENCIL = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 
 def _steps(values: FloatArray) -> FloatArray:
     """d: ε^(1/5) of the value, where rounding and d⁴ are alike; of 1 for a zero."""
-    size: FloatArray = np.where(values == 0, 1.0, np.abs(values))
-    return 5e-4 * size
+    return np.asarray(5e-4 * np.where(values == 0, 1.0, np.abs(values)))
 
 
 def _order_steps(q: FloatArray) -> FloatArray:

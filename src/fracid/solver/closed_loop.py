@@ -26,7 +26,7 @@ import numpy as np
 from numba import types
 
 from fracid.arrays import FloatArray, IntArray
-from fracid.solver.compilation import helper, when_called
+from fracid.solver.compilation import INDICES, MATRIX, VECTOR, helper, when_called
 from fracid.solver.history import HISTORY
 from fracid.solver.loop_arguments import Run, run_type
 from fracid.solver.schemes import WORK, _jump, adapted, room_for, step_pi2
@@ -111,11 +111,9 @@ class Loop(NamedTuple):
     """All inputs just after a step, shape (1, n_inputs)."""
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
 _pump = types.NamedTuple((*[types.int64] * 2, *[types.float64] * 15), Pump)
-LAW = types.NamedTuple((*[_matrix] * 5, _vector, _pump, _vector, _matrix), Law)
-LOOP = types.NamedTuple((LAW, types.int64[::1], _vector, _vector, _matrix, *[types.int64] * 3, _vector,
-                         *[_matrix] * 3), Loop)  # fmt: skip
+LAW = types.NamedTuple((*[MATRIX] * 5, VECTOR, _pump, VECTOR, MATRIX), Law)
+LOOP = types.NamedTuple((LAW, INDICES, VECTOR, VECTOR, MATRIX, *[types.int64] * 3, VECTOR, *[MATRIX] * 3), Loop)
 
 HOLDS = 2.0
 """Last of what a controller remembers, while it holds; 1 while it pumps, 0 before its first sample."""
@@ -173,7 +171,7 @@ def _answer(law, e, state, seen):
     return u
 
 
-@when_called(_vector(LAW, _matrix))
+@when_called(VECTOR(LAW, MATRIX))
 def answers(law, errors):
     """The inputs for a row of samples, shape (n, n_outputs), from its first on."""
     u, state, seen = np.zeros(len(errors)), np.zeros((2, len(law.A))), np.zeros((4, errors.shape[1]))
@@ -212,7 +210,7 @@ _pi2 = adapted(step_pi2, _jump=_sampled)
 RUN = run_type(0, after=LOOP)
 
 
-@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, START, HISTORY, WORK, _matrix), allocates=False)
+@when_called(types.UniTuple(types.int64, 2)(types.int64, RUN, START, HISTORY, WORK, MATRIX), allocates=False)
 def _step(rhs, run, started, history, work, out):
     loop, now = run.after, work[2]
     _act(loop, 0, run.past[0])

@@ -107,7 +107,10 @@ PART: dict[str, Any] = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper
 
 helper = nb.njit(**PART)
 
-RHS_SIGNATURE = types.void(types.float64, *[types.float64[::1]] * 4)
+VECTOR, MATRIX, INDICES = types.float64[::1], types.float64[:, ::1], types.int64[::1]
+"""The arrays of which most signatures are made."""
+
+RHS_SIGNATURE = types.void(types.float64, *[VECTOR] * 4)
 """rhs(t, x, u, p, out): the one signature of every right-hand side."""
 
 RHS = types.FunctionType(RHS_SIGNATURE)

@@ -27,7 +27,7 @@ from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import PART, when_called
+from fracid.solver.compilation import INDICES, MATRIX, PART, when_called
 from fracid.solver.weights import Kernel
 
 BLOCK = 8
@@ -98,9 +98,7 @@ def _eights(count: int) -> int:
     return max(1, -(-count // BLOCK)) * BLOCK
 
 
-_vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.int64[::1]
-
-KERNELS = types.NamedTuple((_matrix, types.int64, types.int64, _indices, types.int64[:, ::1], _matrix), Kernels)
+KERNELS = types.NamedTuple((MATRIX, types.int64, types.int64, INDICES, types.int64[:, ::1], MATRIX), Kernels)
 
 
 def _fill(row: FloatArray, k: Kernel, size: int, stacked: Kernels) -> None:
@@ -336,7 +334,7 @@ def nothing_yet(kernels: Kernels, steps: int) -> tuple[FloatArray, FloatArray, F
     return _zeros(states, width), _zeros(states, kernels.modes), _zeros(states, BLOCK)
 
 
-HISTORY = types.UniTuple(_matrix, 3)
+HISTORY = types.UniTuple(MATRIX, 3)
 """A window, sums and H ahead."""
 
 

@@ -26,7 +26,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import RHS, helper, when_called
+from fracid.solver.compilation import INDICES, MATRIX, RHS, VECTOR, helper, when_called
 from fracid.solver.schemes import gauss_jordan
 
 NEAR = 1e-6
@@ -73,11 +73,9 @@ class Filter(NamedTuple):
     """The step [s], shape (1,)."""
 
 
-_vector, _matrix, _indices = types.float64[::1], types.float64[:, ::1], types.int64[::1]
 FILTER = types.NamedTuple(
-    (*(_vector, _vector, _vector, _indices), *(_vector, _vector, _vector, _matrix), *(_indices, _vector),
-     *(_vector, _matrix, _vector, _vector)), Filter,
-)  # fmt: skip
+    (*[VECTOR] * 3, INDICES, *[VECTOR] * 3, MATRIX, INDICES, *[VECTOR] * 2, MATRIX, *[VECTOR] * 2), Filter
+)
 
 
 @helper
@@ -344,7 +342,7 @@ def _refresh(F, c, dc):
         weights(F.orders[i], F.rates, F.begin[i + 1] - first, c, dc, first)
 
 
-@when_called(types.void(RHS, RHS, FILTER, types.int64, _matrix, _matrix, _vector, types.boolean, _matrix))
+@when_called(types.void(RHS, RHS, FILTER, types.int64, MATRIX, MATRIX, VECTOR, types.boolean, MATRIX))
 def run_filter(rhs, outputs, F, first, measured, inputs, variance, held, out):
     """Step through samples: rows of `measured` (NaN where there is none), and of `inputs`.
 

@@ -41,7 +41,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 from fracid.arrays import FloatArray
 from fracid.solver import schemes
-from fracid.solver.compilation import LOOP, call_at, kept, when_called
+from fracid.solver.compilation import INDICES, LOOP, call_at, kept, when_called
 from fracid.solver.history import (
     BLOCK,
     Kernels,
@@ -441,9 +441,8 @@ _pi2 = schemes.adapted(
 )  # fmt: skip
 
 _vector, _matrix, _cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
-_indices = types.int64[::1]
 
-STARTED = types.NamedTuple((_cube, _matrix, types.int64, _indices, types.Array(types.float64, 4, "C")), Start)
+STARTED = types.NamedTuple((_cube, _matrix, types.int64, INDICES, types.Array(types.float64, 4, "C")), Start)
 ROOM = types.Tuple((_matrix, _matrix, _matrix, _cube, _cube, types.UniTuple(_matrix, ROWS),
                     types.UniTuple(_matrix, 2), _vector, _cube, _cube))  # fmt: skip
 

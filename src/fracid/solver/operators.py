@@ -64,10 +64,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, real_array
 from fracid.errors import InputError, at_least
-from fracid.findings import Words
-from fracid.solver.trajectory import refuse_masked
-
-SAYS = Words("solver/arguments.toml")
+from fracid.solver.trajectory import SAYS, refuse_masked
 
 ORDER_LIMIT = 10.0
 """Largest order of :func:`derivative`, either way: the tenth difference of any recording is noise."""

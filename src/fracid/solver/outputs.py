@@ -14,11 +14,8 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.findings import Words
-from fracid.solver.right_hand_side import name_of, teach_helpers
+from fracid.solver.right_hand_side import SAYS, name_of, teach_helpers
 from fracid.solver.same_function import once_for_equals
-
-SAYS = Words("solver/right_hand_side.toml")
 
 Output = Callable[[float, FloatArray, FloatArray, FloatArray], float]
 

@@ -70,7 +70,7 @@ from numba import types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
-from fracid.solver.compilation import PART, evaluate, when_called
+from fracid.solver.compilation import MATRIX, PART, VECTOR, evaluate, when_called
 from fracid.solver.history import (
     BLOCK,
     HISTORY,
@@ -136,9 +136,7 @@ def room_for(run: Run, *lanes: int) -> tuple[Any, Any]:
     return nothing_yet(run.kernels, len(run.past) - 1 + run.steps), work
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-
-WORK = types.Tuple((types.UniTuple(_vector, ROWS), types.UniTuple(_vector, 2), _vector, _matrix, _matrix))
+WORK = types.Tuple((types.UniTuple(VECTOR, ROWS), types.UniTuple(VECTOR, 2), VECTOR, MATRIX, MATRIX))
 
 # rhs is the address of f (:func:`fracid.solver.compilation.evaluate`).  A literal 1 would have Numba compile what takes
 # it once more, so that np.int64(1) stands where it changes or is handed over.
@@ -200,7 +198,7 @@ def _advance(i, n, head, raw, run, x, f, history):
     x[i] = drift + v
 
 
-@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, _matrix), allocates=False)
+@when_called(_ENDED(types.int64, RUN, HISTORY, WORK, types.boolean, types.boolean, MATRIX), allocates=False)
 def step_gl(rhs, run, history, work, raw, last_first, out):
     """``gl``, ``gl-paper`` (`raw`) and ``gl-sequential`` (`last_first`): fill `out`, a row for each sample stored."""
     past, slope, h, kernels = run.past, run.slope, run.h, run.kernels
@@ -544,7 +542,7 @@ def _sweep(rhs, n, t, free, run, rows, f, now, start):
     return COMPLETED
 
 
-@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, _matrix), allocates=False)
+@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, types.boolean, MATRIX), allocates=False)
 def step_pi2(rhs, run, started, history, work, third, out):
     """``pi2``, ``pi3`` (`third`): extrapolate f, then sweep, Newton where that is slow; no sweeps: Newton at once."""
     h, p, after, relaxing, kernels = run.h, run.p, run.after, run.relaxing, run.kernels
@@ -621,7 +619,7 @@ def _settle(rhs, t, x, u, p, f, history, newest, W, state, trial, relaxing, star
     return state
 
 
-@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, _matrix), allocates=False)
+@when_called(_ENDED(types.int64, RUN, START, HISTORY, WORK, MATRIX), allocates=False)
 def step_bdf2(rhs, run, started, history, work, out):
     """``bdf2``: every step by Newton's method, from x going on in a straight line; nothing relaxes, as it dies here."""
     h, p, past, kernels, x0 = run.h, run.p, run.past, run.kernels, started.x0

@@ -260,8 +260,7 @@ def simulate(
         model.rhs,
         model.state_orders(orders, values) if isinstance(orders, Mapping) else orders,
         model.state_vector(initial) if isinstance(initial, Mapping) else initial,
-        step=step, end=end, inputs=inputs, parameters=values,
-        bounds=bounds,
+        step=step, end=end, inputs=inputs, parameters=values, bounds=bounds,
         relaxing=model.relaxing_states, model=model, **options,
     )  # fmt: skip
 

@@ -74,7 +74,7 @@ from numpy.typing import NDArray
 from scipy.special import binom, gamma, rgamma, zeta
 
 from fracid.arrays import FloatArray
-from fracid.solver.compilation import evaluate, when_called
+from fracid.solver.compilation import INDICES, MATRIX, VECTOR, evaluate, when_called
 from fracid.solver.loop_arguments import Run
 from fracid.solver.weights import (
     bdf_series,
@@ -119,9 +119,7 @@ class Start(NamedTuple):
     """:math:`\\sum_m c_m E_{σ_m}` between the knots (:func:`_parabolas`), (n_pieces, n_states, 3)."""
 
 
-START = types.NamedTuple(
-    (types.float64[:, ::1], types.float64[::1], types.int64, types.int64[::1], types.float64[:, :, ::1]), Start
-)
+START = types.NamedTuple((MATRIX, VECTOR, types.int64, INDICES, types.float64[:, :, ::1]), Start)
 
 
 # --- the tables of a start ---------------------------------------------------------------------------
@@ -280,8 +278,7 @@ def bdf_errors_of_powers(q: float, sigma: FloatArray, knots: NDArray[np.int64]) 
         smooth = math.gamma(s + 1) * d * rgamma(s + q + 1 - i) * (i > 0)
         c = (zeta(-s - i) + 0.5 * (s == 0)) * (-1.0) ** i / gamma(i + 1.0)
         singular = np.convolve(c, d)[:BDF_TERMS] * rgamma(q - i)
-        row[~near] = (-(far ** (s + q)) * polyval(1 / far, smooth)
-                      - far ** (q - 1) * polyval(1 / far, singular))  # fmt: skip
+        row[~near] = -(far ** (s + q)) * polyval(1 / far, smooth) - far ** (q - 1) * polyval(1 / far, singular)
     return E
 
 
@@ -330,10 +327,7 @@ def _third_expansion(q: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArr
 # --- the start of a run ------------------------------------------------------------------------------
 
 
-_vector, _matrix = types.float64[::1], types.float64[:, ::1]
-
-
-@when_called(types.void(types.int64, _vector, _matrix, _matrix, _vector, _matrix), allocates=False)
+@when_called(types.void(types.int64, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX), allocates=False)
 def _evaluate(rhs, t, x, u, p, f):
     """Fill each row of f from those of t, x and u."""
     for k in range(len(t)):
@@ -476,8 +470,8 @@ def _solved_together(
 
 
 @when_called(
-    types.boolean(types.int64, _vector, _matrix, _matrix, _vector, _matrix, _matrix, types.float64[:, :, ::1], _matrix,
-                  _vector, _vector, types.int64, types.float64), allocates=False,
+    types.boolean(types.int64, VECTOR, MATRIX, MATRIX, VECTOR, MATRIX, MATRIX, types.float64[:, :, ::1], MATRIX,
+                  VECTOR, VECTOR, types.int64, types.float64), allocates=False,
 )  # fmt: skip
 def _iterate(rhs, t, x, u, p, f, drift, weights, inverse, left, base, m, limit):
     """Newton's method for the steps beyond m, with one matrix; tell if it settles."""

@@ -191,7 +191,7 @@ def too_long(
     >>> too_long("bdf2", orders, J, 1e-2**orders, 1000) is None
     True
     """
-    sizes = [float(np.max(np.abs(m))) if (m := modes(J, gain)).size else 0.0 for J in linear]
+    sizes = [_largest([modes(J, gain)]) for J in linear]
     follows, largest = METHODS[method].follows, max(sizes, default=0.0)
     if largest > follows:
         with np.errstate(over="ignore"):  # an order of 10⁻⁹ asks for more parts than there are numbers
@@ -310,8 +310,8 @@ def fault_of(
     if beyond is not None:
         return _too_stiff(run, beyond)
     spectra = [modes(J, gain) for J in linear]
+    largest = _largest(spectra)
     if away or unsolved or run.outcome is Outcome.DIVERGED:
-        largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
         if largest > method.sweeps:
             return _swept_away(run, largest)
         found = _runs_away(run, largest) if several and (away or not unsolved) else None
@@ -321,7 +321,7 @@ def fault_of(
         return SAYS.finding("unsettled", "", end, run.step, stiff=stiff, shorter=run.step / 10)
     if method.family == "gl" and np.min(run.orders) < LOW_ORDER:
         return _low_order(run, linear, gain)
-    if method.family == "pi" and (ringing := _rings(run, spectra)):
+    if method.family == "pi" and (ringing := _rings(run, largest)):
         return ringing
     steps = sorted(map(steps_a_period, spectra))[LOOKED_AT // 2]
     if steps < STEPS_A_PERIOD:
@@ -329,6 +329,11 @@ def fault_of(
         return SAYS.finding("coarse-steps", "", steps, STEPS_A_PERIOD, percent=100 * (2 * math.pi / steps) ** 2 / 12,
                             shorter=shorter)  # fmt: skip
     return None
+
+
+def _largest(spectra: list[NDArray[np.complex128]]) -> float:
+    """The largest |μ|; 0 where none is known."""
+    return max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
 
 
 def _bound(scaled: FloatArray) -> float:
@@ -360,19 +365,15 @@ def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, p
 
 def _too_stiff(run: Trajectory, beyond: TooLong) -> Finding:
     note = f", and it ran away at t = {run.time[-1]:.4g} s" if run.outcome is Outcome.DIVERGED else ""
-    if METHODS[run.method].family == "pi":
-        why = f"{run.method} above order 1 follows up to {beyond.limit:.3g} and amplifies decays beyond{note}"
-        other = "bdf2"
-    else:
-        why = f"an explicit scheme follows up to about {beyond.limit:g}{note}"
-        other = "bdf2" if np.max(run.orders) > 1 else "pi2"
+    implicit = METHODS[run.method].family == "pi"
+    why = SAYS("amplifies" if implicit else "explicit", run=run, limit=beyond.limit, note=note)
+    other = "bdf2" if implicit or np.max(run.orders) > 1 else "pi2"
     return SAYS.finding("stiff", "", beyond.size, beyond.limit, run=run, why=why, other=other,
                         shorter=run.step / beyond.parts)  # fmt: skip
 
 
-def _rings(run: Trajectory, spectra: list[NDArray[np.complex128]]) -> Finding | None:
+def _rings(run: Trajectory, largest: float) -> Finding | None:
     """What the trapezoidal rule carries on with alternating sign, where every step is stored."""
-    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
     if largest <= 2 or len(run.time) < RINGS + 3 or not np.isclose(run.time[1] - run.time[0], run.step):
         return None
     change = np.diff(run.states, axis=0)
@@ -397,8 +398,7 @@ def _low_order(run: Trajectory, linear: list[NDArray[np.float64]], gain: FloatAr
     """What an explicit scheme loses where it is a fixed-point iteration."""
     low = run.orders < LOW_ORDER
     spectra = [modes(J[np.ix_(low, low)], gain[low]) for J in linear]
-    largest = max((float(np.max(np.abs(m))) for m in spectra if m.size), default=0.0)
-    q = float(np.min(run.orders))
+    largest, q = _largest(spectra), float(np.min(run.orders))
     if not largest > 1 / SETTLED:
         return None
     samples = math.log(SETTLED * largest / (1 + largest)) / (q * math.log(2) - math.log(largest))

@@ -26,7 +26,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -83,8 +82,7 @@ class Kernel:
         k = np.asarray(lags)
         beyond = np.maximum(k - self.lags - 1, 0)
         modes = np.exp(np.outer(beyond, np.log1p(self.decay))) @ self.amplitude + self.ramp * beyond
-        weights: FloatArray = np.where(k <= self.lags, self.weights[np.minimum(k, self.lags)], modes)
-        return weights
+        return np.asarray(np.where(k <= self.lags, self.weights[np.minimum(k, self.lags)], modes))
 
 
 # --- exact weights ---------------------------------------------------------------------------------
@@ -136,9 +134,7 @@ def exact_weights(family: str, q: float, steps: int) -> tuple[FloatArray, FloatA
     """w_k and those of the start, for k = 0 … steps."""
     if family == "gl":
         return (w := gl_weights(q, steps + 1)), w
-    of: Any = {"pi": trapezoidal_weights, "pi3": third_weights, "bdf": bdf_weights}[family]
-    weights: tuple[FloatArray, FloatArray] = of(q, steps)
-    return weights
+    return {"pi": trapezoidal_weights, "pi3": third_weights, "bdf": bdf_weights}[family](q, steps)
 
 
 def trapezoidal_weights(q: float, steps: int) -> tuple[FloatArray, FloatArray]:

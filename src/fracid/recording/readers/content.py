@@ -10,7 +10,8 @@ bytes: more than any recording has, and the memory that reading takes is bounded
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -106,8 +107,26 @@ def damaged(path: Path, kind: str, what: object) -> DataError:
     >>> str(damaged(Path("a.npy"), "NumPy file", "no header"))
     'a.npy is damaged or is no NumPy file (no header). Save it again.'
     """
-    words = " ".join(str(what).split()).rstrip(".") or type(what).__name__
+    words = " ".join(str(what).replace(str(path), path.name).split()).rstrip(".") or type(what).__name__
     return DataError(f"{path.name} is damaged or is no {kind} ({printable(words)[:120]}). Save it again.")
+
+
+@contextmanager
+def reading(path: Path, kind: str, own: tuple[type[Exception], ...] = (DataError,)) -> Iterator[None]:
+    """Whatever a library says of a file, all but `own` errors, means that the file is damaged.
+
+    Each has its own errors for one damage or another: OSError, ValueError, KeyError, TypeError, SyntaxError, …
+
+    Raises
+    ------
+    DataError
+    """
+    try:
+        yield
+    except own:
+        raise
+    except Exception as error:
+        raise damaged(path, kind, error) from None
 
 
 def seconds(dates: NDArray[np.generic]) -> NDArray[np.float64]:

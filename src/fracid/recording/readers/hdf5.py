@@ -26,7 +26,7 @@ from fracid.recording.readers.content import (
     TEXT,
     Content,
     LeftOut,
-    damaged,
+    reading,
     refuse_bomb,
     why_no_numbers,
 )
@@ -49,14 +49,8 @@ def read_hdf5(path: Path) -> Content:
     """
     import h5py
 
-    size = path.stat().st_size
-    try:
-        with h5py.File(path, "r") as file:
-            return _group(file, _Taken(path, size), 0, set())
-    except (DataError, MemoryError):
-        raise
-    except Exception as error:  # h5py raises OSError, RuntimeError, KeyError, TypeError, ... for one damage or another
-        raise damaged(path, "HDF5 file", error) from None
+    with reading(path, "HDF5 file", (DataError, MemoryError)), h5py.File(path, "r") as file:
+        return _group(file, _Taken(path, path.stat().st_size), ())
 
 
 @dataclass
@@ -75,30 +69,28 @@ class _Taken:
         refuse_bomb(self.path, self.numbers, self.size)
 
 
-def _group(group: Any, tally: _Taken, depth: int, ancestors: set[Any]) -> Content:
+def _group(group: Any, tally: _Taken, ancestors: tuple[int, ...]) -> Content:
     """Read a group; ``#refs#`` is where MATLAB hides its own bookkeeping."""
+    return {name: _item(group, name, tally, ancestors) for name in group if not name.startswith("#")}
+
+
+def _item(group: Any, name: str, tally: _Taken, ancestors: tuple[int, ...]) -> NDArray[np.generic] | LeftOut | Content:
+    """Read what has a name in a group, which lies within those at some addresses."""
     import h5py
 
-    content: dict[str, NDArray[np.generic] | LeftOut | Content | list[Content]] = {}
-    for name in group:
-        if name.startswith("#"):
-            continue
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            content[name] = LeftOut("is a link to elsewhere, which is not followed")
-            continue
-        item = group[name]
-        address = h5py.h5o.get_info(item.id).addr
-        if isinstance(item, h5py.Dataset):
-            content[name] = _dataset(item, tally)
-        elif not isinstance(item, h5py.Group):
-            content[name] = LeftOut("is a type, not data")
-        elif "MATLAB_sparse" in item.attrs:
-            content[name] = SPARSE
-        elif address in ancestors or depth >= DEEPEST:
-            content[name] = LeftOut("is a group that was read before, or lies too deep")
-        else:
-            content[name] = _group(item, tally, depth + 1, ancestors | {address})
-    return content
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        return LeftOut("is a link to elsewhere, which is not followed")
+    item = group[name]
+    address = h5py.h5o.get_info(item.id).addr
+    if isinstance(item, h5py.Dataset):
+        return _dataset(item, tally)
+    if not isinstance(item, h5py.Group):
+        return LeftOut("is a type, not data")
+    if "MATLAB_sparse" in item.attrs:
+        return SPARSE
+    if address in ancestors or len(ancestors) >= DEEPEST:
+        return LeftOut("is a group that was read before, or lies too deep")
+    return _group(item, tally, (*ancestors, address))
 
 
 def _dataset(dataset: Any, tally: _Taken) -> NDArray[np.generic] | LeftOut:

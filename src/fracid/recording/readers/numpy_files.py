@@ -13,8 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from fracid.errors import DataError
-from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb, same_name, why_no_numbers
+from fracid.recording.readers.content import Content, LeftOut, reading, refuse_bomb, same_name, why_no_numbers
 from fracid.safety.door import opened
 
 PICKLED = LeftOut("holds Python objects, which fracid does not open: that would run code; save arrays of numbers")
@@ -31,11 +30,8 @@ def read_npy(path: Path) -> Content:
     DataError
         It is damaged, or holds objects.
     """
-    try:
-        with opened(path) as file:
-            return {path.stem: _array(file, path.stat().st_size)}
-    except Exception as error:  # NumPy raises ValueError, TypeError, SyntaxError, ... for one damage or another
-        raise _said(path, error) from None
+    with reading(path, "NumPy file"), opened(path) as file:
+        return {path.stem: _array(file, path.stat().st_size)}
 
 
 def read_npz(path: Path) -> Content:
@@ -46,20 +42,12 @@ def read_npz(path: Path) -> Content:
     DataError
         It is damaged, or would unpack to more numbers than a recording has.
     """
-    try:
-        with opened(path) as file, zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-            refuse_bomb(path, sum(m.file_size for m in members) / 8, path.stat().st_size)
-            names = Counter(m.filename.removesuffix(".npy") for m in members)
-            by_name = {m.filename.removesuffix(".npy"): m for m in members}
-            return {n: _member(archive, m) if names[n] == 1 else same_name(names[n]) for n, m in by_name.items()}
-    except Exception as error:
-        raise _said(path, error) from None
-
-
-def _said(path: Path, error: Exception) -> Exception:
-    """Return the error to raise: a damaged header may lead the parser too deep, too."""
-    return error if isinstance(error, DataError) else damaged(path, "NumPy file", error)
+    with reading(path, "NumPy file"), opened(path) as file, zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        refuse_bomb(path, sum(m.file_size for m in members) / 8, path.stat().st_size)
+        names = Counter(m.filename.removesuffix(".npy") for m in members)
+        by_name = {m.filename.removesuffix(".npy"): m for m in members}
+        return {n: _member(archive, m) if names[n] == 1 else same_name(names[n]) for n, m in by_name.items()}
 
 
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[np.generic] | LeftOut:

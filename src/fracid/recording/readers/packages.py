@@ -270,13 +270,10 @@ class Format:
     read: Callable[[Path], Found]
 
 
-_MDF = Format("MDF file", "mdf", ("asammdf",), _mdf)
-
 FORMATS = {
     ".xlsx": Format("Excel workbook", "xlsx", ("python_calamine",), _xlsx),
     ".tdms": Format("TDMS file", "tdms", ("nptdms",), _tdms),
-    ".mf4": _MDF,
-    ".mdf": _MDF,
+    **dict.fromkeys((".mf4", ".mdf"), Format("MDF file", "mdf", ("asammdf",), _mdf)),
     ".mcap": Format("MCAP file", "ros", ("mcap", "mcap_ros2"), _mcap),
     ".db3": Format("bag of ROS 2", "ros", ("rosbags", "mcap_ros2"), _db3),
 }

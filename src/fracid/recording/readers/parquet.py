@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from fracid.errors import DataError, InputError
-from fracid.recording.readers.content import Content, LeftOut, damaged, refuse_bomb, same_name
+from fracid.errors import InputError
+from fracid.recording.readers.content import Content, LeftOut, reading, refuse_bomb, same_name
 
 
 def read_parquet(path: Path) -> Content:
@@ -24,13 +24,9 @@ def read_parquet(path: Path) -> Content:
         from pyarrow import parquet
     except ImportError as error:
         raise InputError("reading Parquet needs pyarrow: type pip install 'fracid[parquet]'") from error
-    try:
-        with parquet.ParquetFile(path, thrift_string_size_limit=2**24, thrift_container_size_limit=2**20) as file:
-            return _columns(file, path)
-    except DataError:
-        raise
-    except Exception as error:  # pyarrow has its own tree of errors; damaged lengths are asked of the memory
-        raise damaged(path, "Parquet file", str(error).replace(str(path), path.name)) from None
+    limits = {"thrift_string_size_limit": 2**24, "thrift_container_size_limit": 2**20}
+    with reading(path, "Parquet file"), parquet.ParquetFile(path, **limits) as file:
+        return _columns(file, path)
 
 
 def _columns(file: Any, path: Path) -> Content:

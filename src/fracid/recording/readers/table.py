@@ -28,10 +28,9 @@ from os.path import isfile
 from pathlib import Path
 
 from fracid.errors import DataError, InputError
-from fracid.findings import Words
 from fracid.recording.readers.arrays import Table as Table
 from fracid.recording.readers.arrays import choose
-from fracid.recording.readers.content import Content, LeftOut
+from fracid.recording.readers.content import SAYS, Content, LeftOut
 from fracid.recording.readers.hdf5 import read_hdf5
 from fracid.recording.readers.matlab import is_hdf5, read_mat
 from fracid.recording.readers.numpy_files import read_npy, read_npz
@@ -42,8 +41,6 @@ from fracid.recording.readers.text import MOST_COLUMNS, parse_text, read_text
 from fracid.safety.json_files import short_text
 from fracid.safety.paths import beside_each_other, kind_of, refuse_mistaken
 from fracid.safety.text import LONGEST_NAME, ascii_short, printable
-
-SAYS = Words("recording/readers/text.toml")
 
 SINGLES = 12
 """Values beside the records that are named, at most."""

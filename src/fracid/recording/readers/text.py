@@ -35,13 +35,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid.errors import DataError
-from fracid.findings import Words
 from fracid.recording.readers.arrays import Table, is_unit, name_and_unit
-from fracid.recording.readers.content import seconds_of_stamp
+from fracid.recording.readers.content import SAYS, seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
-
-SAYS = Words("recording/readers/text.toml")
 
 BLANK = frozenset({"", "nan", "-nan", "na", "n/a", "null", "none", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"})
 """The last four are how Windows writes NaN."""
