@@ -118,7 +118,7 @@ def add(package, folder, name, text, patch):
 def added(tmp_path_factory):
     """One of each more than there are."""
     folder = tmp_path_factory.mktemp("one-place")
-    quartic = Loss(lambda e: e**4, lambda e: 4 * e**3, lambda e: 12 * float(np.mean(e**2)), lambda e: e**4)
+    quartic = Loss(lambda e: e**4, lambda e: 4 * e**3, lambda e, _: 12 * float(np.mean(e**2)), lambda e: e**4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(METHODS, "euler", Method("gl", 1, euler, "forward Euler", follows=1.0))
         patch.setitem(COSTS, "quartic", Cost("quartic", lambda t: np.full(len(t), 1 / len(t)), quartic, "rad⁴"))

@@ -191,7 +191,7 @@ def test_an_alternative_without_orders_stands_in_the_table(capsys, tmp_path):
 def test_the_same_command_goes_on_from_its_journal_and_ends_the_same(capsys, folder):
     journal, result = folder / "run" / "journal.jsonl", folder / "run" / "compare.json"
     whole, before = journal.read_bytes(), result.read_bytes()
-    assert len(whole.splitlines()) == 1 + 1 + 4 + 2 + 2  # the project as it stands, fits, steps, amplitude
+    assert len(whole.splitlines()) == 1 + 1 + 4 + 2 + 5 + 2  # the project, fits, steps, all again, amplitude
     result.unlink()
     journal.write_bytes(b"\n".join(whole.splitlines()[:3]) + b'\n{"key": "visc')  # killed in writing the third
     code, _, err = run(capsys, "compare", folder / "rig.toml", "--out", folder / "run", "--amplitude", *QUICK)

@@ -106,8 +106,8 @@ def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_lea
 
 @pytest.mark.broad
 def test_intervals_are_sensible_under_itae_too():
-    ours, _ = held("itae", rho=0.0, seeds=20)
-    assert np.all(ours >= 17)
+    ours, _ = held("itae", rho=0.0)
+    assert np.all(ours >= 35)
 
 
 @pytest.mark.broad

@@ -288,5 +288,5 @@ def test_an_interval_allows_for_what_the_step_moves_unless_that_is_little(stand)
     check = Discretisation(1.0, 1.0, 1.0, {}, {}, moves={"J": 0.5 * halves["J"], "b_angle": 0.1 * halves["b_angle"]})
     wider = check.widened(problem, x, known)
     grown = {n: half_width(wider, x, i) / halves[n] for i, n in enumerate(problem.names) if n in TRUTH}
-    assert grown["J"] == pytest.approx(math.hypot(1.0, 0.5 * NORMAL_95), rel=0.05)
+    assert grown["J"] == pytest.approx(math.hypot(1.0, 4 / 3 * 0.5 * NORMAL_95), rel=0.05)
     assert grown["b_angle"] == grown["coulomb_angle"] == 1.0

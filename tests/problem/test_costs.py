@@ -197,7 +197,7 @@ def test_the_derivative_and_the_curvature_of_a_loss_are_those_of_its_values(name
     noise = np.random.default_rng(1).normal(0.0, 0.02, 400_000)
     h = 2e-3  # Σρ″ from the mean of ρ, shifted: for |e| the one way to see it
     curved = np.mean(loss.rho(noise + h) - 2 * loss.rho(noise) + loss.rho(noise - h)) / h**2
-    assert loss.curvature(noise, noise) == pytest.approx(curved, rel=0.02)
+    assert loss.curvature(noise, noise) == pytest.approx(curved, rel=0.08 if loss.centre == "median" else 0.02)
 
 
 # --- by name ---------------------------------------------------------------------------------------

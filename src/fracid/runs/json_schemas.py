@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 from pydantic.json_schema import GenerateJsonSchema
@@ -49,13 +50,13 @@ def json_schema(file: str = "result.json") -> str:
 
     Examples
     --------
-    >>> import json
     >>> json.loads(json_schema())["title"]
     'result.json of fracid'
     """
     schema = described(entry_of("file", FILES, file)).json_schema(schema_generator=WithoutTitles)
     head = {"$schema": WithoutTitles.schema_dialect, "title": f"{file} of fracid"}
-    return json_document(schema | head)
+    plain = json.loads(json.dumps(schema | head), parse_constant=lambda _: None)  # a default that is no number
+    return json_document(plain)
 
 
 if __name__ == "__main__":

@@ -417,8 +417,6 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     Smoothed are both ends of the difference, each by as many samples as they are from the middle; that alters neither
     the shape of a swing nor where it is slow, as long as it is a part of one.
     """
-    from scipy.ndimage import uniform_filter1d
-
     step = float(np.median(np.diff(t)))
     # over 20 ms: one encoder step within one sample is no motion
     w = max(1, round(min(0.01 / step, x.size)))
@@ -428,12 +426,18 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     m = 1
     while SURE * left.speed > 0.05 * speed.max() and 2 * m * step < 0.5 * np.ptp(level) / max(speed.max(), 1e-300):
         m = min(2 * m, (x.size - 1) // 2)
-        level = uniform_filter1d(x, m)
+        level = _mean_over(x, m)
         speed = _difference(t, level, m)
         left = _Noise(noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m))
         if m == (x.size - 1) // 2:
             break
     return speed, level, left
+
+
+def _mean_over(x: FloatArray, m: int) -> FloatArray:
+    """Of m samples about each; mirrored at the ends."""
+    sums = np.cumsum(np.pad(x - x.mean(), (m // 2 + 1, m - 1 - m // 2), mode="symmetric"))
+    return np.asarray((sums[m:] - sums[:-m]) / m + x.mean())
 
 
 def _difference(t: FloatArray, x: FloatArray, w: int) -> FloatArray:

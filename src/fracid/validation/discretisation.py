@@ -75,7 +75,7 @@ class Discretisation(Record):
     refinement: str = ""
     """What was said at a coarser step, where the fit chose this one: a sentence."""
     moves: Mapping[str, Unknown] = field(default_factory=dict)
-    """How far it moved each unknown that all recordings share."""
+    """How far it moved each unknown that all recordings share, or of one recording all."""
 
     def on_all_samples(self, problem: Problem, here: float, there: float) -> Discretisation:
         """Its costs on all samples, where the fit costs `there`, of those on coarser ones, where it costs `here`."""
@@ -107,7 +107,10 @@ FINEST = 32
 
 LOST = 1.5
 """Times the cost at a step: a minimum at half of it that costs more is another one, for beside a separatrix the same
-values fall to another side.  The check looks for its own from the first swing on; a fit keeps its step."""
+values fall to another side.  The check looks for its own from the first swing on."""
+
+SOUGHT = 1_000_000
+"""Steps of all runs at most, of which that is done: it takes what a search does, at a finer step."""
 
 BUMPS = 0.5
 """Part of the rise that ends an interval, by which the step may raise the cost."""
@@ -136,7 +139,7 @@ def discretisation_check(
     finer = _minimum_beside(problem, x, second, jobs, near=near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
         finer = x + finer - _minimum_beside(problem, x, problem, jobs, near=near)
-    if second.cost(finer) > LOST * costs[0]:
+    if second.simulator.work <= SOUGHT and second.cost(finer) > LOST * costs[0]:
         best = uninterrupted(growing(second, x, Watch(jobs))).best
         costs, finer = (costs[0], best.cost, best.cost), best.point
     return _judged(problem, x, known, costs, finer, substeps=problem.substeps)
@@ -184,7 +187,8 @@ def _judged(
         warning += f" Type {remedy} in [fit]."
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
-    moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns) if u.experiment is None}
+    moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns)
+             if u.experiment is None or len(problem.recordings) == 1}  # fmt: skip
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning, moves=moves)
     if _costs_differ(problem.method, check):
         warning = SAYS("too-coarse", costs=costs, substeps=2 * substeps, warning=warning).strip()
@@ -229,8 +233,12 @@ def halved(at: Refined, jobs: int) -> Refined | None:
         (other, minimum), near = exact, None
     else:
         minimum, near = _minimum_of(problem, x, other, jobs, near=at.near)
+    most = LOST * max(at.best.cost, at.check.cost_second_order)
+    if minimum.cost > most and 2 * other.simulator.work <= SOUGHT:  # the check went there from the first swing on
+        moved = x + [at.check.moves.get(u.name, 0.0) for u in problem.unknowns]
+        minimum, near = uninterrupted(refined(other, moved, Watch(jobs))).best, None
     problem.last_derivatives.clear()
-    if minimum.reason or minimum.cost > LOST * max(at.best.cost, at.check.cost_second_order):
+    if minimum.reason or minimum.cost > most:
         return None
     known = uncertainty(other, minimum.point, jobs=jobs, near=near)
     check = discretisation_check(other, minimum.point, known, jobs, substeps=substeps, near=near)
