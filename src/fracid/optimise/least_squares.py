@@ -14,9 +14,10 @@ takes sixth powers of them, which of 10⁵² or 10⁻⁵² are no numbers.
 
 Where many recordings have unknowns of their own, the search is that of :mod:`.blockwise`.
 
-The method sees :math:`y = 1 + (x - x_{start})/size`: its first region is as wide as y is long, and in x a search from
-zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and call that converged; it moves a start that is
-within 10⁻¹⁰ of a bound, where all picofarads are.
+The method sees :math:`y = x - x_{start} + size`, which is x where the start is its size: its first region is as
+wide as y is long, and in x a search from zero (a friction constant at its bound) would take steps of 10⁻¹⁰ and
+call that converged.  All of y is so many times as large that no size is below 1, by a power of two, which rounds
+nothing: SciPy moves a start that is within 10⁻¹⁰ of a bound, where all picofarads are.
 
 References
 ----------
@@ -55,7 +56,7 @@ def least_squares(
     Parameters
     ----------
     tolerance : float
-        Of the gain relative to Σ r², and of the step in sizes of the unknowns.
+        Of the gain relative to Σ r², and of the step relative to |y|.
     budget : int
         Trial steps at most (Jacobians not counted).
 
@@ -82,7 +83,8 @@ def least_squares(
         return blockwise(space, tolerance=tolerance, budget=budget)
     moving = np.flatnonzero(space.moving)  # a column of zeros would cost the method its Gauss-Newton steps
     size, start, low, high = (v[moving] for v in (space.typical, space.start, space.lower, space.upper))
-    bounds = 1 + (low - start) / size, 1 + (high - start) / size  # hold the start, rounded too
+    large = 2.0 ** max(0, math.ceil(-math.log2(np.min(size, initial=1.0))))
+    bounds = large * (size + (low - start)), large * (size + (high - start))  # hold the start, rounded too
 
     def run(evaluate: Ask) -> Outcome:
         x_good, good = space.start, np.empty(0)  # the last run that ended, and its rows
@@ -90,7 +92,7 @@ def least_squares(
 
         def physical(y: FloatArray) -> FloatArray:
             x = space.start.copy()
-            x[moving] = np.clip(start + size * (y - 1), low, high)
+            x[moving] = np.clip(start + (y / large - size), low, high)
             return x
 
         def first_column(y: FloatArray) -> FloatArray:
@@ -120,16 +122,16 @@ def least_squares(
             R = triangle(_rows(good, x, moved, moving, unit=unit))
             if not np.any(np.abs(R[0, 0] * R[0, 1:]) > SMALLEST):  # J'r: nothing moves the rows, or they are zero
                 raise _Flat  # SciPy would divide by zero
-            return np.asarray(R[:, 1:] * size)
+            return np.asarray(R[:, 1:] / large)
 
         if not len(moving):
             return Outcome.CONVERGED if evaluate(space.start)[0].cost < np.inf else Outcome.ALL_FAILED
-        y, cost, left = np.ones(len(size)), math.inf, budget
+        y, cost, left = large * size, math.inf, budget
         try:
             while True:
                 result = scipy_least_squares(
-                    first_column, y, other_columns, bounds=bounds,
-                    ftol=tolerance, xtol=tolerance / math.sqrt(len(size)), gtol=None, max_nfev=left,
+                    first_column, y, other_columns, bounds=bounds, x_scale=large * size,
+                    ftol=tolerance, xtol=tolerance, gtol=None, max_nfev=left,
                 )  # fmt: skip
                 left -= result.nfev
                 if not fails or left <= 0 or result.cost > (1 - GAINS) * cost:
@@ -138,7 +140,7 @@ def least_squares(
         except _Flat:
             return Outcome.CONVERGED
         except _StartFails as failure:
-            if failure.args[0].cost < np.inf:
+            if failure.evaluation.cost < np.inf:
                 raise InputError(NO_ROWS) from None
             return Outcome.ALL_FAILED
         return Outcome.BUDGET_SPENT if result.status == 0 else Outcome.CONVERGED
@@ -170,7 +172,11 @@ class _Flat(Exception):
 
 
 class _StartFails(Exception):
-    """There is nothing to start from: its argument is the evaluation there."""
+    """There is nothing to start from."""
+
+    def __init__(self, evaluation: Evaluation) -> None:
+        super().__init__(evaluation.reason)
+        self.evaluation = evaluation
 
 
 OPTIMISER = Entry(
