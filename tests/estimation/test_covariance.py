@@ -9,6 +9,7 @@ import pytest
 import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
@@ -72,7 +73,6 @@ def test_white_noise_leaves_the_truth_in_36_of_40_intervals(cost):
     assert np.all(ours >= 36)
 
 
-@pytest.mark.broad
 def drawn(kind, rng, n=4000):
     """Errors with a known density at their median, 0."""
     if kind == "uniform":
@@ -98,6 +98,7 @@ def test_the_interval_of_a_median_is_wide_by_the_density_of_its_own_recording_th
     np.testing.assert_allclose(found, scales / (2 * density * math.sqrt(4000)), rtol=0.12)
 
 
+@pytest.mark.broad
 def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_least_squares_fails():
     ours, plain = held("rmse", rho=0.9)
     assert np.all(ours >= 36)
@@ -108,6 +109,38 @@ def test_correlated_noise_leaves_the_truth_in_36_of_40_intervals_where_plain_lea
 def test_intervals_are_sensible_under_itae_too():
     ours, _ = held("itae", rho=0.0)
     assert np.all(ours >= 35)
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize("seed", [4, 6, 9])
+def test_an_order_by_itae_of_a_rounded_swing_has_the_truth_on_either_side_of_its_value(seed, tmp_path):
+    rng, counts, t = np.random.default_rng([seed, 2711]), math.radians(360 / 4096), np.arange(0, 10.001, 0.02)
+    g, b, angle = 60 * rng.uniform(0.8, 1.2), rng.uniform(0.15, 0.4), math.radians(rng.uniform(8, 14))
+    swing = solve_ivp(lambda t, x: [x[1], -g * np.sin(x[0]) - b * x[1]], (0, 10), [angle, 0.0], t_eval=t, rtol=1e-10)
+    rounded = np.round((swing.y[0] + rng.uniform(-0.5, 0.5) * counts) / counts) * counts
+    np.savetxt(tmp_path / "swing.csv", np.column_stack([t, rounded]), header="t,a", delimiter=",", comments="")
+    text = """[model]
+    name = "swing"
+    [model.equations]
+    a = {equals = "rate", unit = "rad"}
+    rate = {equals = "-g*sin(a) - b*rate", unit = "rad/s", order = "mu"}
+    [model.orders]
+    mu = {start = 1.0, lower = 0.7, upper = 1.3}
+    [model.parameters]
+    g = {start = 50.0, lower = 10.0, upper = 200.0, unit = "1/s^2"}
+    b = {start = 0.3, lower = 0.0, upper = 5.0, unit = "1/s"}
+    [[recording]]
+    file = "swing.csv"
+    a = {column = "a", unit = "rad"}
+    initial = {a = {start = 0.2, lower = -1.0, upper = 1.0}}
+    [fit]
+    cost = "itae"
+    """
+    (tmp_path / "swing.toml").write_text(text)
+    mu = fracid.identify(fracid.load_project(tmp_path / "swing.toml")).orders["mu"]
+    low, high = mu.interval95
+    assert low < min(1.0, mu.value)
+    assert max(1.0, mu.value) < high
 
 
 @pytest.mark.broad

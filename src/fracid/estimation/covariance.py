@@ -288,7 +288,10 @@ def _ends(here: Tangent, estimator: Sandwich) -> tuple[FloatArray, FloatArray]:
     free, space = estimator.free, here.problem.space
     R, low, high = here.R[:, free], (space.lower - here.x)[free], (space.upper - here.x)[free]
     delta = lowest(R, here.y, low, high)  # next to nothing at a minimum
-    y, low, high = here.y + R @ delta, low - delta, high - delta
+    y = here.y + R @ delta
+    if here.problem.cost_function.kinked:
+        delta = np.zeros_like(delta)
+    low, high = low - delta, high - delta
     inverse, covariance = np.diag(estimator.inverse), np.diag(estimator.covariance)
     kappa = np.divide(covariance, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     ends, rise = np.empty((len(free), 2)), np.outer(0.5 * NORMAL_95**2 * kappa, (1.0, 1.0))

@@ -11,7 +11,8 @@ where the cost is a parabola, or to the bound.  The derivatives of the minimum s
 on the way (:mod:`fracid.estimation.linearised`), so that a point costs some three runs; where they do not lead to the
 ground of a valley, one half as far is asked first, then, once, derivatives of its own.  An end whose ground is not
 found stays where the tangent has it, and no interval ends before what the walks of the others went through below its
-limit.  If a point lies lower than the minimum, that was none, and the search goes on from there.
+limit; nor does any end before the tangent's where the cost is of |e|, a chain of kinks whose ground no derivative
+leads to.  If a point lies lower than the minimum, that was none, and the search goes on from there.
 """
 
 from __future__ import annotations
@@ -114,9 +115,9 @@ def _walked(
     side_by_side(here.problem, [way.followed(jobs) for way in ways], jobs=jobs)
     if together.lower:
         return here.problem.evaluate(min(together.points, key=itemgetter(0))[1])
-    ends = known.ends.copy()
+    ends, kinked = known.ends.copy(), here.problem.cost_function.kinked
     for way in ways:
-        if way.found is not None and way.distance != way.first:
+        if way.found is not None and (way.distance > way.first or (way.distance < way.first and not kinked)):
             ends[way.i, way.side] = way.found
     ends = _as_far_as_any(start, known, ends, together.points)
     moved = known.walked | np.any(np.nan_to_num(ends) != np.nan_to_num(known.ends), axis=1)

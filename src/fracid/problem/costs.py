@@ -211,6 +211,11 @@ class Cost:
         return np.asarray(np.copysign(np.sqrt(squares), residual).ravel())
 
     @property
+    def kinked(self) -> bool:
+        """Whether it is a chain of kinks, one where each residual is 0: its slopes say nothing of where it is least."""
+        return self.loss is ABSOLUTE
+
+    @property
     def without_kink(self) -> Cost:
         """Huber's in the place of one of |e|, whose kink stops least squares; any other itself.
 
@@ -219,7 +224,7 @@ class Cost:
         >>> COSTS["rmse"].without_kink.name, COSTS["itae"].without_kink.name
         ('rmse', 'huber')
         """
-        return COSTS["huber"] if self.loss is ABSOLUTE else self
+        return COSTS["huber"] if self.kinked else self
 
     def join(self, costs: list[float], samples: Sequence[float]) -> float:
         """Join the costs of several recordings: the root of the mean square, or else the sum.
