@@ -21,7 +21,7 @@ from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.covariance import METHODS, at_bound, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
-from fracid.models import Model
+from fracid.models import Model, Parameter
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
@@ -96,6 +96,22 @@ def test_the_interval_of_a_median_is_wide_by_the_density_of_its_own_recording_th
     p = Problem(model, levels, {"q": 1.0}, outputs=("x",), cost_function=COSTS["iae"])
     found = uncertainty(p, np.array([np.median(e) for e in errors])).standard_error
     np.testing.assert_allclose(found, scales / (2 * density * math.sqrt(4000)), rtol=0.12)
+
+
+@pytest.mark.parametrize("digits", [1e-10, 1e-9, 4e-9])
+def test_a_product_is_seen_to_be_one_whatever_a_run_rounds(digits):
+    def fading(t, x, u, p, out):
+        out[0] = -p[0] * p[1] * x[0] + p[2] * (12345678.9 * p[0] % 1.0) * x[0] ** 2
+
+    rows = {"a": 2.0, "b": 0.3, "digits": digits}
+    rates = tuple(Parameter(n, "1/s", v, n) for n, v in rows.items())
+    model = Model("fading", fading, ("x",), ("q",), {"x": 0}, (), rates, "", "")
+    t = np.arange(0, 5, 0.02)
+    noisy = np.exp(-0.6 * t) + 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    e = Experiment("e", 0.02, noisy[:, None], np.zeros((1, 0)), initial={"x": 1.0}, units={"x": "m"})
+    free = {"a": Free(2.0, 0.1, 9.0), "b": Free(0.3, 0.01, 9.0)}
+    p = Problem(model, (e,), {"q": 1.0}, free, outputs=("x",), initial_state="held")
+    assert uncertainty(p, p.start).confounded == (("a", "b"),)
 
 
 @pytest.mark.broad

@@ -67,6 +67,12 @@ LASTS = 0.5
 ASKED = 3
 """Times, until derivatives agree."""
 
+FAINT = 1e-3
+"""Directions seen by less than this part of the best may be none at all, but for the rounding of first differences."""
+
+STEADY = 100.0
+"""Times as long as the first differences those are asked: with as much less of the rounding, and before a valley bends."""
+
 SPAN = 0.5
 """Half of a difference, in standard errors of independent residuals."""
 
@@ -194,7 +200,9 @@ class Tangent(AtPoint):
         for _ in range(ASKED):
             _, singular, V = np.linalg.svd(here.R / here.norms)
             weak = np.flatnonzero((singular < WEAK * singular[0]) & (singular > UNSEEN * singular[0]))[-MOST:]
-            steps = (reach / singular[k] * V[k] for k in weak)
+            steps = [reach / singular[k] * V[k] for k in weak]
+            steps = [s * min(1.0, STEADY / max(np.abs(s) / shortest)) if singular[k] < FAINT * singular[0] else s
+                     for k, s in zip(weak, steps, strict=True)]  # fmt: skip
             better = here._corrected([s for s in steps if np.all(np.abs(s) < farthest)], jobs)
             if better is None:
                 break
