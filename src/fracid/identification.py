@@ -63,6 +63,7 @@ from fracid.estimation.long_records import (
     some_of,
 )
 from fracid.estimation.minimum import settled
+from fracid.estimation.other_minimum import as_good_elsewhere, with_another
 from fracid.estimation.parameter_verdicts import Verdict, identifiability
 from fracid.estimation.records import Estimate, Estimates, OrderEstimate, RecordingFit, fit_of
 from fracid.estimation.search import search
@@ -281,6 +282,9 @@ RESTARTS = 3
 NESTED: Mapping[str, Any] = {"tolerance": 1e-3, "budget": 5}
 """Least squares of the nested model from the fit."""
 
+ELSEWHERE = 0.25
+"""Of the work of a stage after the search: to look for another minimum."""
+
 NO_CLAIM = Claim("undecided", ("The fit was not examined to its end.",))
 
 
@@ -474,6 +478,22 @@ class _Findings:
         self.known, found, notes = between_samples(self.problem, self.x, self.known, jobs=self.asked.jobs)
         self.seen += found
         self.warnings += notes
+
+    def look_elsewhere(self) -> Evaluation | None:
+        """Look for another minimum that is as good, or lower."""
+        problem, known = self.problem, self.known
+        own = self.asked.optimiser.keeps_its_own or problem.cost_function.loss is None
+        if own or isinstance(known, Failure) or self.asked.window is not None:
+            return None
+        ends = [embedded(problem, s.end) for s in self.starts]
+        watch = Watch(self.asked.jobs, most=ELSEWHERE * self.allowed)
+        there = as_good_elsewhere(problem, self.best, known, ends, watch=watch)
+        if there is None:
+            return None
+        if there.cost < (1 - LOWER) * self.best.cost:
+            return there
+        self.known = with_another(problem, self.x, known, there.point)
+        return None
 
     def identify(self) -> None:
         """Say of each unknown whether it is identifiable."""

@@ -153,6 +153,8 @@ class Uncertainty:
     """Which intervals end where the cost itself reaches the limit, not its parabola, shape (n_unknowns,)."""
     unwalked: int = 0
     """Ends that were left while they were looked for, as the work was spent."""
+    elsewhere: FloatArray | None = None
+    """Another minimum that is as good, where it is apart from this one, else NaN, shape (n_unknowns,)."""
 
     def interval(self, x: FloatArray, i: int, method: str = "sandwich") -> tuple[float, float] | None:
         """The 95 % interval of unknown i by ``sandwich`` or ``white``, None where there is none."""

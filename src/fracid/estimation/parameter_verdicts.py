@@ -373,6 +373,16 @@ def _combination(name: str, partner: str, power: float) -> str:
     return f"{name}/{part}" if power > 0 else f"{name}·{part}"
 
 
+def _elsewhere(view: _View, i: int) -> Iterator[Verdict]:
+    """Where another minimum, which is as good, has other values."""
+    there, unknowns = view.known.elsewhere, view.problem.unknowns
+    if there is None or not math.isfinite(there[i]):
+        return
+    values = {k: f"{view.names[k]} = {with_unit(there[k], unknowns[k].unit)}" for k in np.flatnonzero(np.isfinite(there))}
+    beside = ", ".join(text for k, text in values.items() if k != i)
+    yield Verdict(view.names[i], "practically not", SAYS("elsewhere" if beside else "twice", own=values[i], beside=beside))
+
+
 def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
     if not view.too_wide(i):
         return
@@ -475,6 +485,6 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
-    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _too_wide, _identifiable,
+    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _elsewhere, _too_wide, _identifiable,
 )  # fmt: skip
 """The first that gives a verdict has the word."""
