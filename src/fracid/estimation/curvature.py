@@ -179,7 +179,7 @@ def start_shift(
         initial_indices = started if e.past is None else []
         if not initial_indices:
             continue
-        point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
+        point = alone.point(values)  # the same run, the same errors
         names = [problem.names[i] for i in parabola.free]
         own = {k: alone.names.index(name) for k, name in enumerate(names) if name in alone.names}
         J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)

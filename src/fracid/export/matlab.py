@@ -115,12 +115,11 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
 
 def of_recording(run: SavedRun, name: str) -> Case:
     """One recording of a run as it was simulated, validation recordings with their own values."""
-    p, experiments = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
-    e = experiments[name]
-    if e in p.experiments:
-        return Case.of(p, run.x, e)
-    problem = p.with_shared(run.x, (e,))
-    return Case.of(problem, np.array([run.values.get(u.name, u.range.start) for u in problem.unknowns]), e)
+    problem, there = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
+    e = there[name]
+    if e not in problem.experiments:
+        problem = problem.with_shared(run.x, (e,))
+    return Case.of(problem, problem.point(run.values), e)
 
 
 def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:

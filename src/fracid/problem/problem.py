@@ -206,6 +206,10 @@ class Problem(Parametrisation, CardDisplay):
         """Name of each unknown → its value."""
         return dict(zip(self.names, np.asarray(x).tolist(), strict=True))
 
+    def point(self, values: Mapping[str, float]) -> FloatArray:
+        """The other way: the unknowns of these values, what is not among them at its start, shape (n_unknowns,)."""
+        return np.array([values.get(u.name, u.range.start) for u in self.unknowns], float)
+
     @property
     def free_orders(self) -> dict[str, int]:
         """Each free order with which of the unknowns it is."""

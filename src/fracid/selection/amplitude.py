@@ -360,8 +360,7 @@ def _window(
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
-    fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
-    start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
+    start = piece.point(problem.named(x) if span[0] == 0 else {})  # its initial state too
     found, whole = refined(piece, start, Watch(jobs), **SEARCH), span == (0, len(e.measured))
     best = found.best
     if not whole and (found.outcome is not Outcome.CONVERGED or best.cost > STUCK * piece.cost(start)):

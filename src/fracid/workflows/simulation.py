@@ -11,8 +11,6 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fracid._version import __version__
 from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
@@ -123,7 +121,7 @@ def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
     experiment = entry_of(f"recording of {path}", there, next(iter(there)) if recording is None else recording)
     if experiment in project.validation:
         problem = problem.with_shared(x, (experiment,))
-    return Twin.of_problem(problem, np.array([known.get(u.name, u.range.start) for u in problem.unknowns]), experiment)
+    return Twin.of_problem(problem, problem.point(known), experiment)
 
 
 def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:
