@@ -50,7 +50,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
-from fracid.estimation.horizons import Watch, from_start, growing, refined, uninterrupted
+from fracid.estimation.horizons import Watch, from_start, growing, lowest_from, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     coarse_problem,
@@ -502,7 +502,7 @@ class _Findings:
         return lower if lower.cost < self.best.cost else None
 
     def _refined(self, problem: Problem, x: FloatArray, **options: Any) -> Evaluation:
-        return uninterrupted(refined(problem, x, Watch(self.asked.jobs), **options)).best
+        return lowest_from(problem, x, Watch(self.asked.jobs), **options)
 
     def predict(self) -> None:
         """Simulate what was held out; what is wrong with the step is known by now."""

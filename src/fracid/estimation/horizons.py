@@ -122,6 +122,11 @@ def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Re
     return minimised(problem, descent(problem, x, **options), watch)
 
 
+def lowest_from(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
+    """Where :func:`refined` ends; an interruption is passed on."""
+    return uninterrupted(refined(problem, x, watch, **options)).best
+
+
 def minimised(problem: Problem, optimiser: Optimiser, watch: Watch, part: str = "") -> Result:
     """Run an optimiser on a problem, watched; `part` says of which part of the record, where it is not the whole."""
     before, begun, each = watch.count, watch.work, problem.simulator.work

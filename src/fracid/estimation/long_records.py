@@ -29,7 +29,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, Failure, FailureReason
 from fracid.estimation.bounded import lowest
 from fracid.estimation.derivatives import difference_steps, jacobian
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
@@ -170,7 +170,7 @@ def corrected(
         problem, before, errors = exact, x, exact.errors(x)
         too_far = len(moves) > 1 and moves[-1] > SHRINKS * moves[-2]  # for one Jacobian
         if isinstance(J, Failure) or isinstance(errors, Failure) or too_far:
-            x = uninterrupted(refined(problem, x, Watch(jobs))).best.point
+            x = lowest_from(problem, x, Watch(jobs)).point
         else:
             here = Tangent(problem, problem.criterion(x, errors), errors, J)
             x = x + lowest(here.R, here.y, problem.space.lower - x, problem.space.upper - x)

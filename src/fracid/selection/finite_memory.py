@@ -37,7 +37,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from, refined, uninterrupted
 from fracid.estimation.long_records import thinned
 from fracid.models import Model, Parameter
 from fracid.models.base import FadingState
@@ -159,12 +159,12 @@ def _lowest(
     """From the starts, and from others where those end above: so no fit of more ends above one of fewer."""
 
     def rough(start: Mapping[str, float]) -> Evaluation:
-        return uninterrupted(refined(rival, embedded(rival, start), watch, **ROUGH)).best
+        return lowest_from(rival, embedded(rival, start), watch, **ROUGH)
 
     end = min(map(rough, starts), key=lambda e: e.cost)
     higher = [x for x in also if not end.cost < rival.cost(embedded(rival, x))]
     end = min((end, *map(rough, higher)), key=lambda e: e.cost)
-    return end if end.residuals is None else uninterrupted(refined(rival, end.point, watch, **last)).best
+    return end if end.residuals is None else lowest_from(rival, end.point, watch, **last)
 
 
 def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, more: int) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
-from fracid.estimation.horizons import Watch, growing, refined, uninterrupted
+from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
 from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples, own_substeps
 from fracid.estimation.minimum import beside, settled
@@ -134,7 +134,7 @@ def discretisation_check(
     if after.reason or problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {}, warning=SAYS("fails", reason=after.reason) if after.reason else "")
     if problem.in_windows:  # at a window's end what a start is off by has grown
-        best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
+        best = lowest_from(second, x, Watch(jobs), budget=10)
         return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point, substeps=problem.substeps)
     finer = _minimum_beside(problem, x, second, jobs, near=near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
@@ -153,8 +153,8 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
             return there.x + there.step()
     begun, ended = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
     if begun is None or ended is None:
-        return uninterrupted(refined(other, x, Watch(jobs), tolerance=1e-6, budget=20)).best.point
-    return np.clip(x + (ended - begun), problem.space.lower, problem.space.upper)
+        return lowest_from(other, x, Watch(jobs), tolerance=1e-6, budget=20).point
+    return problem.space.clipped(x + (ended - begun))
 
 
 def _corrected_check(
@@ -236,7 +236,7 @@ def halved(at: Refined, jobs: int) -> Refined | None:
     most = LOST * max(at.best.cost, at.check.cost_second_order)
     if minimum.cost > most and 2 * other.simulator.work <= SOUGHT:  # the check went there from the first swing on
         moved = x + [at.check.moves.get(u.name, 0.0) for u in problem.unknowns]
-        minimum, near = uninterrupted(refined(other, moved, Watch(jobs))).best, None
+        minimum, near = lowest_from(other, moved, Watch(jobs)), None
     problem.last_derivatives.clear()
     if minimum.reason or minimum.cost > most:
         return None
@@ -269,7 +269,7 @@ def _minimum_of(
         if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
-    return uninterrupted(refined(other, x, Watch(jobs))).best if point is None else other.evaluate(point), None
+    return lowest_from(other, x, Watch(jobs)) if point is None else other.evaluate(point), None
 
 
 def _costs_differ(method: str, check: Discretisation) -> bool:
