@@ -26,7 +26,8 @@ from fracid.optimise import (
     minimise,
     nelder_mead,
 )
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Problem
+from fracid.problem.unknowns import ends_of
 
 
 def uninterrupted(result: Result) -> Result:
@@ -296,6 +297,5 @@ def _first_horizon(e: Experiment) -> float:
 
     As long as is needed, too, for every release and every delay to lie in its first half."""
     swings = round(e.swings)
-    of = e.release_time
-    late = max(e.longest_delay, *map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
+    late = max(e.longest_delay, *map(abs, ends_of(e.release_time)))
     return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * late + e.step) * (late > 0))

@@ -50,6 +50,7 @@ from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
+from fracid.problem.unknowns import ends_of
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import Number, Record, computed
 from fracid.units import GREEK, half_of, signed
@@ -380,8 +381,7 @@ def _turning_point(e: Experiment) -> int | None:
     from scipy.signal import find_peaks
 
     x = e.most_moved
-    start = e.release_time.upper if isinstance(e.release_time, Free) else e.release_time
-    first = max(0, math.ceil(start / e.step))
+    first = max(0, math.ceil(ends_of(e.release_time)[1] / e.step))
     peaks = [find_peaks(sign * x[first:], prominence=TURNS * np.ptp(x))[0] for sign in (1, -1)]
     turns = first + np.sort(np.concatenate(peaks))
     return int(turns[0]) if len(turns) and turns[0] < EARLY * len(x) else None
