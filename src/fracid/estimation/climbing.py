@@ -151,7 +151,7 @@ def embedded(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     [1.0, 0.0]
     """
     x = [values.get(u.name, values.get(u.target, u.range.start)) for u in problem.unknowns]
-    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
+    return problem.space.clipped(np.array(x, float))
 
 
 def starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:

@@ -311,7 +311,7 @@ def profile(
 
 def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> Surface:
     """V about the minimum next to x: about x itself where that is as good, lest flat directions drift."""
-    there, top = problem.evaluate(np.clip(x, problem.space.lower, problem.space.upper)), refit(problem, x)
+    there, top = problem.evaluate(problem.space.clipped(x)), refit(problem, x)
     if not math.isfinite(top.cost):
         raise InputError(f"There is nothing to profile: no run from the start reached its end: {top.reason}.")
     surface = Surface(problem, top, jobs)

@@ -124,7 +124,7 @@ def newton_step(problem: Problem, x: FloatArray, parabola: Curvature) -> tuple[F
     whole = np.zeros(len(x))
     whole[parabola.free] = -parabola.inverse @ parabola.gradient
     here = problem.cost(x)
-    ends = [np.clip(x + f * whole, problem.space.lower, problem.space.upper) for f in FRACTIONS]
+    ends = [problem.space.clipped(x + f * whole) for f in FRACTIONS]
     cost, end = min(((problem.cost(y), y) for y in ends), key=lambda pair: pair[0])
     return (end - x, cost) if cost < (1 - LOWER) * here else (np.zeros(len(x)), here)
 

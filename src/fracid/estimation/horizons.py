@@ -110,7 +110,7 @@ def from_start(problem: Problem, watch: Watch) -> Evaluation:
 
 def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
     """Least squares from x; of windows at whose ends x is far off, first on ever more of each."""
-    x = np.clip(x, problem.space.lower, problem.space.upper)
+    x = problem.space.clipped(x)
     if problem.in_windows:
         options = {**OF_WINDOWS, **options}
     for seconds in _of_windows(problem, x):
@@ -258,7 +258,7 @@ def _promising(live: list[_Way], number: int, until: str) -> list[_Way]:
 
 def descent(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), **options: Any) -> Optimiser:
     """Least squares from x, what is `fixed` held there; of a user's own cost Nelder and Mead's method."""
-    start = np.clip(x, problem.space.lower, problem.space.upper)
+    start = problem.space.clipped(x)
     space = replace(problem.space, start=start, held=problem.absent(start) | np.isin(np.arange(len(x)), fixed))
     return nelder_mead(space, None) if problem.cost_function.loss is None else least_squares(space, None, **options)
 

@@ -408,7 +408,7 @@ def _idle(view: _View, i: int) -> str:
         if i != k and parameters[i].kind == other.kind == "parameter" and low <= 0 <= high:
             without = np.where(np.arange(len(view.x)) == k, 0.0, view.x)
             inside = math.copysign(space.typical[i], space.steps(view.x)[i])
-            moved = np.clip(np.where(np.arange(len(view.x)) == i, view.x + inside, without), space.lower, space.upper)
+            moved = space.clipped(np.where(np.arange(len(view.x)) == i, view.x + inside, without))
             if problem.cost(without) == problem.cost(moved):
                 return SAYS("idle", other=other.name)
     return ""

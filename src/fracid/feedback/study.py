@@ -317,7 +317,7 @@ def draws_of(problem: Problem, x: FloatArray, count: int, seed: int, jobs: int) 
     for i in np.flatnonzero(~known & np.isfinite(found.ends).all(axis=1)):  # at a bound: each side of its own
         z = random.standard_normal(count) / NORMAL_95
         points[:, i] = x[i] + np.where(z < 0, z * (x[i] - found.ends[i, 0]), z * (found.ends[i, 1] - x[i]))
-    return np.clip(points, problem.space.lower, problem.space.upper), found.unseen
+    return problem.space.clipped(points), found.unseen
 
 
 def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
@@ -326,7 +326,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
     omega = np.geomspace(1e-3 * top, 0.5 * top, 50)
     here = loop.fitted.response(omega, loop.conditions.period)
     for direction in unseen:
-        other = np.clip(loop.x * (1 + 0.1 * direction), loop.problem.space.lower, loop.problem.space.upper)
+        other = loop.problem.space.clipped(loop.x * (1 + 0.1 * direction))
         there = loop.plant(other).response(omega, loop.conditions.period)
         if np.abs(there - here).max() > UNSEEN * np.abs(here).max():
             names = [n for n, d in zip(loop.problem.names, direction, strict=True) if abs(d) > UNSEEN]

@@ -611,8 +611,7 @@ def start_of(problem: Problem, regression: Regression) -> FloatArray:
     if "cable_stiffness" in best:
         best |= theta_rest_of({n: c.value for n, c in regression.parameters.items()})
     shared = {n for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
-    x = np.array([best[n] if n in shared & {*best} else v for n, v in zip(problem.names, problem.start, strict=True)])
-    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
+    return problem.space.clipped(problem.point({n: v for n, v in best.items() if n in shared}))
 
 
 def _recording(e: Experiment, problem: Problem) -> Recording:
