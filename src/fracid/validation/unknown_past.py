@@ -450,4 +450,4 @@ def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
         elif at > 0:
             state = problem.simulate(x, e).at([at])[0]
             values |= {f"{n}(0) [{e.name}]": float(v) for n, v in zip(problem.model.states, state, strict=True)}
-    return np.array([values.get(n, start) for n, start in zip(other.names, other.start.tolist(), strict=True)])
+    return other.point(values)
