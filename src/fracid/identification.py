@@ -215,9 +215,8 @@ def identify(
 
     with one_blas_thread():  # sums split over threads round differently
         begin("checks of the data", "look")
-        seen = (
-            before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs) if seen is None else seen
-        )
+        if seen is None:
+            seen = before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs)
         begin("search", "search")
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = beginning(problem, window, fixed_step) if window else problem
@@ -636,11 +635,10 @@ for."""
 def _beside(other: Problem, problem: Problem) -> Problem:
     """Another model of the same recordings, or some of them, with as many steps and on as many samples."""
     same = tuple(e for e in other.experiments if e.recording.name in problem.recordings)
-    every = max(e.means for e in problem.experiments)
-    if every == 1:
-        return replace(other, experiments=same, substeps=problem.substeps)
-    coarse = replace(like(other, same, every), substeps=problem.substeps)
-    return coarse.until(max(float(e.time[-1]) for e in problem.experiments))
+    other = replace(other, experiments=same)
+    if is_coarse(problem):
+        other = like(other, own_substeps(problem)).until(max(float(e.time[-1]) for e in problem.experiments))
+    return replace(other, substeps=problem.substeps)
 
 
 IMITATION = "may stand in for friction that the model lacks"
