@@ -33,6 +33,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -348,10 +349,9 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
 
 def _elements(problem: Problem, *, slow: bool = False) -> Iterator[Element]:
     """What costs no further state, one at a time; or what does."""
-    for change in ELEMENTS:
-        for element in change(problem):
-            if element.possible and element.slow == slow and element.whole is None and (slow or element.off):
-                yield element
+    for e in chain.from_iterable(change(problem) for change in ELEMENTS):
+        if e.possible and e.slow == slow and e.whole is None and (slow or e.off):
+            yield e
 
 
 def _simulated(subject: Subject, c: Candidate, name: str) -> Problem | None:

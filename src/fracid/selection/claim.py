@@ -136,10 +136,9 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
     """The free orders at a minimum, those of springpots among them, with their intervals."""
     found, rungs = [], frozenset(kind.rung for kind in problem.model.friction.values())
     for i in claimable(problem):
-        interval = None if isinstance(precision, Failure) else precision.interval(x, i)
         name, value = problem.unknowns[i].target, float(x[i])
         order = OrderFound(name, value, math.inf, integers_of(problem, name), rungs=rungs)
-        if interval is not None and not isinstance(precision, Failure):
+        if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
             order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=interval)

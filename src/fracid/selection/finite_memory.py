@@ -301,6 +301,5 @@ def _begun(
 
 def _faint(groups: Mapping[str, Sequence[int]], rival: Problem, count: int) -> dict[str, float]:
     """One relaxation more, that does next to nothing yet: so no fit of more ends above one of fewer."""
-    ranges = {u.target: u.range for u in rival.unknowns}
     last = {f"share{count}_{name}" for name in groups}
-    return {n: FAINT * ranges[n].start for n in last}
+    return {u.target: FAINT * u.range.start for u in rival.unknowns if u.target in last}

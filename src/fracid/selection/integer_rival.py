@@ -443,17 +443,14 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int 
     integer, more = rival.evaluation, len(rival.problem.names) - len(problem.names) if more is None else more
     (here, samples), (there, others) = _told(problem, fractional.point), _told(rival.problem, integer.point)
     n = samples if here <= there else others
-
-    def criterion(squares: float, unknowns: int) -> float:
-        return schwarz(squares, unknowns, n, problem.cost_function)
-
     k, left = len(problem.names), leftovers(problem, fractional.point).values()
     if all(e.noise for e in left) and any(e.coloured for e in left):
         new = coloured_noise.criterion(problem, fractional.point, k)
         others_new = coloured_noise.criterion(rival.problem, integer.point, k + more)
         if new is not None and others_new is not None:
             return n, others_new - new
-    return n, criterion(there, k + more) - criterion(here, k)
+    cost = problem.cost_function
+    return n, schwarz(there, k + more, n, cost) - schwarz(here, k, n, cost)
 
 
 def _told(problem: Problem, x: FloatArray) -> tuple[float, float]:
