@@ -40,6 +40,17 @@ def real_array(values: Any, fault: str) -> FloatArray:
     raise InputError(fault.replace("{}", brief(values)))
 
 
+def by_name(names: Iterable[Name], values: FloatArray) -> dict[Name, float]:
+    """Each name, or what else has a value, with its own of these.
+
+    Examples
+    --------
+    >>> by_name(("lambda", "mu"), np.array([0.9, 1.0]))
+    {'lambda': 0.9, 'mu': 1.0}
+    """
+    return dict(zip(names, values.tolist(), strict=True))
+
+
 def joined(parts: Iterable[FloatArray]) -> FloatArray:
     """All values of several arrays, one after the other, shape (n,).
 

@@ -37,7 +37,7 @@ from itertools import chain
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import starting_at
 from fracid.estimation.derivatives import differences, jacobian
@@ -111,7 +111,7 @@ class Alternatives:
         at = [self.allowed.index(i) for i in chosen if i in self.allowed]
         sums = tuple(b + p[at].sum(axis=0) for p, b in zip(self.parts, self.base, strict=True))
         found = np.sqrt(distance(sums, [*self.columns.values()], self.scale))
-        return dict(zip(self.columns, found.tolist(), strict=True))
+        return by_name(self.columns, found)
 
 
 @dataclass(frozen=True)

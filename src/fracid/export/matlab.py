@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid._version import __version__
+from fracid.arrays import by_name
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written
@@ -95,7 +96,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
             "residual": {n: fit.residual(n) for n in fit.measured},
             "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.driven.mean, "step": case.step,
             "steps": float(case.steps), "start": case.start,
-            "constants": dict(zip(p.model.parameter_names, case.parameters.tolist(), strict=True)),
+            "constants": by_name(p.model.parameter_names, case.parameters),
         })  # fmt: skip
     content = {
         "about": f"fracid {__version__}: {run.folder.name}; angles in rad, time in s",

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.covariance import uncertainty
@@ -220,7 +220,7 @@ class ClosedLoop:
         quiet = float(np.sqrt(np.mean(y[last:, i] ** 2))) <= QUIET * min(abs(c.off[first]), allowed)
         gain, phase, distance = margins(self.plant(x), controller)
         return as_json(Trial, Trial(
-            ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
+            ends and quiet, float(time[-1]), by_name(c.outputs, np.abs(y).max(axis=0)),
             float(np.sqrt(np.mean(y[:, i] ** 2))), effort=float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
             limited=float(np.mean((u <= c.least) | (u >= c.most))), gain_margin=json_number(gain), phase_margin=phase,
             distance=distance, up=up,
@@ -280,7 +280,7 @@ def conditions_of(
     far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
     conditions = Conditions(
-        there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name, model.input_units.get(name, "1"),
+        there.name, by_name(model.states, there.states), name, model.input_units.get(name, "1"),
         at_rest=at_rest, least=least, most=most,
         delay=delay_of(problem, x, name) if delay is None else delay, period=period,
         steps=max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs=outputs,

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number, writing
 from fracid.safety.door import appended
@@ -248,7 +248,7 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
         lines = []
         for e in batch:
             self._count += 1
-            point, cost = dict(zip(names, e.point.tolist(), strict=True)), json_number(e.cost)
+            point, cost = by_name(names, e.point), json_number(e.cost)
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")

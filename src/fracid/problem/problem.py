@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError
@@ -204,7 +204,7 @@ class Problem(Parametrisation, CardDisplay):
 
     def named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
-        return dict(zip(self.names, np.asarray(x).tolist(), strict=True))
+        return by_name(self.names, np.asarray(x))
 
     def point(self, values: Mapping[str, float]) -> FloatArray:
         """The other way: the unknowns of these values, what is not among them at its start, shape (n_unknowns,)."""

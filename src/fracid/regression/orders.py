@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.problem import Free
 from fracid.problem.unknowns import start_of
 from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
@@ -32,7 +32,7 @@ def search_orders(
     free = {n: v for n, v in orders.items() if isinstance(v, Free)}
 
     def at(q: ArrayLike) -> dict[str, float]:
-        values = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
+        values = by_name(free, np.atleast_1d(q))
         return {n: values.get(n, start_of(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:

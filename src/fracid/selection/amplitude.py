@@ -44,7 +44,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, computed_field
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.climbing import embedded
@@ -328,7 +328,7 @@ def _window_values(
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     order_values, values, *_ = problem.unpack(x, e)
-    at = dict(zip(problem.model.orders, order_values.tolist(), strict=True))
+    at = by_name(problem.model.orders, order_values)
     any_free = any(isinstance(v, Free) for v in problem.orders.values())
     orders: dict[str, Value] = {}
     for name, v in problem.orders.items():

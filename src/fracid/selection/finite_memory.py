@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
@@ -174,7 +174,7 @@ def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, m
 
 def _judged(rival: Problem, end: Evaluation, count: int, gain: float) -> FiniteMemory:
     """Beside the fractional fit; one that has no run ends nothing, and of one that is far from it nothing is asked."""
-    at = dict(zip(rival.unknowns, end.point.tolist(), strict=True))
+    at = by_name(rival.unknowns, end.point)
     limited = any(not u.range.lower + AT_END < v < u.range.upper - AT_END for u, v in at.items()
                   if u.target.startswith("ln_tau"))  # fmt: skip
     settles = gain <= WORTH and not limited and all(left.noise for left in leftovers(rival, end.point).values())

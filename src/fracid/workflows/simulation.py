@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid._version import __version__
+from fracid.arrays import by_name
 from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
@@ -243,7 +244,7 @@ def _record(
     """The truth."""
     model, values = twin.model, twin.model.parameter_vector(twin.parameters)
     parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
-    initial = dict(zip(model.states, model.state_vector(twin.initial).tolist(), strict=True))
+    initial = by_name(model.states, model.state_vector(twin.initial))
     return {
         "simulated": True, "source": printable(source), "model": model.name, "zero": model.zero,
         "orders": dict(twin.orders), "parameters": parameters, "initial": initial, "step": twin.step,
