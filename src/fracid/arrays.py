@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 """For indices."""
+
+Name = TypeVar("Name")
 
 
 def real_array(values: Any, fault: str) -> FloatArray:

@@ -89,7 +89,7 @@ from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
-from fracid.units import GREEK, with_half_width
+from fracid.units import letter, with_half_width
 from fracid.validation.after_search import after, between_samples, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
@@ -800,18 +800,18 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         yield SAYS("raw-sums", problem=problem)
     for order, output in problem.model.seen_in.items():
         if order in problem.names and output not in problem.outputs:
-            scored = " and ".join(GREEK.get(n, n) for n in problem.outputs)
-            yield SAYS("unscored", scored=scored, order=GREEK.get(order, order), output=GREEK.get(output, output))
+            scored = " and ".join(letter(n) for n in problem.outputs)
+            yield SAYS("unscored", scored=scored, order=letter(order), output=letter(output))
     if isinstance(precision, Failure):
         yield f"There are no intervals: {precision}."
         return
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
-        yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
+        yield f"The data cannot separate {' and '.join(letter(n) for n in names)}: fix one of them."
     alike: dict[tuple[str, bool], list[str]] = {}
     for v in verdicts.values():
         if v.kind not in UNTOLD and not any(v.name in names for names in together):
-            alike.setdefault((v.says, bool(v.reason)), []).append(GREEK.get(v.name, v.name))
+            alike.setdefault((v.says, bool(v.reason)), []).append(letter(v.name))
     for (says, explained), unknowns in alike.items():
         if len(unknowns) == 1:
             yield Note(f"{unknowns[0]} {says}.", "verdict" * explained)

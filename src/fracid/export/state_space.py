@@ -648,7 +648,7 @@ def posture(model: Model, parameters: FloatArray, name: str) -> FloatArray:
     def pull(output: str) -> float:
         away = rests.copy()
         away[model.output_states[output]] += 1.0
-        return float(np.abs(f(away, np.zeros(u)) - f(rests, np.zeros(u)))[: len(away)].max())
+        return float(np.abs(f(away, u) - f(rests, u))[: len(away)].max())
 
     least = PULLED * pull(model.pendulum)
     return model.state_vector({n: rests[i] * (pull(n) > least) + turned.get(n, 0.0)

@@ -22,10 +22,9 @@ from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import letter
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
-from fracid.units import half_of, typeset_unit
+from fracid.units import half_of, letter, typeset_unit
 from fracid.words import Sentences
 
 SAYS = Sentences("report/explore.toml")

@@ -46,7 +46,7 @@ from fracid.selection import coloured_noise
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
-from fracid.units import GREEK
+from fracid.units import letter
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
@@ -471,7 +471,7 @@ def warning_of(rival: Rival, cost: float, gain: float) -> str:
     """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
     if gain > STRONG and rival.nested and not rival.elements:
         return ""
-    orders = " and ".join(f"{GREEK.get(n, n)} = {v:.4g}" for n, v in rival.off.items())
+    orders = " and ".join(f"{letter(n)} = {v:.4g}" for n, v in rival.off.items())
     head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
     explains = _beside(rival.evaluation.cost, cost, gain)
     if not rival.nested:

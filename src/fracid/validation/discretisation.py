@@ -34,8 +34,8 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
-from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
+from fracid.units import letter, to_second_digit
 
 SAYS = Words("validation/discretisation.toml")
 
@@ -180,7 +180,7 @@ def _judged(
     width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
     moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     warning = " ".join(
-        SAYS("moves", name=GREEK.get(n, n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
+        SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
              method=problem.method) for n in moved)  # fmt: skip
     if moved:
         remedy = f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'
