@@ -88,7 +88,7 @@ class Discretisation(Record):
         if isinstance(known, Failure):
             return known
         moves = np.array([self.moves.get(u.name, 0.0) for u in problem.unknowns])
-        halves = np.array([half_width(known, x, i) or 0.0 for i in range(len(x))])
+        halves = np.array([half_width(known, x, i) for i in range(len(x))])
         moves[np.abs(moves) <= QUIET * halves] = 0.0
         return known.wider(problem.space, x, TO_THE_LIMIT * moves) if moves.any() else known
 
