@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 """For indices."""
+
+Name = TypeVar("Name")
 
 
 def real_array(values: Any, fault: str) -> FloatArray:
@@ -38,6 +40,17 @@ def real_array(values: Any, fault: str) -> FloatArray:
             if array.dtype.kind in "fiub" or (array.dtype == object and all(isinstance(v, Real) for v in array.flat)):
                 return np.require(array, np.float64, ["C", "W"])
     raise InputError(fault.replace("{}", brief(values)))
+
+
+def by_name(names: Iterable[Name], values: FloatArray) -> dict[Name, float]:
+    """Each name, or what else has a value, with its own of these.
+
+    Examples
+    --------
+    >>> by_name(("lambda", "mu"), np.array([0.9, 1.0]))
+    {'lambda': 0.9, 'mu': 1.0}
+    """
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def joined(parts: Iterable[FloatArray]) -> FloatArray:

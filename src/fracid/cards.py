@@ -17,7 +17,7 @@ from pathlib import Path, PurePath
 from typing import Any, cast
 
 from fracid.safety.text import cut, printable
-from fracid.units import GREEK, shown_unit, typeset_unit, with_half_width, with_interval
+from fracid.units import letter, shown_unit, typeset_unit, with_half_width, with_interval
 
 LINES, LENGTH = 8, 120
 """Of a card as text: so many lines at most, of so many characters."""
@@ -166,7 +166,7 @@ def estimate_text(name: str, value: float, interval: tuple[float, float] | None,
         text = rounded(factor * value, None)
     else:
         text = _true_minus(with_interval(*(factor * v for v in (value, *interval))))
-    return f"{GREEK.get(name, name)} = {text} {typeset_unit(display_unit)}".rstrip()
+    return f"{letter(name)} = {text} {typeset_unit(display_unit)}".rstrip()
 
 
 def brief(value: object) -> str:
@@ -192,7 +192,7 @@ def brief(value: object) -> str:
         return f"array of {' × '.join(f'{n:,}' for n in shape)}" if shape else f"{value:.4g}"
     if isinstance(value, Mapping):
         plain = (int, float, str)
-        items = (f"{GREEK.get(str(n), n)} = {brief(v)}" if isinstance(v, plain) else str(n) for n, v in value.items())
+        items = (f"{letter(str(n))} = {brief(v)}" if isinstance(v, plain) else str(n) for n, v in value.items())
         return listed(items)
     if isinstance(value, tuple | list):
         short = len(value) <= FEW and all(isinstance(item, str | int | float) for item in value)

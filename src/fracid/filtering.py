@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
 from fracid.fit import Fit
@@ -349,7 +349,7 @@ class _Made:
         """Refuse a state or a slow constant that the sensors leave as uncertain as it was."""
         y, u = first_samples(self.problem, self.sensors, TUNED_ON)
         sizes = np.ptp(self.simulated, axis=0)
-        wide = dict(zip(self.problem.model.states, (0.05 * sizes).tolist(), strict=True))
+        wide = by_name(self.problem.model.states, 0.05 * sizes)
         doubts = {n: v for n, v in self.initial.items() if n in self.slow}
         made = replace(self, slow=dict.fromkeys(self.slow, 0.0), initial=wide | doubts)
         still = made.observer(0.0)

@@ -23,7 +23,7 @@ from fracid.selection.claim import ClaimWord
 from fracid.selection.doubts import claimed, doubts
 from fracid.selection.integer_rival import Alternative
 from fracid.selection.opened_bounds import OpenedBound
-from fracid.units import GREEK, with_unit
+from fracid.units import letter, with_unit
 from fracid.validation.discretisation import Discretisation
 from fracid.validation.unknown_past import CutCheck
 
@@ -156,7 +156,7 @@ class Fit(CardDisplay, WithPosterior, Record):
             ("warnings", f"{len(warnings)}: {warnings[0]}" if warnings else "none"),
             *((n, _score(*score)) for n, score in scores.items()),
         ), estimates=tuple({
-            "free": GREEK.get(n, n), "value": _estimate("", e).removeprefix(" = "), "verdict": e.verdict,
+            "free": letter(n), "value": _estimate("", e).removeprefix(" = "), "verdict": e.verdict,
         } for n, e in {**self.orders, **self.parameters}.items() if e.free))  # fmt: skip
 
 
@@ -165,6 +165,6 @@ def _estimate(name: str, e: Estimate) -> str:
 
 
 def _score(use: str, rmse: Mapping[str, float | None], units: Mapping[str, str]) -> str:
-    errors = (f"{GREEK.get(n, n)} " + ("none" if value is None else with_unit(value, units.get(n, "rad")))
+    errors = (f"{letter(n)} " + ("none" if value is None else with_unit(value, units.get(n, "rad")))
               for n, value in rmse.items())  # fmt: skip
     return f"{'validation' if use == 'validate' else use}, RMSE of {listed(errors)}"

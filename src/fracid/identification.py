@@ -50,7 +50,7 @@ from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
 from fracid.estimation.curvature import curvature, newton_step
 from fracid.estimation.drift import drift_of
-from fracid.estimation.horizons import Watch, from_start, growing, refined, uninterrupted
+from fracid.estimation.horizons import Watch, from_start, growing, lowest_from, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
     coarse_problem,
@@ -90,7 +90,7 @@ from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
-from fracid.units import GREEK, with_half_width
+from fracid.units import letter, with_half_width
 from fracid.validation.after_search import after, between_samples, failed, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
@@ -216,9 +216,8 @@ def identify(
 
     with one_blas_thread():  # sums split over threads round differently
         begin("checks of the data", "look")
-        seen = (
-            before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs) if seen is None else seen
-        )
+        if seen is None:
+            seen = before(problem, reports, validation=validation, fixed_step=fixed_step, jobs=jobs)
         begin("search", "search")
         window = None if entry.keeps_its_own else chosen_window(problem)
         work = beginning(problem, window, fixed_step) if window else problem
@@ -522,7 +521,7 @@ class _Findings:
         return lower if lower.cost < self.best.cost else None
 
     def _refined(self, problem: Problem, x: FloatArray, **options: Any) -> Evaluation:
-        return uninterrupted(refined(problem, x, Watch(self.asked.jobs), **options)).best
+        return lowest_from(problem, x, Watch(self.asked.jobs), **options)
 
     def predict(self) -> None:
         """Simulate what was held out; what is wrong with the step is known by now."""
@@ -656,11 +655,10 @@ for."""
 def _beside(other: Problem, problem: Problem) -> Problem:
     """Another model of the same recordings, or some of them, with as many steps and on as many samples."""
     same = tuple(e for e in other.experiments if e.recording.name in problem.recordings)
-    every = max(e.means for e in problem.experiments)
-    if every == 1:
-        return replace(other, experiments=same, substeps=problem.substeps)
-    coarse = replace(like(other, same, every), substeps=problem.substeps)
-    return coarse.until(max(float(e.time[-1]) for e in problem.experiments))
+    other = replace(other, experiments=same)
+    if is_coarse(problem):
+        other = like(other, own_substeps(problem)).until(max(float(e.time[-1]) for e in problem.experiments))
+    return replace(other, substeps=problem.substeps)
 
 
 IMITATION = "may stand in for friction that the model lacks"
@@ -822,18 +820,18 @@ def _warnings(problem: Problem, precision: Uncertainty | Failure, verdicts: Mapp
         yield SAYS("raw-sums", problem=problem)
     for order, output in problem.model.seen_in.items():
         if order in problem.names and output not in problem.outputs:
-            scored = " and ".join(GREEK.get(n, n) for n in problem.outputs)
-            yield SAYS("unscored", scored=scored, order=GREEK.get(order, order), output=GREEK.get(output, output))
+            scored = " and ".join(letter(n) for n in problem.outputs)
+            yield SAYS("unscored", scored=scored, order=letter(order), output=letter(output))
     if isinstance(precision, Failure):
         yield f"There are no intervals: {precision}."
         return
     together = [names for names in precision.confounded if len(names) > 1]
     for names in together:
-        yield f"The data cannot separate {' and '.join(GREEK.get(n, n) for n in names)}: fix one of them."
+        yield f"The data cannot separate {' and '.join(letter(n) for n in names)}: fix one of them."
     alike: dict[tuple[str, bool], list[str]] = {}
     for v in verdicts.values():
         if v.kind not in UNTOLD and not any(v.name in names for names in together):
-            alike.setdefault((v.says, bool(v.reason)), []).append(GREEK.get(v.name, v.name))
+            alike.setdefault((v.says, bool(v.reason)), []).append(letter(v.name))
     for (says, explained), unknowns in alike.items():
         if len(unknowns) == 1:
             yield Note(f"{unknowns[0]} {says}.", "verdict" * explained)

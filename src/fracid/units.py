@@ -39,6 +39,17 @@ MOST = 15
 """Digits that a number has."""
 
 
+def letter(name: str) -> str:
+    """The Greek letter of an angle or an order, other names as they are.
+
+    Examples
+    --------
+    >>> letter("lambda"), letter("C1")
+    ('λ', 'C1')
+    """
+    return GREEK.get(name, name)
+
+
 def in_letters(text: str) -> str:
     """A sentence with the Greek letters of angles and orders; names that are typed stay.
 

@@ -12,7 +12,7 @@ from fracid.estimation.agreement import spread
 from fracid.estimation.covariance import half_width, uncertainty
 from fracid.estimation.curvature import curvature
 from fracid.estimation.derivatives import by_blocks, jacobian
-from fracid.estimation.horizons import Watch, refined
+from fracid.estimation.horizons import Watch, lowest_from, refined
 from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
@@ -132,7 +132,8 @@ def test_the_check_of_the_step_shifts_the_orders_as_a_search_at_half_the_step_do
     made, x = minimum
     known = uncertainty(made, x)
     asked = []
-    monkeypatch.setattr("fracid.validation.discretisation.refined", lambda *a, **k: asked.append(a) or refined(*a, **k))
+    search = "fracid.validation.discretisation.lowest_from"
+    monkeypatch.setattr(search, lambda *a, **k: asked.append(a) or lowest_from(*a, **k))
     fast = discretisation_check(made, x, known, 1)
     assert not asked
     monkeypatch.setattr("fracid.validation.discretisation.nearly_equal_minimum", lambda *_: None)

@@ -269,7 +269,7 @@ def calibrated(problem: Problem, x: FloatArray, *, jobs: int = 1) -> tuple[Recor
         the data nor a bound fixes.
     """
     require_likelihood(problem)
-    x = np.clip(x, problem.space.lower, problem.space.upper)
+    x = problem.space.clipped(x)
     bare = as_fitted(likelihood_problem(problem), x)
     best = refit(bare, x)
     if not math.isfinite(best.cost):

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from fracid.fit import Fit
     from fracid.tasks.progress import Observer
+    from fracid.validation.discretisation import Discretisation
     from fracid.workflows.fit import FinishedRun
 
 SHOWN = 3
@@ -160,7 +161,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     if len(notes) > SHOWN:
         warn(console, f"{len(notes) - SHOWN} more: on the page, and in result.json")
     if fit.discretisation is not None:
-        say(console, f"discretisation: {escape(_discretisation(fit))}", "  ")
+        say(console, f"discretisation: {escape(_discretisation(fit.discretisation))}", "  ")
     if fit.cut is not None and not fit.cut.warnings:
         say(console, f"cut: {escape(fit.cut.verdict)}", "  ")
     elif fit.cut is None and fit.problem.order_indices and in_motion(run.result):
@@ -233,9 +234,7 @@ def _starts(fit: Fit) -> str:
     return f"{reached}; the lowest came from the start {best.origin!r}"
 
 
-def _discretisation(fit: Fit) -> str:
-    check = fit.discretisation
-    assert check is not None
+def _discretisation(check: Discretisation) -> str:
     shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
     said = f"{cost} and the orders move by {shifts}" if shifts else cost

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from fracid.cli.app import How, command, echo_json, new_console, print_table, say_next, typed
-from fracid.units import GREEK
+from fracid.units import letter
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,7 +43,7 @@ def _show(console: Console, found: dict[str, Model], name: str | None) -> None:
 
 
 def _names(signals: Iterable[str]) -> str:
-    return ", ".join(GREEK.get(s, s) for s in signals)
+    return ", ".join(letter(s) for s in signals)
 
 
 def _record(m: Model) -> dict[str, Any]:

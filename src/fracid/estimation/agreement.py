@@ -115,7 +115,7 @@ def spread(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Spread:
 
     def alone(name: str) -> tuple[FloatArray, FloatArray]:
         one = replace(problem, experiments=problem.experiments[problem.recordings[name][1]])
-        best, precision = _alone(one, np.array([at[n] for n in one.names]), J.get(name))
+        best, precision = _alone(one, one.point(at), J.get(name))
         if precision is None or isinstance(precision, Failure):
             return np.full(len(shared), np.nan), np.full(len(shared), np.nan)
         where = [one.names.index(problem.names[i]) for i in shared]

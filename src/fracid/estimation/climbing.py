@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.horizons import Watch, growing, refined, uninterrupted
+from fracid.estimation.horizons import Watch, growing, lowest_from, refined
 from fracid.estimation.windows import in_windows, shared_values
 from fracid.models.friction import RUNGS
 from fracid.optimise import Result
@@ -91,8 +91,8 @@ def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
         simple = without(problem, later)
         pieces = in_windows(simple)
         starts = [embedded(pieces, {**values, **entry}) for entry in entries(simple, names)]
-        ends = [uninterrupted(refined(pieces, x, watch, **ROUGH)).best for x in starts]
-        best = uninterrupted(refined(pieces, min(ends, key=lambda e: e.cost).point, watch, **FINE)).best
+        ends = [lowest_from(pieces, x, watch, **ROUGH) for x in starts]
+        best = lowest_from(pieces, min(ends, key=lambda e: e.cost).point, watch, **FINE)
         values |= shared_values(pieces, best.point)
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:  # first of what each recording has for itself, then of all
@@ -151,7 +151,7 @@ def embedded(problem: Problem, values: Mapping[str, float]) -> FloatArray:
     [1.0, 0.0]
     """
     x = [values.get(u.name, values.get(u.target, u.range.start)) for u in problem.unknowns]
-    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
+    return problem.space.clipped(np.array(x, float))
 
 
 def starting_at(problem: Problem, values: Mapping[str, float]) -> Problem:

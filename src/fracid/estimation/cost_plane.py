@@ -169,7 +169,7 @@ def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float
         return WIDE
     errors, steep, space = ERRORS, TENFOLD * problem.cost(x), problem.space
     to_both_sides = np.outer((-e.standard_error, e.standard_error), np.eye(len(x))[i])
-    while errors > FEWEST and min(problem.costs(np.clip(x + errors * to_both_sides, space.lower, space.upper))) > steep:
+    while errors > FEWEST and min(problem.costs(space.clipped(x + errors * to_both_sides))) > steep:
         errors = max(FEWEST, 0.7 * errors)
     return errors * e.standard_error
 

@@ -83,7 +83,7 @@ from fracid.safety.schema import (
 from fracid.solver.trajectory import vector
 from fracid.tasks.display import counted
 from fracid.tasks.job import Counter, Progress, in_threads
-from fracid.units import GREEK, with_unit
+from fracid.units import letter, with_unit
 
 SAYS = Words("estimation/cost_profile.toml")
 
@@ -127,7 +127,7 @@ class Profile(CardDisplay, Record):
 
     def _card(self) -> Card:
         points = f"{self.values.size} from {self._shown(self.values[0])} to {self._shown(self.values[-1])}"
-        return Card(f"Profile of {GREEK.get(self.name, self.name)}: {self.sentence}", (
+        return Card(f"Profile of {letter(self.name)}: {self.sentence}", (
             ("minimum", self._shown(self.best)),
             ("95 % interval", self._interval(self.interval95)),
             ("sandwich", "none" if self.wald95 is None else self._interval(self.wald95)),
@@ -211,9 +211,9 @@ class Profiles(CardDisplay, Record):
         return ""
 
     def _card(self) -> Card:
-        joint = "" if self.joint is None else f" and {' with '.join(GREEK.get(n, n) for n in self.joint.names)}"
-        return Card(f"Profiles of {listed(GREEK.get(n, n) for n in self.profiles)}{joint}", (
-            *((GREEK.get(n, n), p.summary) for n, p in self.profiles.items()),
+        joint = "" if self.joint is None else f" and {' with '.join(letter(n) for n in self.joint.names)}"
+        return Card(f"Profiles of {listed(letter(n) for n in self.profiles)}{joint}", (
+            *((letter(n), p.summary) for n, p in self.profiles.items()),
             *(("note", note) for note in self.notes),
         ))  # fmt: skip
 
@@ -311,7 +311,7 @@ def profile(
 
 def _minimum(problem: Problem, x: FloatArray, at: Sequence[int], jobs: int) -> Surface:
     """V about the minimum next to x: about x itself where that is as good, lest flat directions drift."""
-    there, top = problem.evaluate(np.clip(x, problem.space.lower, problem.space.upper)), refit(problem, x)
+    there, top = problem.evaluate(problem.space.clipped(x)), refit(problem, x)
     if not math.isfinite(top.cost):
         raise InputError(f"There is nothing to profile: no run from the start reached its end: {top.reason}.")
     surface = Surface(problem, top, jobs)

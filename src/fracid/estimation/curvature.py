@@ -124,7 +124,7 @@ def newton_step(problem: Problem, x: FloatArray, parabola: Curvature) -> tuple[F
     whole = np.zeros(len(x))
     whole[parabola.free] = -parabola.inverse @ parabola.gradient
     here = problem.cost(x)
-    ends = [np.clip(x + f * whole, problem.space.lower, problem.space.upper) for f in FRACTIONS]
+    ends = [problem.space.clipped(x + f * whole) for f in FRACTIONS]
     cost, end = min(((problem.cost(y), y) for y in ends), key=lambda pair: pair[0])
     return (end - x, cost) if cost < (1 - LOWER) * here else (np.zeros(len(x)), here)
 
@@ -179,7 +179,7 @@ def start_shift(
         initial_indices = started if e.past is None else []
         if not initial_indices:
             continue
-        point = np.array([values.get(u.name, u.range.start) for u in alone.unknowns])  # the same run, the same errors
+        point = alone.point(values)  # the same run, the same errors
         names = [problem.names[i] for i in parabola.free]
         own = {k: alone.names.index(name) for k, name in enumerate(names) if name in alone.names}
         J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)

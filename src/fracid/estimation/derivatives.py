@@ -79,7 +79,7 @@ def differences(
     def both_sides(group: IntArray) -> list[FloatArray]:
         change = np.zeros(len(x))
         change[free[group]] = steps[free[group]]
-        return [np.clip(x + side * change, space.lower, space.upper) for side in (1, -1)]
+        return [space.clipped(x + side * change) for side in (1, -1)]
 
     def differentiate(groups: Sequence[IntArray]) -> Failure | None:
         ends = [end for group in groups for end in both_sides(group)]

@@ -34,13 +34,13 @@ class Drift:
     """Of its 95 % interval."""
 
 
-def drift_of(problem: Problem, x: FloatArray, jobs: int = 1) -> Drift | None:
+def drift_of(problem: Problem, x: FloatArray) -> Drift | None:
     """The friction that changes most surely while the recordings of a problem in windows last, if one does."""
     inside = (x > problem.space.lower) & (x < problem.space.upper) & ~problem.absent(x)
     free = np.flatnonzero(inside)
     if problem.blocks is None or not problem.in_windows:
         return None
-    J = by_blocks(problem, x, free, jobs=jobs)
+    J = by_blocks(problem, x, free)
     if isinstance(J, Failure):
         return None
     blocks, near = J.blocks, normal_equations(problem, J, free)

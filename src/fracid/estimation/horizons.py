@@ -26,7 +26,8 @@ from fracid.optimise import (
     minimise,
     nelder_mead,
 )
-from fracid.problem import Experiment, Free, Problem
+from fracid.problem import Experiment, Problem
+from fracid.problem.unknowns import ends_of
 
 
 def uninterrupted(result: Result) -> Result:
@@ -109,7 +110,7 @@ def from_start(problem: Problem, watch: Watch) -> Evaluation:
 
 def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Result:
     """Least squares from x; of windows at whose ends x is far off, first on ever more of each."""
-    x = np.clip(x, problem.space.lower, problem.space.upper)
+    x = problem.space.clipped(x)
     if problem.in_windows:
         options = {**OF_WINDOWS, **options}
     for seconds in _of_windows(problem, x):
@@ -120,6 +121,11 @@ def refined(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Re
             return replace(result, best=problem.evaluate(result.best.point))
         x = result.best.point
     return minimised(problem, descent(problem, x, **options), watch)
+
+
+def lowest_from(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
+    """Where :func:`refined` ends; an interruption is passed on."""
+    return uninterrupted(refined(problem, x, watch, **options)).best
 
 
 def minimised(problem: Problem, optimiser: Optimiser, watch: Watch, part: str = "") -> Result:
@@ -252,7 +258,7 @@ def _promising(live: list[_Way], number: int, until: str) -> list[_Way]:
 
 def descent(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), **options: Any) -> Optimiser:
     """Least squares from x, what is `fixed` held there; of a user's own cost Nelder and Mead's method."""
-    start = np.clip(x, problem.space.lower, problem.space.upper)
+    start = problem.space.clipped(x)
     space = replace(problem.space, start=start, held=problem.absent(start) | np.isin(np.arange(len(x)), fixed))
     return nelder_mead(space, None) if problem.cost_function.loss is None else least_squares(space, None, **options)
 
@@ -291,6 +297,5 @@ def _first_horizon(e: Experiment) -> float:
 
     As long as is needed, too, for every release and every delay to lie in its first half."""
     swings = round(e.swings)
-    of = e.release_time
-    late = max(e.longest_delay, *map(abs, (of.lower, of.upper) if isinstance(of, Free) else (of,)))
+    late = max(e.longest_delay, *map(abs, ends_of(e.release_time)))
     return max(float(e.time[-1]) / (swings if swings >= 3 else 16), (2 * late + e.step) * (late > 0))

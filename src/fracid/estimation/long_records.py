@@ -29,7 +29,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import SMALLEST, Failure, FailureReason
 from fracid.estimation.bounded import lowest
 from fracid.estimation.derivatives import difference_steps, jacobian
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
@@ -100,16 +100,16 @@ def coarse_problem(problem: Problem) -> Problem:
     every = _every(problem, PER_PERIOD, LONG, FEWEST)
     if every == 1:
         return problem
-    coarse = like(problem, problem.experiments, every)
+    coarse = like(problem, every)
     coarse = replace(coarse, memo=problem.memo or Recent(MEMORY), substeps=STEPS)
     while coarse.substeps < every and _differ(coarse):
         coarse = replace(coarse, substeps=2 * coarse.substeps)
     return coarse
 
 
-def like(problem: Problem, experiments: Sequence[Experiment], every: int) -> Problem:
-    """The problem on these recordings, each made coarser."""
-    coarse = (coarser(e, every, problem.model.inputs) for e in experiments)
+def like(problem: Problem, every: int) -> Problem:
+    """The problem with each recording made coarser."""
+    coarse = (coarser(e, every, problem.model.inputs) for e in problem.experiments)
     return replace(problem, experiments=tuple(coarse))
 
 
@@ -170,7 +170,7 @@ def corrected(
         problem, before, errors = exact, x, exact.errors(x)
         too_far = len(moves) > 1 and moves[-1] > SHRINKS * moves[-2]  # for one Jacobian
         if isinstance(J, Failure) or isinstance(errors, Failure) or too_far:
-            x = uninterrupted(refined(problem, x, Watch(jobs))).best.point
+            x = lowest_from(problem, x, Watch(jobs)).point
         else:
             here = Tangent(problem, problem.criterion(x, errors), errors, J)
             x = x + lowest(here.R, here.y, problem.space.lower - x, problem.space.upper - x)
@@ -309,7 +309,7 @@ def thinned(problem: Problem, x: FloatArray) -> Problem:
     every = 1 if problem.in_windows else _every(problem, *ROUGHLY)
     if every == 1:
         return problem
-    coarse = replace(like(problem, problem.experiments, every), method="pi2", substeps=STEPS, memo=Recent(MEMORY))
+    coarse = replace(like(problem, every), method="pi2", substeps=STEPS, memo=Recent(MEMORY))
     exact = _with_defect(coarse, replace(coarse, method=problem.method, substeps=every * problem.substeps), x)
     return problem if isinstance(exact, Failure) else exact
 

@@ -50,7 +50,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import GREEK, half_of, with_interval, with_unit
+from fracid.units import half_of, letter, with_interval, with_unit
 
 SAYS = Words("estimation/parameter_verdicts.toml")
 
@@ -418,7 +418,7 @@ def _idle(view: _View, i: int) -> str:
         if i != k and parameters[i].kind == other.kind == "parameter" and low <= 0 <= high:
             without = np.where(np.arange(len(view.x)) == k, 0.0, view.x)
             inside = math.copysign(space.typical[i], space.steps(view.x)[i])
-            moved = np.clip(np.where(np.arange(len(view.x)) == i, view.x + inside, without), space.lower, space.upper)
+            moved = space.clipped(np.where(np.arange(len(view.x)) == i, view.x + inside, without))
             if problem.cost(without) == problem.cost(moved):
                 return SAYS("idle", other=other.name)
     return ""
@@ -447,14 +447,14 @@ def _because(view: _View, i: int) -> str:
     most = max(swings, key=lambda n: swings[n])
     if u.kind == "order":
         own = view.moved_by(u.target)
-        moved = " and ".join(GREEK.get(n, n) for n in own)
+        moved = " and ".join(letter(n) for n in own)
         if own and max(swings[n] for n in own) < STILL * swings[most]:
             size = view.size(max(own, key=swings.__getitem__))
-            return SAYS("still", moved=moved, size=size, most=view.size(most), of=GREEK.get(most, most))
+            return SAYS("still", moved=moved, size=size, most=view.size(most), of=letter(most))
         if own and not set(own) & set(view.problem.outputs):
-            return f"; {moved} is not scored: score it too, or fix {GREEK.get(u.name, u.name)}"
+            return f"; {moved} is not scored: score it too, or fix {letter(u.name)}"
     if u.kind == "parameter" and NONLINEAR < view.powers[i] < math.inf:
-        return SAYS("nonlinear", power=view.powers[i], of=GREEK.get(most, most), size=view.size(most))
+        return SAYS("nonlinear", power=view.powers[i], of=letter(most), size=view.size(most))
     return ""
 
 
@@ -466,13 +466,12 @@ def _of_presliding(view: _View, i: int) -> str:
         return ""
     for state, delta in model.relaxing.items():
         joint, part = view.presliding(state)
-        letter = GREEK.get(joint, joint)
         own = u.target == delta or delta in model.parameter(u.target).needs
         strength = kind.dry or (kind.rung in (LUGRE.rung, "Stribeck") and not own)
         if kind.joint == joint and own and part < SLIDES:
-            return SAYS("slides", joint=letter, percent=100 * part, name=u.name)
+            return SAYS("slides", joint=letter(joint), percent=100 * part, name=u.name)
         if kind.joint == joint and part > STICKS and (u.target == delta or strength):
-            return SAYS("sticks", joint=letter, percent=100 * min(part, 1.0), delta=delta, name=u.name)
+            return SAYS("sticks", joint=letter(joint), percent=100 * min(part, 1.0), delta=delta, name=u.name)
     return ""
 
 

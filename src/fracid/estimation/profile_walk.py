@@ -77,7 +77,7 @@ def refit(problem: Problem, x: FloatArray, fixed: Sequence[int] = (), *, toleran
     >>> refit(problem, np.array([1.0, 0.95]), fixed=[1]).point.round(3)
     array([0.9 , 0.95])
     """
-    x = np.clip(x, problem.space.lower, problem.space.upper)
+    x = problem.space.clipped(x)
     search = descent(problem, x, fixed, tolerance=tolerance, budget=BUDGET)
     return problem.evaluate(x) if len(fixed) == len(x) else uninterrupted(minimised(problem, search, Watch())).best
 

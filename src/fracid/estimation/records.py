@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import Card, CardDisplay, brief, rounded
 from fracid.errors import Failure
 from fracid.figures import Style, draw
@@ -266,7 +266,7 @@ def fit_of(
         cost = alone.cost(x, [np.where(np.isnan(error), 0.0, error)])
     deviations = () if e.deviation is None else zip(problem.outputs, e.deviation.T, strict=True)
     windows = {} if e is problem.experiments[at][0] else {
-        w.name: dict(zip(model.states, problem.unpack(x, w)[2].tolist(), strict=True)) for w in problem.experiments[at]
+        w.name: by_name(model.states, problem.unpack(x, w)[2]) for w in problem.experiments[at]
     }  # fmt: skip
     return RecordingFit(
         name, use, e.start + e.time, dict(zip(problem.outputs, e.measured.T, strict=True)),

@@ -184,7 +184,7 @@ class Tangent(AtPoint):
 
     def there(self, x: FloatArray) -> Walk[Tangent | None]:
         """The same derivatives at another point within the bounds; None where its run fails."""
-        x = np.clip(x, self.problem.space.lower, self.problem.space.upper)
+        x = self.problem.space.clipped(x)
         errors = yield x
         if isinstance(errors, Failure):
             return None

@@ -33,10 +33,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import starting_at
 from fracid.estimation.derivatives import differences, jacobian
@@ -110,7 +111,7 @@ class Alternatives:
         at = [self.allowed.index(i) for i in chosen if i in self.allowed]
         sums = tuple(b + p[at].sum(axis=0) for p, b in zip(self.parts, self.base, strict=True))
         found = np.sqrt(distance(sums, [*self.columns.values()], self.scale))
-        return dict(zip(self.columns, found.tolist(), strict=True))
+        return by_name(self.columns, found)
 
 
 @dataclass(frozen=True)
@@ -348,10 +349,9 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
 
 def _elements(problem: Problem, *, slow: bool = False) -> Iterator[Element]:
     """What costs no further state, one at a time; or what does."""
-    for change in ELEMENTS:
-        for element in change(problem):
-            if element.possible and element.slow == slow and element.whole is None and (slow or element.off):
-                yield element
+    for e in chain.from_iterable(change(problem) for change in ELEMENTS):
+        if e.possible and e.slow == slow and e.whole is None and (slow or e.off):
+            yield e
 
 
 def _simulated(subject: Subject, c: Candidate, name: str) -> Problem | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError, at_least, refuse_unknown
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.search import searched
@@ -268,7 +268,7 @@ def _robust(
     alone, beside = of_each([nominal], ()), of_each([nominal], chosen[1:])
     best = [*np.argsort(alone)[: SHORTLIST // 2], *np.argsort(beside)[: SHORTLIST // 2], *chosen]
     short = sorted({int(i) for i in best})
-    drawn = (subject.at(dict(zip(subject.names, v.tolist(), strict=True))) for v in draws)
+    drawn = (subject.at(by_name(subject.names, v)) for v in draws)
     tables = [informations(there, [candidates[i] for i in short]) for there in drawn]
     usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
     if not usable:
@@ -299,10 +299,7 @@ def _plan(
     rows = zip(subject.shared, after.tolist(), before.tolist(), scale.tolist(), strict=True)
     expected = {u.name: Value(u.range.start, u.unit, e if e < s else None, b if b < s else None)
                 for u, e, b, s in rows}  # fmt: skip
-    landscape = tuple(
-        (c, dict(zip(names, np.sqrt(np.diag((base + i).covariance(scale))).tolist(), strict=True)))
-        for c, i in possible
-    )  # fmt: skip
+    landscape = tuple((c, by_name(names, np.sqrt(np.diag((base + i).covariance(scale))))) for c, i in possible)
     return Plan(
         subject=subject, name=subject.name, experiments=tuple(possible[i][0] for i in chosen), expected=expected,
         candidates=len(possible), landscape=landscape, covariance=total.covariance(scale), **said,

@@ -43,7 +43,7 @@ from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
-from fracid.units import GREEK
+from fracid.units import letter
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
@@ -220,11 +220,11 @@ class Plan(CardDisplay, Record):
         """With what is known now, and with the integer-order alternatives."""
         gains = self.gain_over()
         if any(math.isfinite(g) for g in gains.values()):
-            yield "than now", listed(f"{GREEK.get(n, n)} {_times(gains[n])}" for n in named if n in gains)
+            yield "than now", listed(f"{letter(n)} {_times(gains[n])}" for n in named if n in gains)
         if self.distances:
             nearest = min(self.distances, key=self.distances.__getitem__)
             away = f"stays {self.distances[nearest]:.3g} standard deviations away"
-            alone = [f"{GREEK.get(n, n)} {d:.3g}" for n, d in (self.alone or {}).items()]
+            alone = [f"{letter(n)} {d:.3g}" for n, d in (self.alone or {}).items()]
             off = f"; where one order alone is fractional, {listed(alone)}" if len(alone) > 1 else ""
             yield "alternative", f"the nearest, with {nearest}, {away}{off}"
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
@@ -271,7 +271,7 @@ def subject_of_problem(
         raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
     noise, encoder_alone = _noises(problem, J.errors, space)
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
-    values = dict(zip((u.target for u in unknowns), x.tolist(), strict=True))
+    values = by_name((u.target for u in unknowns), x)
     held = {u.target for u, k in zip(unknowns, shared, strict=True) if u.experiment is None and not k}
     priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
     recorded = Information(priors, priors)

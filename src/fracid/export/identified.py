@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.estimation.records import Estimate
 from fracid.export.c import used_constants
 from fracid.export.recursion import Case, Recursion
@@ -127,7 +127,7 @@ class Identified:
     def orders(self) -> tuple[Quantity, ...]:
         """Each order that has a name, once; they are in the tables."""
         model = self.problem.model
-        named = dict(zip(model.orders, self.tables.orders.tolist(), strict=True))
+        named = by_name(model.orders, self.tables.orders)
         about = "order of the derivative, which the tables of the memory are made for"
         return tuple(self._quantity(str(n), "1", q, about) for n, q in named.items() if not isinstance(n, float))
 

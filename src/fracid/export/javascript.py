@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
 from fracid.export.markup import program as filled
 from fracid.export.recursion import TIGHT, Case
@@ -113,7 +113,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     jumps = case.driven_after.jumps
     recording = {
         "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
-        "parameters": dict(zip(model.parameter_names, case.parameters.tolist(), strict=True)),
+        "parameters": by_name(model.parameter_names, case.parameters),
         "inputs": case.driven_after.before.ravel().tolist(), "jumps": None if jumps is None else jumps.ravel().tolist(),
     }  # fmt: skip
     return filled(

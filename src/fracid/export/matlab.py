@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fracid._version import __version__
+from fracid.arrays import by_name
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.whole import words_of, written
@@ -95,7 +96,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
             "residual": {n: fit.residual(n) for n in fit.measured},
             "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.driven.mean, "step": case.step,
             "steps": float(case.steps), "start": case.start,
-            "constants": dict(zip(p.model.parameter_names, case.parameters.tolist(), strict=True)),
+            "constants": by_name(p.model.parameter_names, case.parameters),
         })  # fmt: skip
     content = {
         "about": f"fracid {__version__}: {run.folder.name}; angles in rad, time in s",
@@ -115,12 +116,11 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
 
 def of_recording(run: SavedRun, name: str) -> Case:
     """One recording of a run as it was simulated, validation recordings with their own values."""
-    p, experiments = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
-    e = experiments[name]
-    if e in p.experiments:
-        return Case.of(p, run.x, e)
-    problem = p.with_shared(run.x, (e,))
-    return Case.of(problem, np.array([run.values.get(u.name, u.range.start) for u in problem.unknowns]), e)
+    problem, there = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
+    e = there[name]
+    if e not in problem.experiments:
+        problem = problem.with_shared(run.x, (e,))
+    return Case.of(problem, problem.point(run.values), e)
 
 
 def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -124,8 +124,8 @@ class Recursion:
     @property
     def order_values(self) -> str:
         """Each order that has a name once, in words: ``lambda = 0.9, 1 - springpot_order_theta = 0.4``."""
-        by_name = dict(zip(self.model.orders, self.orders.tolist(), strict=True))
-        return ", ".join(f"{name} = {q!r}" for name, q in by_name.items() if not isinstance(name, float))
+        orders = by_name(self.model.orders, self.orders)
+        return ", ".join(f"{name} = {q!r}" for name, q in orders.items() if not isinstance(name, float))
 
     @property
     def newest(self) -> FloatArray:

@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
@@ -430,7 +430,7 @@ class IntegerModel:
         """About hanging and upright; of a model of yours about rest near zero, with :attr:`around` or without input."""
         p = moving(self.model, self.parameters)
         if self.model.pendulum:
-            driven = _by_name(self.model, self.parameters).get(self.model.drive) != 0
+            driven = by_name(self.model.parameter_names, self.parameters).get(self.model.drive) != 0
             inputs = self.model.inputs if driven else ("torque",)
             return {n: replace(self.linearised(n, posture(self.model, self.parameters, n), p), inputs=inputs)
                     for n in ("hanging", "upright")}  # fmt: skip
@@ -453,7 +453,7 @@ class IntegerModel:
         small = 1e-6 / max(1.0, float(np.abs(linear.G).max()))  # an input too small for all but the linear part
         u = linear.driven + small * np.eye(1, len(linear.driven))
         run = simulate(self.model, orders=self.orders, initial=linear.about, step=end / points, end=end, inputs=u,
-                       parameters=_by_name(self.model, moving(self.model, self.parameters)))  # fmt: skip
+                       parameters=by_name(self.model.parameter_names, moving(self.model, self.parameters)))  # fmt: skip
         exact = np.full((points + 1, len(linear.rows)), np.nan)
         exact[: len(run.states)] = (run.states[:, list(linear.rows)] - linear.about[list(linear.rows)]) / small
         return time, integer.reshape(len(time), -1), exact
@@ -558,8 +558,8 @@ def sentences(run: SavedRun, system: IntegerModel) -> Iterator[str]:
 
 def linear_sentences(system: IntegerModel) -> Iterator[str]:
     """What the linear models about a posture leave out."""
-    model, p = system.model, _by_name(system.model, system.parameters)
-    smooth = _by_name(model, moving(model, system.parameters))
+    model, p = system.model, by_name(system.model.parameter_names, system.parameters)
+    smooth = by_name(model.parameter_names, moving(model, system.parameters))
     dry = [name for name, kind in model.friction.items() if kind.dry]
     without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
     without += [n for n in p if p[n] != smooth[n] and n not in (*dry, model.drive)]
@@ -628,10 +628,6 @@ def _slopes(f: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray
     return np.ascontiguousarray(np.reshape(columns, (len(at), len(here))).T)
 
 
-def _by_name(model: Model, parameters: FloatArray) -> dict[str, float]:
-    return dict(zip(model.parameter_names, parameters.tolist(), strict=True))
-
-
 def posture(model: Model, parameters: FloatArray, name: str) -> FloatArray:
     """The states where a pendulum is ``hanging`` or ``upright``, every output that is pulled to its ``…_rest`` there.
 
@@ -644,14 +640,15 @@ def posture(model: Model, parameters: FloatArray, name: str) -> FloatArray:
     >>> posture(rig, rig.parameter_vector(), "hanging")
     array([0. , 0. , 0.5, 0. ])
     """
-    p, f, u = _by_name(model, parameters), partial(model.derivatives, p=moving(model, parameters)), len(model.inputs)
+    p, f = by_name(model.parameter_names, parameters), partial(model.derivatives, p=moving(model, parameters))
+    u = np.zeros(len(model.inputs))
     turned = {model.pendulum: math.pi} if name != model.zero else {}
     rests = model.state_vector({n: p.get(model.rest_of(n), 0.0) for n in model.output_states})
 
     def pull(output: str) -> float:
         away = rests.copy()
         away[model.output_states[output]] += 1.0
-        return float(np.abs(f(away, np.zeros(u)) - f(rests, np.zeros(u)))[: len(away)].max())
+        return float(np.abs(f(away, u) - f(rests, u))[: len(away)].max())
 
     least = PULLED * pull(model.pendulum)
     return model.state_vector({n: rests[i] * (pull(n) > least) + turned.get(n, 0.0)
@@ -671,7 +668,7 @@ def moving(model: Model, parameters: FloatArray) -> FloatArray:
     >>> float(moving(model, model.parameter_vector())[model.parameter_names.index("coulomb_angle")])
     0.0
     """
-    p, kinds = _by_name(model, parameters), model.friction
+    p, kinds = by_name(model.parameter_names, parameters), model.friction
     sticks = {kinds[delta].joint for delta in model.relaxing.values() if delta in kinds and p[delta] > 0}
     slides = {n for n, kind in kinds.items() if kind.corner == "sliding" and kind.joint not in sticks}
     p |= {n: kinds[n].off for n in kinds if n in slides or kinds[n].corner == "always"}

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import Card, CardDisplay
 from fracid.errors import Failure, InputError, entry_of, refuse_unknown
 from fracid.estimation.covariance import uncertainty
@@ -220,7 +220,7 @@ class ClosedLoop:
         quiet = float(np.sqrt(np.mean(y[last:, i] ** 2))) <= QUIET * min(abs(c.off[first]), allowed)
         gain, phase, distance = margins(self.plant(x), controller)
         return as_json(Trial, Trial(
-            ends and quiet, float(time[-1]), dict(zip(c.outputs, np.abs(y).max(axis=0).tolist(), strict=True)),
+            ends and quiet, float(time[-1]), by_name(c.outputs, np.abs(y).max(axis=0)),
             float(np.sqrt(np.mean(y[:, i] ** 2))), effort=float(np.sqrt(np.mean((u - c.at_rest) ** 2))),
             limited=float(np.mean((u <= c.least) | (u >= c.most))), gain_margin=json_number(gain), phase_margin=phase,
             distance=distance, up=up,
@@ -280,7 +280,7 @@ def conditions_of(
     far = {n: FALLEN if n == model.pendulum else 10 * abs(away[n]) if n in away else math.inf for n in outputs}
     period = e.step if rate is None else 1 / rate
     conditions = Conditions(
-        there.name, dict(zip(model.states, there.states.tolist(), strict=True)), name, model.input_units.get(name, "1"),
+        there.name, by_name(model.states, there.states), name, model.input_units.get(name, "1"),
         at_rest=at_rest, least=least, most=most,
         delay=delay_of(problem, x, name) if delay is None else delay, period=period,
         steps=max(1, math.ceil(period * problem.substeps / e.step - 1e-9)), outputs=outputs,
@@ -317,7 +317,7 @@ def draws_of(problem: Problem, x: FloatArray, count: int, seed: int, jobs: int) 
     for i in np.flatnonzero(~known & np.isfinite(found.ends).all(axis=1)):  # at a bound: each side of its own
         z = random.standard_normal(count) / NORMAL_95
         points[:, i] = x[i] + np.where(z < 0, z * (x[i] - found.ends[i, 0]), z * (found.ends[i, 1] - x[i]))
-    return np.clip(points, problem.space.lower, problem.space.upper), found.unseen
+    return problem.space.clipped(points), found.unseen
 
 
 def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
@@ -326,7 +326,7 @@ def _refuse_unseen(loop: ClosedLoop, unseen: FloatArray) -> None:
     omega = np.geomspace(1e-3 * top, 0.5 * top, 50)
     here = loop.fitted.response(omega, loop.conditions.period)
     for direction in unseen:
-        other = np.clip(loop.x * (1 + 0.1 * direction), loop.problem.space.lower, loop.problem.space.upper)
+        other = loop.problem.space.clipped(loop.x * (1 + 0.1 * direction))
         there = loop.plant(other).response(omega, loop.conditions.period)
         if np.abs(there - here).max() > UNSEEN * np.abs(here).max():
             names = [n for n, d in zip(loop.problem.names, direction, strict=True) if abs(d) > UNSEEN]

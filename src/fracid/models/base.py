@@ -68,7 +68,7 @@ from fracid.models.scene import Scene
 from fracid.models.written.reading import read, read_outputs
 from fracid.models.written.tree import Program
 from fracid.safety.kinds import refuse_other_kinds
-from fracid.units import GREEK
+from fracid.units import letter
 
 SAYS = Words("models/base.toml")
 
@@ -696,11 +696,11 @@ class Model(CardDisplay):
         values = ((p.name, f"{p.value:.6g} {p.unit if p.unit != '1' else ''}".rstrip()) for p in self.parameters)
         return Card(f"Model {self.name}", (
             ("states", listed(self.states)),
-            ("orders", listed(GREEK.get(q, q) for q in orders)),
-            ("outputs", listed(GREEK.get(n, n) for n in self.outputs)),
+            ("orders", listed(letter(q) for q in orders)),
+            ("outputs", listed(letter(n) for n in self.outputs)),
             ("inputs", listed(self.inputs)),
             ("parameters", f"{len(self.parameters)}: {listed(self.parameter_names)}"),
-            ("zero", f"{self.zero}, where {GREEK.get(self.pendulum, self.pendulum)} = 0" if self.zero else "none"),
+            ("zero", f"{self.zero}, where {letter(self.pendulum)} = 0" if self.zero else "none"),
             ("source", self.source),
         ), tuple(values))  # fmt: skip
 

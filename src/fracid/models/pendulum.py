@@ -76,7 +76,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError, refuse_unknown
 from fracid.models.base import SAYS, LinearTerms, Model, Parameter
 from fracid.models.library import model_of_table, table_of
@@ -203,7 +203,7 @@ def _columns(
     drive: FloatArray | None,
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """What each constant is multiplied with in (9) and (10), the sum of which is 0."""
-    p = dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
+    p = by_name(model.parameter_names, model.parameter_vector())
     (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates
     sin, cos = np.sin(alpha - p["alpha_rest"]), np.cos(alpha - p["alpha_rest"])
     sin2, slip = 2.0 * sin * cos, p["slip_speed"]

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.errors import InputError, at_least, is_number, writing
 from fracid.safety.door import appended
@@ -109,6 +109,10 @@ class Space:
         most = np.maximum(np.abs(self.start), 1.0)
         return np.maximum(np.abs(x), 1e-2 * np.minimum(self.upper - self.lower, most))
 
+    def clipped(self, points: FloatArray) -> FloatArray:
+        """The nearest points within the bounds, shape (…, n)."""
+        return np.clip(points, self.lower, self.upper)
+
     def from_unit(self, points: FloatArray) -> FloatArray:
         """Map points of the unit cube, shape (…, n), onto the bounds.
 
@@ -120,7 +124,7 @@ class Space:
         width = self.upper - self.lower
         for name in np.array(self.names)[~np.isfinite(width)]:
             raise InputError(f"{name} has an infinite bound; a global search needs a lower and an upper one.")
-        return np.clip(self.lower + points * width, self.lower, self.upper)
+        return self.clipped(self.lower + points * width)
 
 
 @dataclass(frozen=True)
@@ -244,7 +248,7 @@ class EvaluationLog(AbstractContextManager["EvaluationLog"]):
         lines = []
         for e in batch:
             self._count += 1
-            point, cost = dict(zip(names, e.point.tolist(), strict=True)), json_number(e.cost)
+            point, cost = by_name(names, e.point), json_number(e.cost)
             line = {"n": self._count, "point": point, "cost": cost, "reason": e.reason, "seconds": seconds}
             if self._count > self._before:
                 lines.append(json.dumps(line, ensure_ascii=False) + "\n")

@@ -96,7 +96,7 @@ def _step(R: Arrowhead, α: float, space: Space, x: FloatArray) -> tuple[FloatAr
     held: NDArray[np.bool_] = ((x <= space.lower) & (g > 0)) | ((x >= space.upper) & (g < 0)) | ~space.moving
     while not held.all():
         free = x + R.step(np.where(held, np.inf, np.sqrt(α) / space.typical))
-        end = np.clip(free, space.lower, space.upper)
+        end = space.clipped(free)
         step = np.where(held, 0.0, end - x)
         expected = -float(g @ step) - 0.5 * R.square(step)
         if expected > 0 or np.array_equal(end, free):

@@ -53,7 +53,7 @@ def sobol_points(space: Space, count: int, rng: np.random.Generator) -> FloatArr
     low, high = (np.arcsinh(np.where(bounded, side, space.start) / size) for side in (space.lower, space.upper))
     cube = Sobol(len(space.names), rng=rng).random_base2((count - 1).bit_length())[:count]
     points = size * np.sinh(low + cube * (high - low))
-    return np.asarray(np.where(bounded, np.clip(points, space.lower, space.upper), space.start))
+    return np.asarray(np.where(bounded, space.clipped(points), space.start))
 
 
 @dataclass(eq=False)

@@ -68,7 +68,7 @@ def nelder_mead(
 def _reflected(x: FloatArray, space: Space) -> FloatArray:
     x = np.where(x < space.lower, 2 * space.lower - x, x)
     x = np.where(x > space.upper, 2 * space.upper - x, x)
-    return np.clip(x, space.lower, space.upper)
+    return space.clipped(x)
 
 
 def _edges(space: Space) -> FloatArray:

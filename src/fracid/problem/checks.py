@@ -15,7 +15,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, Tied, root_of, start_of
+from fracid.problem.unknowns import Free, Tied, ends_of, root_of, start_of
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import probe
 
@@ -108,7 +108,7 @@ def _check_bounds(p: Parametrisation) -> None:
     """Orders stay within (0, 2), parameters where the model means something, also those tied to a free one."""
     for name, value in p.orders.items():
         if not isinstance(value, Tied):
-            low, high = (value.lower, value.upper) if isinstance(value, Free) else (value, value)
+            low, high = ends_of(value)
             if not 0 < low <= high < 2:
                 raise InputError(f"{name} = {low:g} … {high:g}: an order must lie strictly between 0 and 2.")
             if high > 1 and name in p.model.springpot_orders.values():
@@ -236,10 +236,9 @@ def _check_release(p: Parametrisation, e: Experiment) -> None:
     """A release lies within the recording, and what moves already cannot be released."""
     if e.release_time == 0.0:
         return
-    free = isinstance(e.release_time, Free)
-    ends = (e.release_time.lower, e.release_time.upper) if isinstance(e.release_time, Free) else (e.release_time,) * 2
+    ends = ends_of(e.release_time)
     if not -e.time[-1] / 2 <= ends[0] <= ends[1] <= e.time[-1] / 2:
         raise InputError(SAYS("late-release", e=e, ends=' … '.join(f'{v:g}' for v in dict.fromkeys(ends)),
                               end=e.time[-1]))  # fmt: skip
     if p.initial_state not in ("rest", "held"):
-        raise InputError(SAYS("release-in-motion", e=e, free=" that is free" if free else "", p=p))
+        raise InputError(SAYS("release-in-motion", e=e, free=" that is free" * isinstance(e.release_time, Free), p=p))

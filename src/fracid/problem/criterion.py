@@ -36,7 +36,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.optimise import Evaluation
 from fracid.problem.costs import Cost
 from fracid.problem.experiment import Experiment
@@ -129,7 +129,7 @@ class Criterion:
         means = [np.sum(r**2, axis=0) / e.samples for e, r in self._pairs(errors)]
         squares = sum(s**2 * mean for s, mean in zip(self.shares(), means, strict=True))
         whole = sum(s**2 for s in self.shares())
-        return dict(zip(self.outputs, np.sqrt(squares / whole).tolist(), strict=True))
+        return by_name(self.outputs, np.sqrt(squares / whole))
 
     def _costs_by_output(self, errors: list[FloatArray]) -> FloatArray:
         """C_o of each output alone, at least that of its encoder's rounding, shape (n_outputs,)."""

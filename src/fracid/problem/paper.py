@@ -24,7 +24,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES, Sensor
 from fracid.problem.unknowns import Free, start_of
-from fracid.units import GREEK
+from fracid.units import letter
 
 SAYS = Words("problem/paper.toml")
 
@@ -123,7 +123,7 @@ def _of_constants(model: Model, rig: str | None, given: Mapping[str, float]) -> 
 
 
 def _of_the_recipe(problem: Problem) -> Iterator[str]:
-    free = {GREEK.get(n, n): v for n, v in problem.orders.items() if isinstance(v, Free)}
+    free = {letter(n): v for n, v in problem.orders.items() if isinstance(v, Free)}
     ranges = [f"{n} in {v.lower:g} … {v.upper:g}" for n, v in free.items()]
     if ranges:
         yield f"the search is bounded, {', '.join(ranges)} (the paper gives no bounds)"

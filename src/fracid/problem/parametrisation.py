@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.models import Model
 from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
@@ -204,7 +204,7 @@ class Parametrisation:
         return self._readings(self.unpack(x, e).parameters, sensors)
 
     def _readings(self, parameters: FloatArray, sensors: Mapping[str, Sensor]) -> dict[str, Reading]:
-        values = dict(zip(self.model.parameter_names, parameters.tolist(), strict=True))
+        values = by_name(self.model.parameter_names, parameters)
         return {channel: sensor.reading(channel, values) for channel, sensor in sensors.items()}
 
     @cached_property

@@ -28,7 +28,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.arrowhead import Blocks
 from fracid.cards import Card, CardDisplay, listed
 from fracid.errors import Failure, InputError
@@ -48,7 +48,7 @@ from fracid.solver.solve import MOST, RUNS, go_together
 from fracid.solver.trajectory import Trajectory
 from fracid.tasks.job import in_threads
 from fracid.tasks.simulation_cache import Memo, Recent
-from fracid.units import GREEK
+from fracid.units import letter
 
 _Found = TypeVar("_Found")
 Points = Sequence[FloatArray] | FloatArray
@@ -119,8 +119,8 @@ class Problem(Parametrisation, CardDisplay):
     def _card(self) -> Card:
         return Card(f"Problem of {self.model.name}: {len(self.names)} free parameters", (
             ("recordings", listed(e.name for e in self.experiments)),
-            ("free", listed(GREEK.get(name, name) for name in self.names)),
-            ("cost", f"{self.cost_function.name} of {listed(GREEK.get(n, n) for n in self.outputs)}"),
+            ("free", listed(letter(name) for name in self.names)),
+            ("cost", f"{self.cost_function.name} of {listed(letter(n) for n in self.outputs)}"),
             ("solver", f"{self.method}, memory {self.memory.name}, {self.substeps} steps a sample"),
         ))  # fmt: skip
 
@@ -204,7 +204,11 @@ class Problem(Parametrisation, CardDisplay):
 
     def named(self, x: FloatArray) -> dict[str, float]:
         """Name of each unknown → its value."""
-        return dict(zip(self.names, np.asarray(x).tolist(), strict=True))
+        return by_name(self.names, np.asarray(x))
+
+    def point(self, values: Mapping[str, float]) -> FloatArray:
+        """The other way: the unknowns of these values, what is not among them at its start, shape (n_unknowns,)."""
+        return np.array([values.get(u.name, u.range.start) for u in self.unknowns], float)
 
     @property
     def free_orders(self) -> dict[str, int]:

@@ -35,7 +35,7 @@ from fracid.findings import Words
 from fracid.models import Model, Parameter
 from fracid.models.written.formulas import Formula
 from fracid.models.written.tree import Entry, Function, Number, Return
-from fracid.problem.unknowns import Free, Value
+from fracid.problem.unknowns import Free, Value, ends_of
 from fracid.safety.door import own_text
 
 SAYS = Words("problem/sensors.toml")
@@ -111,8 +111,7 @@ class Sensor:
 
     def range(self, name: str) -> tuple[float, float]:
         """Lowest and highest value, the same for a number."""
-        value = getattr(self, name)
-        return (value.lower, value.upper) if isinstance(value, Free) else (float(value), float(value))
+        return ends_of(getattr(self, name))
 
     @property
     def latest(self) -> float:

@@ -31,7 +31,7 @@ from fracid.problem.coarse import means, stepped
 from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import Reading
-from fracid.problem.unknowns import Free
+from fracid.problem.unknowns import ends_of
 from fracid.solver.arguments import Equation, InitialCondition, Options, Relaxations
 from fracid.solver.inputs import Driven, between_samples, low_passed, low_passed_steps
 from fracid.solver.memory import Memory
@@ -175,8 +175,7 @@ class Simulator:
 
     def steps(self, e: Experiment) -> int:
         """Steps of a run: from any release it reaches the last sample, so that all have the same memory."""
-        earliest = e.release_time.lower if isinstance(e.release_time, Free) else e.release_time
-        early = max(0.0, -earliest) + max((s.earliest for s in e.sensors.values()), default=0.0)
+        early = max(0.0, -ends_of(e.release_time)[0]) + max((s.earliest for s in e.sensors.values()), default=0.0)
         grid, substeps = self._grid(e)
         return grid.steps * substeps + math.ceil(early * substeps / grid.step)
 

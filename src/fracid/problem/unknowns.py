@@ -136,6 +136,11 @@ def start_of(value: Value) -> float:
     return value.start if isinstance(value, Free) else float(value)
 
 
+def ends_of(value: float | Free) -> tuple[float, float]:
+    """The lowest and the highest that it may be: the same for a number."""
+    return (value.lower, value.upper) if isinstance(value, Free) else (float(value), float(value))
+
+
 def scaled(value: float | Free, factor: float) -> float | Free:
     """A number or a range times a factor.
 

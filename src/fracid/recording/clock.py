@@ -121,10 +121,8 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
 
 def time_column(table: Table, time: Mapping[str, Any] | int | str | None) -> str | None:
     """The name of the column that :func:`read_clock` takes, its place where it has none; None where a rate is given."""
-    spec = dict(time) if isinstance(time, Mapping) else {} if time is None else {"column": time}
-    if "rate" in spec or (not spec and len(table.names) == 1):
-        return None
-    return table.names[table.find(spec["column"]) if spec else _guess_time(table)].removeprefix("column ")
+    column = read_clock(table, time)[2].column
+    return None if column is None else table.names[column].removeprefix("column ")
 
 
 def _unit_of_date(ticks: FloatArray) -> str:

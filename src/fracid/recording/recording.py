@@ -20,7 +20,7 @@ from fracid.recording.channel import SAYS, UNITS, si_unit
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
-from fracid.units import GREEK, with_unit
+from fracid.units import letter, with_unit
 
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
@@ -64,7 +64,7 @@ class Recording(CardDisplay):
         every = "" if self.step is None else f", one every {1e3 * self.step:.6g} ms"
         release = report.release_reason if report.release is None else f"{report.release:.3f} s"
         findings = f"{len(report.warnings)}: {report.warnings[0]}" if report.warnings else "none"
-        signals = ((GREEK.get(s.name, s.name), _extent(s)) for s in report.signals)
+        signals = ((letter(s.name), _extent(s)) for s in report.signals)
         return Card(f"Recording {self.name}: {report.level}", (
             ("samples", f"{clock.samples:,} over {clock.duration:.4g} s{every}"),
             ("release", release),

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.regression.estimators import Gauge, solve
 from fracid.regression.rows import Blocks, Data, System, only
 from fracid.solver.solve import simulate
@@ -74,7 +74,7 @@ def _likeness(Z: FloatArray, W: FloatArray) -> float:
 
 def _simulated(data: Data, beta: FloatArray, orders: Mapping[str, float]) -> list[FloatArray] | None:
     """Low-passed angles of the simulated response of each recording; None where a run diverges."""
-    rows, model, values = data.rows, data.model, dict(zip(data.names, beta.tolist(), strict=True))
+    rows, model, values = data.rows, data.model, by_name(data.names, beta)
     friction = {n: max(values[n], 0.0) for n, kind in model.friction.items() if n in values and kind.power is not None}
     clamped = {} if any(r.swing.arm for r in rows) else {"J_theta": CLAMPED}
     parameters = {n: v for n, v in (values | friction | clamped | theta_rest_of(values)).items() if n != "cable_offset"}

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import Card, CardDisplay, brief, estimate_text, listed
 from fracid.errors import InputError, refuse_unknown
 from fracid.findings import Words
@@ -413,7 +413,7 @@ def _terms(swings: Sequence[Swing], asked: Asked) -> tuple[tuple[str, ...], dict
     looked = (set(asked.terms) - set(fixed_values)) & candidates
     if "cable_stiffness" in looked:
         looked.add("cable_offset")
-    own = dict(zip(every, own_values(model, every).tolist(), strict=True)) | fixed_values
+    own = by_name(every, own_values(model, every)) | fixed_values
     if all(s.drive is None for s in swings):
         candidates.discard(model.drive)
         looked.discard(model.drive)
@@ -611,8 +611,7 @@ def start_of(problem: Problem, regression: Regression) -> FloatArray:
     if "cable_stiffness" in best:
         best |= theta_rest_of({n: c.value for n, c in regression.parameters.items()})
     shared = {n for n, u in zip(problem.names, problem.unknowns, strict=True) if u.experiment is None}
-    x = np.array([best[n] if n in shared & {*best} else v for n, v in zip(problem.names, problem.start, strict=True)])
-    return np.asarray(np.clip(x, problem.space.lower, problem.space.upper))
+    return problem.space.clipped(problem.point({n: v for n, v in best.items() if n in shared}))
 
 
 def _recording(e: Experiment, problem: Problem) -> Recording:

@@ -8,8 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.problem import Free
+from fracid.problem.unknowns import start_of
 from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
 from fracid.regression.rows import Data
 
@@ -31,8 +32,8 @@ def search_orders(
     free = {n: v for n, v in orders.items() if isinstance(v, Free)}
 
     def at(q: ArrayLike) -> dict[str, float]:
-        values = dict(zip(free, np.atleast_1d(q).tolist(), strict=True))
-        return {n: values.get(n, v.start if isinstance(v, Free) else float(v)) for n, v in orders.items()}
+        values = by_name(free, np.atleast_1d(q))
+        return {n: values.get(n, start_of(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
         return math.log(scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models import Model
@@ -80,7 +80,7 @@ def terms_of(model: Model) -> LinearTerms:
 
 def own_values(model: Model, names: Sequence[str]) -> FloatArray:
     """The model's constants, shape (n_terms,)."""
-    p = dict(zip(model.parameter_names, model.parameter_vector().tolist(), strict=True))
+    p = by_name(model.parameter_names, model.parameter_vector())
     p["cable_offset"] = -p["cable_stiffness"] * p.get("theta_rest", 0.0)
     return np.array([p[n] for n in names])
 

@@ -15,7 +15,6 @@ from fracid.report.sentences import (
     digits,
     interval,
     joined,
-    letter,
     linked,
     said,
     search_sentence,
@@ -23,7 +22,7 @@ from fracid.report.sentences import (
     with_error,
 )
 from fracid.safety.text import printable
-from fracid.units import in_letters, number, raised, typeset_unit
+from fracid.units import in_letters, letter, number, raised, typeset_unit
 
 
 def drawn(template: str, **what: Any) -> Markup:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
 from fracid.export.javascript import no_javascript, program, solver
 from fracid.export.whole import written, written_outputs
@@ -22,10 +22,9 @@ from fracid.problem.costs import COSTS
 from fracid.problem.simulator import LIMIT
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import letter
 from fracid.report.traces import budget
 from fracid.safety.door import own_text
-from fracid.units import half_of, typeset_unit
+from fracid.units import half_of, letter, typeset_unit
 from fracid.words import Sentences
 
 SAYS = Sentences("report/explore.toml")
@@ -199,7 +198,7 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
         "samples": samples, "whole": len(e.measured), "release": None if e.release_time == 0.0 else values.release,
         "limit": LIMIT * float(np.max(sizes, initial=1.0)), "initial": values.initial,
         "deflections": list(_deflections(problem, x, e)), "unknowns": list(_unknowns(problem, x, e)),
-        "parameters": dict(zip(problem.model.parameter_names, values.parameters.tolist(), strict=True)),
+        "parameters": by_name(problem.model.parameter_names, values.parameters),
         "inputs": base64_floats(inputs, "<f8"),
         "jumps": None if driven.jumps is None else base64_floats(driven.jumps[:rows], "<f8"),
     }  # fmt: skip

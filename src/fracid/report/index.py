@@ -28,7 +28,7 @@ from fracid.report.charts import Chart, Series, still
 from fracid.report.drawing import filled
 from fracid.report.frame import rendered
 from fracid.report.samples import floats_of
-from fracid.report.sentences import in_unit, joined, letter
+from fracid.report.sentences import in_unit, joined
 from fracid.report.study import read_study, studies_of, write_study
 from fracid.report.whiskers import order_axis, orders_drawn
 from fracid.runs.saved import SavedRun
@@ -38,7 +38,7 @@ from fracid.safety.schema import read_if_whole
 from fracid.safety.text import printable
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
-from fracid.units import number, shown_unit
+from fracid.units import letter, number, shown_unit
 
 INDEX, PAGE = "index.html", "report.html"
 

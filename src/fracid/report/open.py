@@ -25,10 +25,9 @@ from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import Table, read_table
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import letter
 from fracid.report.study import in_script
 from fracid.safety.door import write_files
-from fracid.units import shown_unit
+from fracid.units import letter, shown_unit
 
 SCRIPTS = ("theme.js", "data.js", "uPlot.iife.min.js", "charts.js", "scene.js", "fitting.js", "reading.js",
            "drafting.js", "explore.js")  # fmt: skip

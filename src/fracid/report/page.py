@@ -33,7 +33,7 @@ from fracid.report.index import (
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
-from fracid.report.sentences import counted, described, half_width, joined, letter, state_letter
+from fracid.report.sentences import counted, described, half_width, joined, state_letter
 from fracid.report.study import STUDIES, figures_of, in_script, ladder_of, studies_of
 from fracid.report.surface import Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
@@ -43,7 +43,7 @@ from fracid.runs.evaluations import tried
 from fracid.runs.saved import load_run
 from fracid.safety.door import write_files
 from fracid.selection.doubts import in_motion, unsaid
-from fracid.units import number
+from fracid.units import letter, number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_analyses import Analyses
 from fracid.words import Sentences

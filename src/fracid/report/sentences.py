@@ -25,25 +25,14 @@ from markupsafe import Markup, escape
 from fracid.optimise.base import Outcome
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
-from fracid.units import GREEK, half_of, interval_beside, number, to_second_digit, typeset
+from fracid.units import half_of, interval_beside, letter, number, to_second_digit, typeset
 
 SEE: dict[str, str] = tomllib.loads(own_text("report/sentences.toml"))
 """Headings that a claim refers to → where they stand on the page."""
 
 
-def letter(name: str) -> str:
-    """The Greek letter of an angle or an order, other names as they are.
-
-    Examples
-    --------
-    >>> letter("lambda"), letter("C1")
-    ('λ', 'C1')
-    """
-    return GREEK.get(name, name)
-
-
 def state_letter(name: str) -> str:
-    r"""The same of a state, which no line ends within.
+    r"""The letters of a state's name, which no line ends within.
 
     Examples
     --------

@@ -29,7 +29,7 @@ from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import counted, in_unit, interval, letter
+from fracid.report.sentences import counted, in_unit, interval
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import bytes_of, own_text, text_of, write_files
 from fracid.safety.json_files import plain
@@ -38,7 +38,7 @@ from fracid.schemas.draws import PosteriorBlock
 from fracid.schemas.feedback import ControlRecord, margin_text
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.comparison_records import Comparison, CurvesBlock, held_out_errors
-from fracid.units import GREEK, half_of, number, shown_unit, to_second_digit, typeset_unit, with_unit
+from fracid.units import half_of, letter, number, shown_unit, to_second_digit, typeset_unit, with_unit
 from fracid.validation.monte_carlo import ENOUGH, NoiseStudy
 from fracid.validation.study_records import label_of
 
@@ -399,7 +399,7 @@ def _curves(folder: Path, record: Mapping[str, Any]) -> dict[str, Any] | None:
     recordings = [{
         "name": name, "heldOut": name in record["held_out"], "t": base64_floats(np.array(r["time"])),
         "outputs": [{
-            "letter": GREEK.get(n, n), "unit": unit, "measured": _packed(y, factor),
+            "letter": letter(n), "unit": unit, "measured": _packed(y, factor),
             "simulated": [_packed(found["structures"].get(s, {}).get(name, {}).get(n), factor) for s in names],
         } for n, y in r["measured"].items() for unit, factor in [shown_unit(record["units"].get(n, "rad"))]],
     } for name, r in found["recordings"].items()]  # fmt: skip

@@ -19,8 +19,8 @@ from fracid.recording import Recording
 from fracid.report.charts import Band, Chart, Mark, Series, encoder_ticks
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import joined, letter
-from fracid.units import number
+from fracid.report.sentences import joined
+from fracid.units import letter, number
 from fracid.validation.residual_records import ResidualAnalysis
 
 POINTS = 20_001

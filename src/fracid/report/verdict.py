@@ -10,13 +10,13 @@ from typing import Any
 
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
-from fracid.report.sentences import counted, digits, half_width, joined, letter, said, search_sentence, state_letter
+from fracid.report.sentences import counted, digits, half_width, joined, said, search_sentence, state_letter
 from fracid.safety.door import own_text
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
 from fracid.signals.left_over import ROUNDING
-from fracid.units import number
+from fracid.units import letter, number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_records import ResidualAnalysis
 

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
-from fracid.report.sentences import letter, said
+from fracid.report.sentences import said
+from fracid.units import letter
 
 REACH = 0.12
 """Least half-width of the orders' axis: a whisker that fills it would look uncertain."""

@@ -25,15 +25,11 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fracid.arrays import FloatArray
 from fracid.cards import Card
 from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
 from fracid.fit import Fit
-from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.runs.folder import RUN, SAYS, RunState
 from fracid.safety.door import text_if_any
@@ -120,7 +116,7 @@ def _simulated(run: SavedRun) -> dict[str, RecordingFit]:
     if run.window is not None:
         validating = [windowed(p, run.window) for p in validating]
     return {
-        name: fit_of(own, _vector(own, run.values), name, use, initial=there.initial, parameters=there.parameters)
+        name: fit_of(own, own.point(run.values), name, use, initial=there.initial, parameters=there.parameters)
         for own, use in [(run.problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
         for there in [run.recordings[name]]
     }  # fmt: skip
@@ -182,7 +178,7 @@ def _read_back(folder: Path, result: Mapping[str, Any], project: Project) -> Sav
     if not project.fixed_step and run.substeps is not None:
         problem = replace(problem, substeps=run.substeps)
     run = replace(run, folder=folder, result=result, project=project, values=values, problem=problem,
-                  x=_vector(problem, values), uncertainty=None)  # fmt: skip
+                  x=problem.point(values), uncertainty=None)  # fmt: skip
     return replace(run, recordings=_Recordings(partial(_simulated, run)))
 
 
@@ -280,8 +276,3 @@ def _values(result: Mapping[str, Any]) -> dict[str, float]:
         shared |= {f"{n} [{name}]": e["value"] for n, e in r["parameters"].items()}
         shared |= {f"{n}(0) [{w}]": v for w, states in r["windows"].items() for n, v in states.items()}
     return {n: float(v) for n, v in shared.items() if v is not None}
-
-
-def _vector(problem: Problem, values: Mapping[str, float]) -> FloatArray:
-    """What a result does not name (a search that failed) stays at its start."""
-    return np.array([values.get(u.name, u.range.start) for u in problem.unknowns])

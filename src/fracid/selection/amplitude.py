@@ -44,7 +44,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, computed_field
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.climbing import embedded
@@ -328,7 +328,7 @@ def _window_values(
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """Orders free; constants near their values, friction as near as the fit knows it, viscous friction at its value."""
     order_values, values, *_ = problem.unpack(x, e)
-    at = dict(zip(problem.model.orders, order_values.tolist(), strict=True))
+    at = by_name(problem.model.orders, order_values)
     any_free = any(isinstance(v, Free) for v in problem.orders.values())
     orders: dict[str, Value] = {}
     for name, v in problem.orders.items():
@@ -360,8 +360,7 @@ def _window(
 ) -> Window | Failure:
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
-    fitted = problem.named(x) if span[0] == 0 else {}  # its initial state too
-    start = np.array([fitted.get(u.name, u.range.start) for u in piece.unknowns])
+    start = piece.point(problem.named(x) if span[0] == 0 else {})  # its initial state too
     found, whole = refined(piece, start, Watch(jobs), **SEARCH), span == (0, len(e.measured))
     best = found.best
     if not whole and (found.outcome is not Outcome.CONVERGED or best.cost > STUCK * piece.cost(start)):

@@ -33,7 +33,7 @@ from fracid.selection.bic import STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
-from fracid.units import GREEK, half_of, in_letters, plain, with_half_width, with_interval
+from fracid.units import half_of, in_letters, letter, plain, with_half_width, with_interval
 
 SAYS = Words("selection/claim.toml")
 
@@ -118,7 +118,7 @@ class OrderFound:
         shown = "" if self.shown is None else with_interval(self.value, *self.shown)
         if not shown or ("±" in shown and (distance > half) != (distance > self.half)):
             shown = with_half_width(self.value, self.half)
-        return f"{GREEK.get(self.name, self.name)} = {shown}"
+        return f"{letter(self.name)} = {shown}"
 
 
 def damping(off: float) -> float:
@@ -136,10 +136,9 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
     """The free orders at a minimum, those of springpots among them, with their intervals."""
     found, rungs = [], frozenset(kind.rung for kind in problem.model.friction.values())
     for i in claimable(problem):
-        interval = None if isinstance(precision, Failure) else precision.interval(x, i)
         name, value = problem.unknowns[i].target, float(x[i])
         order = OrderFound(name, value, math.inf, integers_of(problem, name), rungs=rungs)
-        if interval is not None and not isinstance(precision, Failure):
+        if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
             order = replace(order, half=half, beyond_bounds=precision.half_beyond_bounds(i), shown=interval)
@@ -241,7 +240,7 @@ def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
     determined = [order for order in orders if order.half <= known and order.integers]
     without = [order for order in orders if not order.integers]
     others = [order for order in orders if order not in (*determined, *without)]
-    names = " and ".join(GREEK.get(order.name, order.name) for order in others)
+    names = " and ".join(letter(order.name) for order in others)
     unknown = [f"{names} {'is' if len(others) == 1 else 'are'} not identifiable."] if others else []
     unknown += [SAYS("no-integer", order=order) for order in without]
     if not determined:

@@ -53,7 +53,7 @@ from fracid.models.friction import SPRINGPOT
 from fracid.optimise import OPTIMISERS, Entry, Evaluation
 from fracid.problem import Experiment, Problem
 from fracid.problem.costs import COSTS
-from fracid.problem.problem import alternative_of as with_model
+from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project, load_project
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
@@ -303,7 +303,7 @@ def _made(place: _Place) -> _Fold:
     window = window and window / PARTS  # where any start leads to the minimum
     fitted_problem = replace(problem, experiments=fitted)
     fitted_problem = windowed(fitted_problem, window) if window else fitted_problem
-    beside = {n: with_model(fitted_problem, p.model, p.orders, p.parameters) for n, p in given.alternatives.items()}
+    beside = {n: alternative_of(fitted_problem, p.model, p.orders, p.parameters) for n, p in given.alternatives.items()}
     every_structure = ladder(fitted_problem, keep=place.keep, rungs=place.rungs, others=others, alternatives=beside)
     return _Fold(others, every_structure.solved_with(place.substeps or problem.substeps), window)
 

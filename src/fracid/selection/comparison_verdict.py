@@ -27,7 +27,7 @@ from collections.abc import Iterator, Mapping
 from fracid.findings import Note, Words
 from fracid.selection.bic import STRONG
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
-from fracid.units import GREEK, half_of, with_half_width
+from fracid.units import half_of, letter, with_half_width
 
 SAYS = Words("selection/comparison_verdict.toml")
 
@@ -91,7 +91,7 @@ def _ones(row: Row, integers: Mapping[str, float | None]) -> str:
     coverage = [v is not None and low <= v <= high for v, (_, (low, high)) in zip(values, found.values(), strict=True)]
     if not found or not all(coverage):
         return ""
-    orders = ", ".join(f"{GREEK.get(n, n)} {with_half_width(v, half_of(ends))}" for n, (v, ends) in found.items())
+    orders = ", ".join(f"{letter(n)} {with_half_width(v, half_of(ends))}" for n, (v, ends) in found.items())
     what = f"{values[0]:g}" if len({*values}) == 1 else "integer"
     return f"There the orders are {what} within their intervals ({orders})."
 

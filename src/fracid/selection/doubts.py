@@ -15,7 +15,7 @@ import numpy as np
 from fracid.findings import Note
 from fracid.optimise.base import Outcome
 from fracid.selection.claim import LACKS
-from fracid.units import GREEK
+from fracid.units import letter
 
 POOR = 20.0
 """A fit of less than this [%] explains next to nothing."""
@@ -116,4 +116,4 @@ def _poor(percents: list[float | None]) -> bool:
 def _unknown(result: Mapping[str, Any]) -> list[str]:
     """The free orders that no interval is known of."""
     free = {n: e for n, e in result["orders"].items() if e["free"]}
-    return [GREEK.get(n, n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]
+    return [letter(n) for n, e in free.items() if e["identifiable"] != "identifiable" or not e["interval95"]]

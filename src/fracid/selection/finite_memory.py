@@ -33,11 +33,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from, refined, uninterrupted
 from fracid.estimation.long_records import thinned
 from fracid.models import Model, Parameter
 from fracid.models.base import FadingState
@@ -159,12 +159,12 @@ def _lowest(
     """From the starts, and from others where those end above: so no fit of more ends above one of fewer."""
 
     def rough(start: Mapping[str, float]) -> Evaluation:
-        return uninterrupted(refined(rival, embedded(rival, start), watch, **ROUGH)).best
+        return lowest_from(rival, embedded(rival, start), watch, **ROUGH)
 
     end = min(map(rough, starts), key=lambda e: e.cost)
     higher = [x for x in also if not end.cost < rival.cost(embedded(rival, x))]
     end = min((end, *map(rough, higher)), key=lambda e: e.cost)
-    return end if end.residuals is None else uninterrupted(refined(rival, end.point, watch, **last)).best
+    return end if end.residuals is None else lowest_from(rival, end.point, watch, **last)
 
 
 def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, more: int) -> float:
@@ -174,7 +174,7 @@ def _gain(rival: Problem, end: Evaluation, problem: Problem, best: Evaluation, m
 
 def _judged(rival: Problem, end: Evaluation, count: int, gain: float) -> FiniteMemory:
     """Beside the fractional fit; one that has no run ends nothing, and of one that is far from it nothing is asked."""
-    at = dict(zip(rival.unknowns, end.point.tolist(), strict=True))
+    at = by_name(rival.unknowns, end.point)
     limited = any(not u.range.lower + AT_END < v < u.range.upper - AT_END for u, v in at.items()
                   if u.target.startswith("ln_tau"))  # fmt: skip
     settles = gain <= WORTH and not limited and all(left.noise for left in leftovers(rival, end.point).values())
@@ -301,6 +301,5 @@ def _begun(
 
 def _faint(groups: Mapping[str, Sequence[int]], rival: Problem, count: int) -> dict[str, float]:
     """One relaxation more, that does next to nothing yet: so no fit of more ends above one of fewer."""
-    ranges = {u.target: u.range for u in rival.unknowns}
     last = {f"share{count}_{name}" for name in groups}
-    return {n: FAINT * ranges[n].start for n in last}
+    return {u.target: FAINT * u.range.start for u in rival.unknowns if u.target in last}

@@ -25,7 +25,7 @@ from fracid.arrays import FloatArray, joined
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded
 from fracid.estimation.derivatives import by_all
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.findings import Words
 from fracid.models.friction import SPRINGPOT
 from fracid.optimise import Evaluation
@@ -149,7 +149,7 @@ def fractional_element(
     >>> swing = Experiment("twin", 4e-3, run.states[:, [0, 2]], np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)},
     ...                   {"b_alpha": Free(3e-4, 0.0, 0.1)}, initial_state="held")
-    >>> best = refined(problem, problem.start, Watch()).best
+    >>> best = lowest_from(problem, problem.start, Watch())
     >>> element = fractional_element(problem, best)
     >>> element.name, round(element.strength, 5), round(element.order, 2)
     ('springpot_alpha', 0.0002, 0.4)
@@ -164,7 +164,7 @@ def fractional_element(
     free = {score.name: replace(own, start=score.strength, upper=max(own.upper, 10 * score.strength)),
             order: Free(score.order, 0.05, 0.95)}  # fmt: skip
     with_it = replace(problem, parameters={**problem.parameters, **free}, orders=integer_values(problem))
-    end = uninterrupted(refined(with_it, embedded(with_it, problem.named(best.point)), Watch(jobs))).best
+    end = lowest_from(with_it, embedded(with_it, problem.named(best.point)), Watch(jobs))
     if end.residuals is None:
         return None
     _, gain = gain_over(Rival(with_it, end, "", {}), problem, best)

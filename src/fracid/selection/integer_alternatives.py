@@ -43,7 +43,7 @@ from typing import Any
 import numpy as np
 
 from fracid.estimation.climbing import embedded, entries
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from, uninterrupted
 from fracid.estimation.search import search
 from fracid.estimation.windows import in_parts, shared_values
 from fracid.optimise import OPTIMISERS, Evaluation
@@ -323,12 +323,12 @@ def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | No
     if not problem.names:
         end = problem.evaluate(problem.start)
     else:
-        ends = [uninterrupted(refined(problem, x, watch, **ROUGH)).best for x in starts]
+        ends = [lowest_from(problem, x, watch, **ROUGH) for x in starts]
         if element.off:  # it holds that model
             ends.append(problem.evaluate(embedded(problem, values | element.off)))
         end = min(ends, key=lambda e: e.cost)
         if end.cost < FAR * goal or end.cost < NEARER * here.evaluation.cost:
-            end = uninterrupted(refined(problem, end.point, watch, **FINE)).best
+            end = lowest_from(problem, end.point, watch, **FINE)
     if end.residuals is None:
         return None
     return Rival(problem, end, here.integers, here.off, own=(*here.own, *element.off),

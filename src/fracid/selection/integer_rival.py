@@ -46,7 +46,7 @@ from fracid.selection import coloured_noise
 from fracid.selection.bic import STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
-from fracid.units import GREEK
+from fracid.units import letter
 
 UNSEEN = 1e-2
 """A friction that changes the residuals by less than this part is not seen."""
@@ -443,17 +443,14 @@ def gain_over(rival: Rival, problem: Problem, fractional: Evaluation, more: int 
     integer, more = rival.evaluation, len(rival.problem.names) - len(problem.names) if more is None else more
     (here, samples), (there, others) = _told(problem, fractional.point), _told(rival.problem, integer.point)
     n = samples if here <= there else others
-
-    def criterion(squares: float, unknowns: int) -> float:
-        return schwarz(squares, unknowns, n, problem.cost_function)
-
     k, left = len(problem.names), leftovers(problem, fractional.point).values()
     if all(e.noise for e in left) and any(e.coloured for e in left):
         new = coloured_noise.criterion(problem, fractional.point, k)
         others_new = coloured_noise.criterion(rival.problem, integer.point, k + more)
         if new is not None and others_new is not None:
             return n, others_new - new
-    return n, criterion(there, k + more) - criterion(here, k)
+    cost = problem.cost_function
+    return n, schwarz(there, k + more, n, cost) - schwarz(here, k, n, cost)
 
 
 def _told(problem: Problem, x: FloatArray) -> tuple[float, float]:
@@ -474,7 +471,7 @@ def warning_of(rival: Rival, cost: float, gain: float) -> str:
     """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
     if gain > STRONG and rival.nested and not rival.elements:
         return ""
-    orders = " and ".join(f"{GREEK.get(n, n)} = {v:.4g}" for n, v in rival.off.items())
+    orders = " and ".join(f"{letter(n)} = {v:.4g}" for n, v in rival.off.items())
     head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
     explains = _beside(rival.evaluation.cost, cost, gain)
     if not rival.nested:

@@ -135,8 +135,7 @@ class Structure:
         """The problem of a recording that is not fitted: free are its initial state and what it has for itself."""
         known = {n: v for n, v in recording.initial.items() if n in self.whole.model.states}
         recording = replace(recording, initial=known)
-        x = np.array([values.get(u.name, u.range.start) for u in self.whole.unknowns])
-        alone = self.whole.with_shared(x, (recording,))
+        alone = self.whole.with_shared(self.whole.point(values), (recording,))
         return held(alone, unseen(alone, 0.0))
 
 

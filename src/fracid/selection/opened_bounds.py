@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import embedded
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.findings import Words
 from fracid.optimise import Evaluation
 from fracid.problem import Free, Problem
@@ -98,7 +98,7 @@ def open_bounds(problem: Problem, best: Evaluation, *, jobs: int = 1) -> tuple[P
         trial = with_ranges(wider, _stopping(wider, end))
         if trial is wider:
             break
-        further = uninterrupted(refined(trial, embedded(trial, wider.named(end.point)), Watch(jobs))).best
+        further = lowest_from(trial, embedded(trial, wider.named(end.point)), Watch(jobs))
         if not _is_worth_it(trial, further, end):
             break
         wider, end = trial, further

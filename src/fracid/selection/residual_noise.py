@@ -17,7 +17,7 @@ from fracid.problem import Problem
 from fracid.signals.coloured import is_coloured_noise
 from fracid.signals.correlation import longest_stretch
 from fracid.signals.left_over import LeftOver, left_over
-from fracid.units import GREEK
+from fracid.units import letter
 
 FINER = 2
 """Times the steps of a fit: behind a jump of an input a step is off by more than the rest of its record, which is no
@@ -37,7 +37,7 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     def of(problem: Problem) -> dict[str, LeftOver]:
         fits = [fit_of(problem, x, e.name, "fit", initial={}, parameters={}) for e in recordings]
         return {
-            f"{r.name}, {GREEK.get(n, n)}":
+            f"{r.name}, {letter(n)}":
                 _left_over(r, n, e.inputs, partial(lambda i, k: derivatives()[i][:, k], i, k))
             for i, (e, r) in enumerate(zip(recordings, fits, strict=True)) if math.isfinite(r.cost)
             for k, n in enumerate(problem.outputs)

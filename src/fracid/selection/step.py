@@ -15,7 +15,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.estimation.covariance import LEAST_SHIFT, half_width, uncertainty
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.problem import Problem
 from fracid.problem.checks import MOST_STEPS
 
@@ -60,17 +60,17 @@ def quiet_substeps(problem: Problem, x: FloatArray, *, jobs: int = 1) -> int:
     ...     y = run.states[:, [0, 2]] + noise * np.random.default_rng(1).standard_normal((401, 2))
     ...     swing = Experiment("twin", 1e-2, y, np.zeros((1, 1)))
     ...     problem = Problem(rig, (swing,), {"lambda": 1.0, "mu": Free(1.0, 0.5, 1.2)}, initial_state="held")
-    ...     return quiet_substeps(problem, refined(problem, problem.start, Watch()).best.point)
+    ...     return quiet_substeps(problem, lowest_from(problem, problem.start, Watch()).point)
     >>> needed(0.1), needed(0.01)
     (1, 4)
     """
     steps = max(problem.simulator.steps(e) for e in problem.experiments) / problem.substeps
     known, least = uncertainty(problem, x, jobs=jobs), LEAST_SHIFT * problem.space.sizes(x)
     width = np.maximum([half_width(known, x, i) or np.inf for i in range(len(x))], least)
-    here, before = uninterrupted(refined(problem, x, Watch(jobs), **NEAR)).best, (np.inf, np.inf)
+    here, before = lowest_from(problem, x, Watch(jobs), **NEAR), (np.inf, np.inf)
     while 2 * problem.substeps <= FINEST and 2 * problem.substeps * steps <= MOST_STEPS:
         half = replace(problem, substeps=2 * problem.substeps)
-        there = uninterrupted(refined(half, here.point, Watch(jobs), **NEAR)).best
+        there = lowest_from(half, here.point, Watch(jobs), **NEAR)
         moved = float(np.max(np.abs(there.point - here.point) / width))
         changed = abs(there.cost - here.cost)
         quiet = moved <= QUIET and (problem.method != "pi2" or changed <= COARSE * here.cost)

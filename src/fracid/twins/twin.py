@@ -28,13 +28,13 @@ ending     what :func:`save_recording` writes
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray
+from fracid.arrays import FloatArray, by_name
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, at_least, refuse_unknown
 from fracid.models import Model, model
@@ -193,8 +193,8 @@ class Twin(CardDisplay):
             times: FloatArray = np.arange(-past, len(u) - past, dtype=np.float64) * experiment.step
             inputs = {n: (times, u[:, j]) for j, n in enumerate(model.inputs)}
         return cls(
-            experiment.name, model, model.named_orders(orders), _by_name(model.parameter_names, values),
-            initial=_by_name(model.states, initial), step=experiment.step, end=float(experiment.time[-1]),
+            experiment.name, model, model.named_orders(orders), by_name(model.parameter_names, values),
+            initial=by_name(model.states, initial), step=experiment.step, end=float(experiment.time[-1]),
             start=experiment.start, hold=release, method=problem.method, memory=problem.memory,
             substeps=problem.substeps, inputs=inputs, between=experiment.between,
             history=problem.simulator.history(x, experiment),
@@ -337,7 +337,3 @@ class Twin(CardDisplay):
             label = f"state {name}" if name in signals else name
             signals[label], units[label] = x, "1"
         return Recording.of(self.name, self.start + run.time, signals, units)
-
-
-def _by_name(names: Iterable[str], values: FloatArray) -> dict[str, float]:
-    return dict(zip(names, values.tolist(), strict=True))

@@ -27,7 +27,7 @@ from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width
 from fracid.estimation.curvature import LOOSER, Curvature, curvature, newton_step, start_shift
 from fracid.estimation.derivatives import by_blocks
-from fracid.estimation.horizons import Watch, refined, uninterrupted
+from fracid.estimation.horizons import Watch, lowest_from
 from fracid.estimation.long_records import corrected, is_coarse, own_substeps
 from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Note, Words
@@ -321,7 +321,7 @@ def between_samples(
 
 def _minimum_of(other: Problem, x: FloatArray, jobs: int, **options: Any) -> tuple[Problem, Evaluation]:
     """Of another problem of the same unknowns, with the residuals of its own steps; none where a run fails."""
-    there = uninterrupted(refined(other, x, Watch(jobs), **options)).best
+    there = lowest_from(other, x, Watch(jobs), **options)
     exact = corrected(other, there.point, own_substeps(other), jobs) if is_coarse(other) else (other, there)
     return (other, replace(there, residuals=None)) if isinstance(exact, Failure) else exact
 

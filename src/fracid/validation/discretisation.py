@@ -21,7 +21,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, uncertainty
-from fracid.estimation.horizons import Watch, growing, refined, uninterrupted
+from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
 from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples, own_substeps
 from fracid.estimation.minimum import beside, settled
@@ -34,8 +34,8 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
-from fracid.units import GREEK, to_second_digit
 from fracid.units import half_width as shown_half_width
+from fracid.units import letter, to_second_digit
 
 SAYS = Words("validation/discretisation.toml")
 
@@ -88,7 +88,7 @@ class Discretisation(Record):
         if isinstance(known, Failure):
             return known
         moves = np.array([self.moves.get(u.name, 0.0) for u in problem.unknowns])
-        halves = np.array([half_width(known, x, i) or 0.0 for i in range(len(x))])
+        halves = np.array([half_width(known, x, i) for i in range(len(x))])
         moves[np.abs(moves) <= QUIET * halves] = 0.0
         return known.wider(problem.space, x, TO_THE_LIMIT * moves) if moves.any() else known
 
@@ -134,7 +134,7 @@ def discretisation_check(
     if after.reason or problem.cost_function.loss is None:  # least squares cannot refine it
         return Discretisation(*costs, {}, {}, warning=SAYS("fails", reason=after.reason) if after.reason else "")
     if problem.in_windows:  # at a window's end what a start is off by has grown
-        best = uninterrupted(refined(second, x, Watch(jobs), budget=10)).best
+        best = lowest_from(second, x, Watch(jobs), budget=10)
         return _judged(problem, x, known, (costs[0], best.cost, best.cost), best.point, substeps=problem.substeps)
     finer = _minimum_beside(problem, x, second, jobs, near=near)
     if near is not None:  # what the step moves, without what a valley leaves x short of its own minimum
@@ -153,8 +153,8 @@ def _minimum_beside(problem: Problem, x: FloatArray, other: Problem, jobs: int, 
             return there.x + there.step()
     begun, ended = (nearly_equal_minimum(problem, x, which, jobs) for which in (problem, other))
     if begun is None or ended is None:
-        return uninterrupted(refined(other, x, Watch(jobs), tolerance=1e-6, budget=20)).best.point
-    return np.clip(x + (ended - begun), problem.space.lower, problem.space.upper)
+        return lowest_from(other, x, Watch(jobs), tolerance=1e-6, budget=20).point
+    return problem.space.clipped(x + (ended - begun))
 
 
 def _corrected_check(
@@ -180,7 +180,7 @@ def _judged(
     width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
     moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
     warning = " ".join(
-        SAYS("moves", name=GREEK.get(n, n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
+        SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
              method=problem.method) for n in moved)  # fmt: skip
     if moved:
         remedy = f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'
@@ -236,7 +236,7 @@ def halved(at: Refined, jobs: int) -> Refined | None:
     most = LOST * max(at.best.cost, at.check.cost_second_order)
     if minimum.cost > most and 2 * other.simulator.work <= SOUGHT:  # the check went there from the first swing on
         moved = x + [at.check.moves.get(u.name, 0.0) for u in problem.unknowns]
-        minimum, near = uninterrupted(refined(other, moved, Watch(jobs))).best, None
+        minimum, near = lowest_from(other, moved, Watch(jobs)), None
     problem.last_derivatives.clear()
     if minimum.reason or minimum.cost > most:
         return None
@@ -269,7 +269,7 @@ def _minimum_of(
         if isinstance(there, Tangent):
             return there.evaluation, there
     point = nearly_equal_minimum(problem, x, other, jobs)
-    return uninterrupted(refined(other, x, Watch(jobs))).best if point is None else other.evaluate(point), None
+    return lowest_from(other, x, Watch(jobs)) if point is None else other.evaluate(point), None
 
 
 def _costs_differ(method: str, check: Discretisation) -> bool:

@@ -9,7 +9,7 @@ from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
 from fracid.selection.doubts import POOR
 from fracid.signals.left_over import left_over
-from fracid.units import GREEK, plain, with_unit
+from fracid.units import letter, plain, with_unit
 from fracid.validation.residual_sentences import words_of
 
 SAYS = Words("validation/misfits.toml")
@@ -41,7 +41,7 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int, coloured: Colle
                 yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again)
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
-            cause = SAYS("coloured" if f"{r.name}, {GREEK.get(output, output)}" in coloured else "lacks")
+            cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks")
             if left.known and not left.explained:
                 yield SAYS.finding("misfit-of-known", f"{r.name}: {output}", left.rms, 1.0, cause=cause)
             elif not left.known and MISFIT < left.times < math.inf and not left.white:

@@ -50,9 +50,10 @@ from fracid.optimise import Outcome
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.past import release_in_past
 from fracid.problem.project import Project
+from fracid.problem.unknowns import ends_of
 from fracid.recording import Recording, load_recording
 from fracid.safety.schema import Number, Record, computed
-from fracid.units import GREEK, half_of, signed
+from fracid.units import half_of, letter, signed
 
 SAYS = Words("validation/unknown_past.toml")
 
@@ -134,7 +135,7 @@ class CutCheck(CardDisplay, Record):
         if not self.rivals:
             return "Nothing else that is taken for the motion before the start fits as well."
         most = {n: self._farthest(n)[1].shift[n] for n in self.as_fitted.orders}
-        shifts = ", ".join(f"{GREEK.get(n, n)} by {signed(shift)}" for n, shift in most.items())
+        shifts = ", ".join(f"{letter(n)} by {signed(shift)}" for n, shift in most.items())
         return f"No order moves by more than its interval, wherever the record is cut; at most they move: {shifts}."
 
     def _ratio(self, t: Treatment) -> float:
@@ -155,7 +156,7 @@ class CutCheck(CardDisplay, Record):
             return ""
         cause = "where the record is cut" if treatment.startswith("cut") else "what is taken for the motion before it"
         stopped = ", and still moving when the refit was stopped" if far.stopped else ""
-        return SAYS("moves", order=GREEK.get(name, name), by=signed(by), cause=cause, fitted=fitted,
+        return SAYS("moves", order=letter(name), by=signed(by), cause=cause, fitted=fitted,
                     there=far.orders[name], way=f"{treatment}{stopped}", times=abs(by) / half, half=half, low=low,
                     high=high)  # fmt: skip
 
@@ -163,8 +164,8 @@ class CutCheck(CardDisplay, Record):
         t, fit = self.treatments.get("with the past"), self.as_fitted
         if t is None or self._ratio(t) > BETTER:
             return ""
-        parts = (f"{100 * t.levels[n] / (v or 1.0):.0f} % ({GREEK.get(n, n)})" for n, v in fit.levels.items())
-        orders = ", ".join(f"{GREEK.get(n, n)} {fit.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
+        parts = (f"{100 * t.levels[n] / (v or 1.0):.0f} % ({letter(n)})" for n, v in fit.levels.items())
+        orders = ", ".join(f"{letter(n)} {fit.orders[n]:.4g} → {v:.4g}" for n, v in t.orders.items())
         plateau = "from the plateau" in self.treatments
         what = 'from = "release" and initial_state = "rest"' if plateau else 'history = "measured"'
         return SAYS("better", parts=", ".join(parts), orders=orders, what=what)
@@ -380,8 +381,7 @@ def _turning_point(e: Experiment) -> int | None:
     from scipy.signal import find_peaks
 
     x = e.most_moved
-    start = e.release_time.upper if isinstance(e.release_time, Free) else e.release_time
-    first = max(0, math.ceil(start / e.step))
+    first = max(0, math.ceil(ends_of(e.release_time)[1] / e.step))
     peaks = [find_peaks(sign * x[first:], prominence=TURNS * np.ptp(x))[0] for sign in (1, -1)]
     turns = first + np.sort(np.concatenate(peaks))
     return int(turns[0]) if len(turns) and turns[0] < EARLY * len(x) else None
@@ -450,4 +450,4 @@ def _carried(problem: Problem, x: FloatArray, other: Problem) -> FloatArray:
         elif at > 0:
             state = problem.simulate(x, e).at([at])[0]
             values |= {f"{n}(0) [{e.name}]": float(v) for n, v in zip(problem.model.states, state, strict=True)}
-    return np.array([values.get(n, start) for n, start in zip(other.names, other.start.tolist(), strict=True)])
+    return other.point(values)

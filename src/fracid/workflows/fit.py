@@ -210,7 +210,7 @@ def run(
         result = write_result(folder, fit, project, laps)  # what the figures may not find room for
         interrupted, seconds = fit.outcome is Outcome.INTERRUPTED, time.perf_counter() - start_time
         found = FinishedRun(project, fit, folder, (), result=result, interrupted=interrupted, seconds=seconds,
-                            undrawn="", resumed=resume)  # fmt: skip
+                            resumed=resume)  # fmt: skip
         watching.result(found)
         finished = _with_figures(found, draw, opened, laps, began=start_time, observer=watching)
     watching.stage("")

@@ -11,9 +11,8 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fracid._version import __version__
+from fracid.arrays import by_name
 from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
@@ -123,7 +122,7 @@ def _of_fit(path: Path, recording: str | None, trust: bool) -> Twin:
     experiment = entry_of(f"recording of {path}", there, next(iter(there)) if recording is None else recording)
     if experiment in project.validation:
         problem = problem.with_shared(x, (experiment,))
-    return Twin.of_problem(problem, np.array([known.get(u.name, u.range.start) for u in problem.unknowns]), experiment)
+    return Twin.of_problem(problem, problem.point(known), experiment)
 
 
 def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bool) -> Twin:
@@ -245,7 +244,7 @@ def _record(
     """The truth."""
     model, values = twin.model, twin.model.parameter_vector(twin.parameters)
     parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
-    initial = dict(zip(model.states, model.state_vector(twin.initial).tolist(), strict=True))
+    initial = by_name(model.states, model.state_vector(twin.initial))
     return {
         "simulated": True, "source": printable(source), "model": model.name, "zero": model.zero,
         "orders": dict(twin.orders), "parameters": parameters, "initial": initial, "step": twin.step,

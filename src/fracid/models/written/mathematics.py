@@ -43,7 +43,7 @@ from fracid.models.written.tree import (
     parts,
 )
 from fracid.safety.door import own_text
-from fracid.units import GREEK
+from fracid.units import GREEK, letter
 
 GUARD = 1e-9
 """The least that something is divided by: not written."""
@@ -355,12 +355,12 @@ def symbol(name: str) -> tuple[str, str]:
         of = name.split()[-1]
         return ("ω" if of in GREEK else "v"), "".join(symbol(of))
     if name.endswith("'"):
-        letter, index = symbol(name[:-1])
-        return f"{letter}′", index
+        of, index = symbol(name[:-1])
+        return f"{of}′", index
     first, _, rest = name.partition("_")
     if not rest and (numbered := re.fullmatch(r"([^\W\d]+?)(\d+)", name)):
         first, rest = numbered[1], numbered[2]
-    return GREEK.get(first, first), ",".join(GREEK.get(w, w) for w in rest.split("_"))
+    return letter(first), ",".join(letter(w) for w in rest.split("_"))
 
 
 class Mathematics:
@@ -523,8 +523,8 @@ class Mathematics:
 
     def symbol(self, name: str, dot: bool = False) -> str:
         """Of a state, a parameter, an input or a variable."""
-        letter, index = self.letters.get(name) or symbol(name)
-        base = self.mark("dot", self.mark("i", letter)) if dot else self.mark("i", letter)
+        own, index = self.letters.get(name) or symbol(name)
+        base = self.mark("dot", self.mark("i", own)) if dot else self.mark("i", own)
         return self.mark("sub", base, self.mark("i", index)) if index else base
 
     def derivative(self, i: int) -> str:
@@ -538,7 +538,7 @@ class Mathematics:
             written = self.joined(self.mark("n", "1"), self.mark("o", "−"), own)
         else:
             text = self.order(order) if isinstance(order, str) else f"{order:.6g}"
-            written = self._figures(text) if text else self.mark("i", GREEK.get(str(order), str(order)))
+            written = self._figures(text) if text else self.mark("i", letter(str(order)))
         return self.joined(self.mark("power", self.mark("i", "D"), written), self.mark("space"), self.symbol(state))
 
     def number(self, v: float, *, ratio: bool = False) -> str:
