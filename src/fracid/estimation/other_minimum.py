@@ -74,9 +74,10 @@ def as_good_elsewhere(
         there = uninterrupted(minimised(problem, descent(problem, x), watch)).best
         apart = _apart(best.point, there.point, half)
         limits = known.rise[apart]
-        if np.any(apart) and there.value - best.value < np.min(limits, initial=np.inf, where=np.isfinite(limits)):
-            if not _relabelled(problem, best.point, there.point, half, apart):
-                return there
+        limit = np.min(limits, initial=np.inf, where=np.isfinite(limits)) if np.any(apart) else -np.inf
+        as_good = there.value - best.value < limit
+        if as_good and not _relabelled(problem, best.point, there.point, half, apart):
+            return there
     return None
 
 
@@ -116,9 +117,7 @@ def _refitted(
         yield uninterrupted(minimised(problem, descent(problem, x, [i, j], **FIRST), watch)).best
 
 
-def _relabelled(
-    problem: Problem, x: FloatArray, other: FloatArray, half: FloatArray, apart: NDArray[np.bool_]
-) -> bool:
+def _relabelled(problem: Problem, x: FloatArray, other: FloatArray, half: FloatArray, apart: NDArray[np.bool_]) -> bool:
     """Whether all that is apart has the former value of another of its unit."""
     units, at = np.array([u.unit for u in problem.unknowns]), np.flatnonzero(apart)
     same = (units[at, None] == units[at]) & (np.abs(other[at, None] - x[at]) <= APART * half[at])

@@ -378,9 +378,10 @@ def _elsewhere(view: _View, i: int) -> Iterator[Verdict]:
     there, unknowns = view.known.elsewhere, view.problem.unknowns
     if there is None or not math.isfinite(there[i]):
         return
-    values = {k: f"{view.names[k]} = {with_unit(there[k], unknowns[k].unit)}" for k in np.flatnonzero(np.isfinite(there))}
+    values = {k: f"{view.names[k]} = {with_unit(v, unknowns[k].unit)}" for k, v in enumerate(there) if math.isfinite(v)}
     beside = ", ".join(text for k, text in values.items() if k != i)
-    yield Verdict(view.names[i], "practically not", SAYS("elsewhere" if beside else "twice", own=values[i], beside=beside))
+    why = SAYS("elsewhere" if beside else "twice", own=values[i], beside=beside)
+    yield Verdict(view.names[i], "practically not", why)
 
 
 def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
@@ -484,6 +485,7 @@ def _identifiable(view: _View, i: int) -> Iterator[Verdict]:
 
 
 RULES: tuple[Callable[[_View, int], Iterator[Verdict]], ...] = (
-    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _elsewhere, _too_wide, _identifiable,
+    _of_a_joint_that_gives, _of_a_springpot, _by_its_profile, _at_a_bound, _unseen, _elsewhere, _too_wide,
+    _identifiable,
 )  # fmt: skip
 """The first that gives a verdict has the word."""

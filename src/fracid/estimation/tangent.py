@@ -71,7 +71,7 @@ FAINT = 1e-3
 """Directions seen by less than this part of the best may be none at all, but for the rounding of first differences."""
 
 STEADY = 100.0
-"""So many times as long as the first differences those are asked: as much less rounding, and no valley bends as soon."""
+"""Times as long as the first differences those are asked: with as much less rounding, and before a valley bends."""
 
 SPAN = 0.5
 """Half of a difference, in standard errors of independent residuals."""
