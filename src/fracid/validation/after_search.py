@@ -289,7 +289,7 @@ def with_start(
 def between_samples(
     problem: Problem, x: FloatArray, known: Uncertainty | Failure, *, jobs: int = 1
 ) -> tuple[Uncertainty | Failure, tuple[Finding, ...], tuple[Note, ...]]:
-    """The intervals with what inputs that jump may do between their samples, where no data tell; findings, and notes.
+    """The intervals with what inputs that jump may do between their samples, and findings and notes of that.
 
     Parameters
     ----------
@@ -310,12 +310,15 @@ def between_samples(
         gain = 0.0 if there.residuals is None else gain_over(Rival(other, there, "", {}), problem, best)[1]
         moves = np.abs(there.point - x) / np.array([half_width(known, x, i) or math.inf for i in range(len(x))])
         most = int(np.argmax(moves))
-        if gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values()):
+        lower = gain < -STRONG and all(left.noise for left in leftovers(other, there.point).values())
+        if lower:
             found.append(SAYS.finding("between", name, -gain, STRONG, between=between, best=best, there=there))
         elif there.residuals is not None and abs(gain) <= STRONG and moves[most] > QUIET and unsure:
-            known = known.wider(problem.space, x, np.where(moves > QUIET, there.point - x, 0.0))
             notes.append(Note(SAYS("either", name=name, between=between, of=problem.unknowns[most],
                                    value=float(there.point[most])), "either", name))  # fmt: skip
+        else:
+            continue
+        known = known.wider(problem.space, x, np.where(moves > QUIET, there.point - x, 0.0))
     return known, tuple(found), tuple(notes)
 
 
