@@ -15,7 +15,6 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from fracid._version import __version__
-from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.safety.text import one_line
 from fracid.solver.schemes import OPEN, SLACK
@@ -127,7 +126,7 @@ def _programs() -> Environment:
                         trim_blocks=True, keep_trailing_newline=True, loader=FunctionLoader(own_text))  # fmt: skip
     jinja.filters |= {"c": initialiser, "m": literal, "json": json.dumps, "comment": c_comment, "one_line": one_line,
                       "duration": duration}  # fmt: skip
-    jinja.globals |= {"named": _named, "version": __version__, "limit": LIMIT, "slack": SLACK, "open": OPEN}
+    jinja.globals |= {"named": _named, "version": __version__, "slack": SLACK, "open": OPEN}
     return jinja
 
 
