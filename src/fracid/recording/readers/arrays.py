@@ -81,6 +81,9 @@ class Table:
                 raise InputError(f"{self.source} has {many}: give its position.")
             if key in names:
                 return names.index(str(key))
+        ends = [j for j, name in enumerate(self.names) if name.endswith((f"/{key}", f".{key}"))]
+        if len(ends) == 1:  # as it is called without what all names begin with
+            return ends[0]
         if str(key).isdecimal() and int(key) < len(self.names):
             return int(key)
         raise InputError(self._no_column(key))
