@@ -176,8 +176,10 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
 
 
 def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
-    """What may be wrong with a recording, with its name where it is one of several; an input may jump."""
-    findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
+    """What may be wrong with a recording, with its name where it is one of several; an input may jump, and drive it."""
+    driven = "short-window" if moving_inputs(recording, model) else ""
+    findings = (f for f in recording.report.findings if f.code != driven
+                and (f.code != "jump" or f.where not in model.inputs))  # fmt: skip
     return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 

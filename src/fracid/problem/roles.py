@@ -9,14 +9,14 @@ they move.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.library import MODEL, table_of
 from fracid.recording import Table
 from fracid.recording.channel import without_unit
-from fracid.recording.guess import Columns
 
 SAYS = Words("problem/roles.toml")
 
@@ -52,7 +52,7 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
     return roles
 
 
-def named_columns(table: Table, columns: Iterable[str], given: Columns) -> dict[str, str]:
+def named_columns(table: Table, columns: Iterable[str], given: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """Return the columns of a table that were named, each with the signal that it was named for.
 
     Examples

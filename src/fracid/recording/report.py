@@ -59,6 +59,9 @@ BLANK = 0.05
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
 
+DRIVES = (*COMMANDS, "N", "A", "Pa")
+"""Units of what may set a rig in motion, where no model says which signals are its inputs."""
+
 SWING = ("rad", "m")
 """Units of what may swing: a level, a voltage or a temperature does not."""
 
@@ -270,10 +273,10 @@ def measure(
 
 
 def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:
-    """Whether a voltage or a torque changes before it moves, or with it."""
+    """Whether what may drive it changes before it moves, or with it."""
     before = time <= release + WITH
     return any(np.nanmax(x[before]) > np.nanmin(x[before]) for n, x in signals.items()
-               if units[n] in COMMANDS and np.isfinite(x[before]).any())  # fmt: skip
+               if units[n] in DRIVES and np.isfinite(x[before]).any())  # fmt: skip
 
 
 def _short(
