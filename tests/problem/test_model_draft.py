@@ -337,7 +337,7 @@ def test_the_draft_of_a_twin_begins_within_its_bounds_of_the_truth(name, tmp_pat
 
 
 def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_they_are(tmp_path):
-    t = np.append(np.arange(0, 60, 0.1), np.arange(60, 600, 1.0))
+    t = np.concatenate([np.arange(0, 60, 0.1), np.arange(60, 600, 1.0), [660.0]])
     stretch = 20.0 * np.minimum(t, 1.0)
     force = 0.05 * stretch + np.minimum(t, 1.0) * (1.0 + t) ** -0.3
     table = np.column_stack([t, stretch, force])
@@ -348,6 +348,7 @@ def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_
         (tmp_path / "strip.toml").write_text(draft.text, encoding="utf-8")
         problem = fracid.load_project(tmp_path / "strip.toml").problem
         assert problem.experiments[0].times is not None
+        assert draft.text.startswith("# good: ")
         assert np.ptp(problem.experiments[0].inputs[:, 0]) == pytest.approx(0.02)
         assert {"nu", "k", "c"} <= {*problem.names}
 

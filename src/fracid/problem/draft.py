@@ -142,8 +142,11 @@ class Source:
         return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
 
     def fit(self, columns: Mapping[str, Mapping[str, Any]], **part: Any) -> Recording:
-        """The recording with its blanks bridged; one of which nothing can be made is refused."""
-        recording = self.read(columns, **part).bridge_blanks()
+        """The recording with its blanks bridged, as the draft takes its samples; what is good for nothing is refused."""
+        recording = self.read(columns, **part)
+        if why_uneven(recording):
+            recording = self.read(columns, uneven=True, **part)
+        recording = recording.bridge_blanks()
         for why in recording.report.unusable:
             raise InputError(f"{self.file.name}: {why}")
         return recording
