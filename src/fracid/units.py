@@ -176,6 +176,19 @@ def with_interval(value: float, low: float, high: float) -> str:
     return f"{to_second_digit(value, half)}, {beside}" if "…" in beside else with_half_width(value, half)
 
 
+def with_time_unit(seconds: float, spec: str = ".6g") -> str:
+    """A duration in the unit that people would use.
+
+    Examples
+    --------
+    >>> [with_time_unit(t) for t in (0.002, 20.0, 150.0, 21600.0)], with_time_unit(1e4, ".2g")
+    (['2 ms', '20 s', '2.5 min', '6 h'], '2.8 h')
+    """
+    units = (("h", 3600.0, 7200.0), ("min", 60.0, 120.0), ("s", 1.0, 0.1), ("ms", 1e-3, 0.0))
+    unit, size = next((unit, size) for unit, size, least in units if seconds >= least)
+    return f"{seconds / size:{spec}} {unit}"
+
+
 def half_of(ends: Sequence[float] | None) -> float:
     """Half the width of an interval; 0 where there is none.
 

@@ -142,7 +142,7 @@ class Source:
         return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
 
     def fit(self, columns: Mapping[str, Mapping[str, Any]], **part: Any) -> Recording:
-        """The recording with its blanks bridged, as the draft takes its samples; what is good for nothing is refused."""
+        """The recording as the draft takes it, its blanks bridged; one of which nothing can be made is refused."""
         recording = self.read(columns, **part)
         if why_uneven(recording):
             recording = self.read(columns, uneven=True, **part)

@@ -159,9 +159,12 @@ class Equations:
                 value = body[-1].value
                 names[target.name] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
+        orders: dict[Name | Entry, float | str] = {
+            Entry("out", Number(i)): e.order for i, e in enumerate(there.values())
+        }
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (_, where, text, _) in zip(body, rows, strict=True):
-            units.check(s, text, where)
+            units.check(s, text, where, order=orders.get(s.target, 1.0))
         program = Program(states, tuple(map(states.index, relaxing)), (), without_unused(tuple(body)))
         return Model(
             name=name, rhs=Formula(program, self.module),
@@ -285,7 +288,9 @@ class _Units:
                 elif (unit := self.known.get(rate)) and not self.known.get(state):
                     self.known[state] = _times(unit, SECOND)
 
-    def check(self, s: Assign, text: str, where: str, expected: Dimension | None = None) -> None:
+    def check(
+        self, s: Assign, text: str, where: str, expected: Dimension | None = None, order: float | str = 1.0
+    ) -> None:
         """One equation: its parts among each other, and with what it is to be."""
         self.text, self.where = text, where
         unit = self.of(s.value)
@@ -295,7 +300,9 @@ class _Units:
             state = self.known.get(Entry("x", s.target.index))
             expected = _times(state, SECOND, -1) if state else None
         if unit and expected and unit != expected:
-            raise FormulaError(text, 0, f"This is in {_shown(unit)}; expected {_shown(expected)}.", where)
+            free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
+            inside = "in " * (unit != NONE)
+            raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
 
     def of(self, e: Expression) -> Dimension | None:
         """Its unit; None where that is not known."""
