@@ -32,7 +32,7 @@ from fracid.cli.app import (
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
-from fracid.units import with_time_unit, with_unit
+from fracid.units import GREEK, with_time_unit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ def _starts(fit: Fit) -> str:
 def _discretisation(fit: Fit) -> str:
     check = fit.discretisation
     assert check is not None
-    shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
+    shifts = ", ".join(f"{GREEK.get(n, n)} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
     said = f"{cost} and the orders move by {shifts}" if shifts else cost
     return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said
