@@ -50,7 +50,7 @@ from fracid.problem import Experiment, Problem, Unknown
 from fracid.problem.limits import limits
 from fracid.problem.unknowns import scaled
 from fracid.quantiles import NORMAL_95
-from fracid.units import GREEK, half_of, interval_beside, with_interval, with_unit
+from fracid.units import GREEK, half_of, with_interval, with_unit
 
 SAYS = Words("estimation/parameter_verdicts.toml")
 
@@ -166,12 +166,10 @@ class _View:
         return (own if reach.lower < low and high < reach.upper else max(own, tangent)) or math.inf
 
     def shown(self, i: int) -> str:
-        """Its interval in words, of which the value is a part only where it is the middle."""
+        """Its interval in words: the value with its half-width, or both ends."""
         ends, x = self.known.interval(self.x, i), float(self.x[i])
-        if ends is None:
-            return rounded(x, self.half(i))
-        beside = interval_beside(x, *ends)
-        return re.sub(r"(?<!e)-", "−", beside if "…" in beside else with_interval(x, *ends))
+        shown = rounded(x, self.half(i)) if ends is None else with_interval(x, *ends).split(", ")[-1]
+        return re.sub(r"(?<!e)-", "−", shown)
 
     def widest(self, i: int) -> float:
         """Half an interval that is just narrow enough to use."""

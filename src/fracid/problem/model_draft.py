@@ -211,7 +211,7 @@ class _Page:
         logs = zip(tables, self.logs, strict=True)
         named = {c: n for table, log in logs for c, n in named_columns(table, log.signals, given).items()}
         free = [c for c in self.raws if c not in named]
-        roles = {n: c for n, c in roles_of(self.name, [*given, *free]).items() if c in free}
+        roles = {n: c for n, c in roles_of(self.name, [*given, *free]).items() if n not in given and c in free}
         for signal, row in self.table.get("with", {}).items():
             if signal in (there := {*roles, *given}):
                 idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in there else [signal]

@@ -340,9 +340,8 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
     if uneven:
         return
     if c.gaps:
-        gaps = ", ".join(
-            f"{with_time_unit(g, '.3g')} after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3]
-        )
+        longest = sorted(c.gaps, key=lambda x: -x[1])[:3]
+        gaps = ", ".join(f"{with_time_unit(g, '.3g')} after {t:.4g} s" for t, g in longest)
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
         yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({gaps}{more})"
     if c.worst_jitter > UNIFORM:

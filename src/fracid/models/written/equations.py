@@ -159,12 +159,10 @@ class Equations:
                 value = body[-1].value
                 names[target.name] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
-        orders: dict[Name | Entry, float | str] = {
-            Entry("out", Number(i)): e.order for i, e in enumerate(there.values())
-        }
+        units.orders |= {Entry("out", Number(i)): e.order for i, e in enumerate(there.values())}
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (_, where, text, _) in zip(body, rows, strict=True):
-            units.check(s, text, where, order=orders.get(s.target, 1.0))
+            units.check(s, text, where)
         program = Program(states, tuple(map(states.index, relaxing)), (), without_unused(tuple(body)))
         return Model(
             name=name, rhs=Formula(program, self.module),
@@ -271,6 +269,7 @@ class _Units:
 
     def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
         self.columns: dict[int, int] = {}
+        self.orders: dict[Expression, float | str] = {}
         self.known: dict[Expression, Dimension | None] = {names[n]: dimension(unit) for n, unit in units.items()}
         self.names, self.text, self.where = names, "", ""
 
@@ -288,9 +287,7 @@ class _Units:
                 elif (unit := self.known.get(rate)) and not self.known.get(state):
                     self.known[state] = _times(unit, SECOND)
 
-    def check(
-        self, s: Assign, text: str, where: str, expected: Dimension | None = None, order: float | str = 1.0
-    ) -> None:
+    def check(self, s: Assign, text: str, where: str, expected: Dimension | None = None) -> None:
         """One equation: its parts among each other, and with what it is to be."""
         self.text, self.where = text, where
         unit = self.of(s.value)
@@ -300,6 +297,7 @@ class _Units:
             state = self.known.get(Entry("x", s.target.index))
             expected = _times(state, SECOND, -1) if state else None
         if unit and expected and unit != expected:
+            order = self.orders.get(s.target)
             free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
             inside = "in " * (unit != NONE)
             raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
