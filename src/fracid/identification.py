@@ -37,6 +37,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -91,7 +92,7 @@ from fracid.tasks.journal import Journal
 from fracid.tasks.progress import Observer
 from fracid.tasks.tasks import executor_from_name
 from fracid.units import letter, with_half_width
-from fracid.validation.after_search import after, between_samples, failed, with_start
+from fracid.validation.after_search import after, between_samples, failed, hidden_starts, with_start
 from fracid.validation.before_search import before
 from fracid.validation.discretisation import (
     COARSE_STEP,
@@ -695,7 +696,8 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
     fitted = {n: _recording(problem, best.point, estimates, n, use="fit") for n in problem.recordings}
     cut = found.outcome is Outcome.INTERRUPTED
     coloured = [where for where, e in found.left.items() if e.coloured]
-    ended = () if cut else (*misfits(fitted, len(found.starts), coloured), *found.missed())
+    hidden = partial(hidden_starts, problem, best.point)
+    ended = () if cut else (*misfits(fitted, len(found.starts), coloured, hidden), *found.missed())
     later = (*found.seen[len(asked.seen) :], *ended)
     findings = [f for group in (asked.seen, later) for f in sorted(group, key=cost_of, reverse=True)]  # causes lead
     messages = (PARTIAL * cut, *(f.note for f in findings if f.code != COARSE_STEP), *(b.sentence for b in opened),

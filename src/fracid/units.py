@@ -55,10 +55,12 @@ def in_letters(text: str) -> str:
 
     Examples
     --------
-    >>> in_letters("theta 0.72°, lambda 0.94 ± 0.17; b_theta, order lambda=0.9")
-    'θ 0.72°, λ 0.94 ± 0.17; b_theta, order lambda=0.9'
+    >>> in_letters("theta 0.72°, nu 0.94 ± 0.17; b_theta, order lambda=0.9")
+    'θ 0.72°, ν 0.94 ± 0.17; b_theta, order lambda=0.9'
     """
-    return re.sub(r"(?<![\w.])(?:lambda|mu|theta|alpha)(?![\w=])", lambda found: GREEK[found[0]], text)
+    return re.sub(
+        r"(?<![\w.])(?:lambda|mu|nu|theta|alpha|beta|gamma|phi|omega)(?![\w=])", lambda found: GREEK[found[0]], text
+    )
 
 
 def shown_unit(unit: str) -> tuple[str, float]:
@@ -185,6 +187,19 @@ def with_interval(value: float, low: float, high: float) -> str:
     """
     half, beside = (high - low) / 2, interval_beside(value, low, high)
     return f"{to_second_digit(value, half)}, {beside}" if "…" in beside else with_half_width(value, half)
+
+
+def with_time_unit(seconds: float, spec: str = ".6g") -> str:
+    """A duration in the unit that people would use.
+
+    Examples
+    --------
+    >>> [with_time_unit(t) for t in (0.002, 20.0, 150.0, 21600.0)], with_time_unit(1e4, ".2g")
+    (['2 ms', '20 s', '2.5 min', '6 h'], '2.8 h')
+    """
+    units = (("h", 3600.0, 7200.0), ("min", 60.0, 120.0), ("s", 1.0, 0.1), ("ms", 1e-3, 0.0))
+    unit, size = next((unit, size) for unit, size, least in units if seconds >= least)
+    return f"{seconds / size:{spec}} {unit}"
 
 
 def half_of(ends: Sequence[float] | None) -> float:

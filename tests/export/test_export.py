@@ -379,7 +379,7 @@ def test_the_json_file_is_the_result_with_its_curves(fitted, exported):
 
 def test_the_c_function_of_a_run_remembers_hours_and_model_m_its_recordings(exported):
     header, program = ((exported[0] / name).read_text(encoding="utf-8") for name in ("fracid_model.h", "model.m"))
-    assert "good for 10000000 steps (14 h at this step)" in header
+    assert "good for 10000000 steps (13.9 h at this step)" in header
     assert "good for 10000 steps" in program
 
 

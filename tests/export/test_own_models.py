@@ -15,6 +15,7 @@ from fracid.export.matlab import matlab_model
 from fracid.export.recursion import Case, Recursion
 from fracid.models.library import MODEL as LIBRARY
 from fracid.models.library import inputs_of, table_of
+from fracid.models.written.equations import Equation, Equations
 from languages import GCC, NODE, OCTAVE
 from own_models import own_models
 
@@ -110,6 +111,33 @@ def test_in_javascript_they_simulate_as_fracid_does(problems, tmp_path):
     for (name, (p, ours)), (states, outputs) in zip(problems.items(), json.loads(done.stdout), strict=True):
         same(np.array(states), ours, name)
         same(np.array(outputs), p.fitted(p.start, p.experiments[0]), name)
+
+
+def vessel_in_pascal():
+    """A vessel that follows its supply."""
+    t = 0.05 * np.arange(STEPS + 1)[:, None]
+    vessel = Equations({"pressure": Equation("(supply - pressure)/T", "q", "Pa")}, {}, {"supply": "Pa"})
+    model = vessel.model("vessel", [fracid.Parameter("T", "s", 0.8, "")])
+    e = fracid.Experiment("filling", 0.05, 1e5 * (1 - np.exp(-t)), 1e5 * (t > 0), initial={"pressure": 0.0},
+                          units={"pressure": "Pa"})  # fmt: skip
+    return fracid.Problem(model, (e,), {"q": 0.9}, initial_state="held")
+
+
+@pytest.mark.skipif(GCC is None or NODE is None, reason="gcc or Node is not installed")
+def test_a_model_in_pascal_leaves_its_limits_in_no_language_where_the_fit_does_not(tmp_path):
+    p = vessel_in_pascal()
+    ours, (tables, case) = p.simulate(p.start, p.experiments[0]).states, tables_and_case(p)
+    for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    subprocess.run([GCC, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path, check=True)
+    given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
+    done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
+    same(np.frombuffer(done.stdout).reshape(-1, 1), ours, "C")
+    text = javascript_model(p, p.start, p.experiments[0], "run")
+    (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log(JSON.stringify(simulate().states.map(x => x[0])));")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    same(np.array(json.loads(done.stdout))[:, None], ours, "JavaScript")
+    assert f"<= {p.simulator.limit})" in matlab_model(tables, case, "run")
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")

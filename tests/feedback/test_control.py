@@ -16,6 +16,7 @@ from fracid.feedback.code import c_controller
 from fracid.feedback.pid import pid
 from fracid.feedback.regulators import Plant, margins, regulator, sampled
 from fracid.feedback.swing import law_of
+from fracid.models.written.equations import Equation, Equations
 from fracid.solver.closed_loop import answers
 from fracid.solver.inputs import Driven
 
@@ -193,6 +194,19 @@ def test_an_input_that_has_one_sign_at_rest_and_in_the_recordings_has_no_other(l
     assert (c.least, c.most) == (0.0, limit or pytest.approx(3.6, abs=0.01))
     assert loop_of(pumped(0.0), at={"lower": 4.0}, limit=5.0).conditions.least == -5.0
     assert loop_of(twin(inputs=np.ones((500, 1)))).conditions.least == -0.3  # upright takes torques of both signs
+
+
+def test_a_loop_in_pascal_runs_as_far_as_in_bar():
+    runs = {}
+    for unit, size in (("bar", 1.0), ("Pa", 1e5)):
+        vessel = Equations({"pressure": Equation("(supply - pressure)/T", "q", unit)}, {}, {"supply": unit})
+        model = vessel.model("vessel", [fracid.Parameter("T", "s", 1.2, "")])
+        filled = size * np.linspace(0, 1, 500)[:, None]
+        e = fracid.Experiment("filling", 0.01, filled, filled, units={"pressure": unit})
+        problem = fracid.Problem(model, (e,), {"q": 0.9}, initial_state="held")
+        loop = loop_of(problem, limit=2.0 * size, at={"pressure": 0.5 * size}, within={"pressure": 5.0 * size})
+        runs[unit] = len(loop.run(problem.start, regulated(loop), 0)[0])
+    assert runs == {"bar": 301, "Pa": 301}
 
 
 def pulled(t, x, u, p, out):

@@ -147,6 +147,17 @@ def test_units_that_do_not_agree_are_said_under_the_place(equation, why):
     told.match(why.replace("^", r"\^"))
 
 
+def test_where_an_order_is_free_the_unit_says_what_to_type():
+    def tank(rate, *parameters):
+        return Equations({"x": Equation(rate, "q", "1")}, {}, {"u": "1"}).model("tank", parameters)
+
+    with pytest.raises(FormulaError, match=r"This is a plain number; expected s\^-1. Its order q is free") as told:
+        tank("u - x")
+    told.match('divide it by a time in s, or multiply it by a parameter with unit = "s\\^-q"')
+    assert tank("(u - x)/T", Parameter("T", "s", 1.0, "")).states == ("x",)
+    assert tank("k*(u - x)", Parameter("k", "s^-q", 1.0, "")).states == ("x",)
+
+
 def test_what_has_no_unit_may_have_any():
     constants = [Parameter(n, "", 2.0, "") for n in UNITS]
     assert Equations(AXIS, inputs={"force": ""}).model("axis", constants).outputs == {"position": 0, "speed": 1}

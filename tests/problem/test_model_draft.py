@@ -128,6 +128,38 @@ def test_the_unit_of_a_header_holds_however_its_column_is_named(tmp_path, column
     assert draft.columns == {"displacement": {"column": column}, "force": {"column": "force", "unit": "N"}}
 
 
+def strip(folder, header):
+    """A strip that is pulled and held."""
+    t = np.arange(0, 60, 0.1)
+    pulled = 0.02 * np.minimum(t, 1.0)
+    samples = np.c_[t, 100.0 * pulled + np.minimum(t, 1.0) * (1.0 + t) ** -0.3, pulled]
+    np.savetxt(folder / "strip.csv", samples, delimiter=",", header=f"time [s],{header}", comments="")
+    return folder / "strip.csv"
+
+
+def test_what_a_draft_says_to_type_of_one_column_works_as_it_stands(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    strip(tmp_path, "stress [MPa],strain [%]")
+    err = run(capsys, "init", "strip.csv", "--yes")[2]
+    typed = re.search(r"--column (\S+ \S+),scale=FACTOR", err)[1].replace('"', "")
+    assert run(capsys, "init", "strip.csv", "--yes", "--column", f"{typed},scale=1e-3")[0] == 0
+    assert typed == "force=stress [MPa],unit=N"
+    assert 'stretch = { column = "strain [%]"' in (tmp_path / "strip.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("named", [None, {"force": {"column": "force"}, "stretch": {"column": "strain"}}])
+def test_a_named_column_whose_unit_is_not_known_is_told_as_a_guessed_one(tmp_path, named):
+    draft = draft_of_model("relaxation", strip(tmp_path, "force [N],strain [%]"), named, folder=tmp_path)
+    assert any("in m, the model's unit, which is not what its header says" in note for note in draft.notes)
+    with pytest.raises(fracid.InputError, match=r"is in Pa, as the header says, and force in N"):
+        draft_of_model("relaxation", strip(tmp_path, "force [MPa],strain [m]"), named, folder=tmp_path)
+
+
+def test_a_column_is_found_by_what_it_is_called_without_what_all_names_begin_with(tmp_path):
+    draft = draft_of_model("relaxation", strip(tmp_path, "/rig/force,/rig/stretch"), folder=tmp_path)
+    assert draft.columns["force"] == {"column": "force", "unit": "N"}
+
+
 def test_a_column_of_another_dimension_is_refused(tmp_path):
     with pytest.raises(fracid.InputError, match=r"'force \[MPa\]' is in Pa, as the header says, and force in N"):
         draft_of_model("oscillator", mass(tmp_path, "displacement [m],force [MPa]"), folder=tmp_path)
@@ -305,7 +337,7 @@ def test_the_draft_of_a_twin_begins_within_its_bounds_of_the_truth(name, tmp_pat
 
 
 def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_they_are(tmp_path):
-    t = np.append(np.arange(0, 60, 0.1), np.arange(60, 600, 1.0))
+    t = np.concatenate([np.arange(0, 60, 0.1), np.arange(60, 600, 1.0), [660.0]])
     stretch = 20.0 * np.minimum(t, 1.0)
     force = 0.05 * stretch + np.minimum(t, 1.0) * (1.0 + t) ** -0.3
     table = np.column_stack([t, stretch, force])
@@ -316,6 +348,7 @@ def test_a_relaxation_is_drafted_in_its_headers_unit_and_its_samples_stay_where_
         (tmp_path / "strip.toml").write_text(draft.text, encoding="utf-8")
         problem = fracid.load_project(tmp_path / "strip.toml").problem
         assert problem.experiments[0].times is not None
+        assert draft.text.startswith("# good: ")
         assert np.ptp(problem.experiments[0].inputs[:, 0]) == pytest.approx(0.02)
         assert {"nu", "k", "c"} <= {*problem.names}
 

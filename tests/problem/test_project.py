@@ -270,6 +270,22 @@ def test_an_output_of_a_column_without_a_unit_has_the_model_s_or_is_a_number_nev
     assert e.measured[0, 0] == 500.0
 
 
+def test_a_header_in_another_unit_than_the_models_is_told_and_in_one_of_another_kind_refused(project, tmp_path):
+    text = POPULATION.replace('unit = "1"', 'unit = "K"')
+    for header in ("rabbits [degC]", "rabbits [V]"):
+        table = np.column_stack([T, 500 * np.exp(-T)])
+        np.savetxt(tmp_path / "rabbits.csv", table, delimiter=",", header=f"t,{header}", comments="")
+        if header == "rabbits [degC]":
+            (note,) = project(text.replace("HOW", "1")).notes
+            assert (
+                'rabbits is taken as K, the model\'s unit, which is not what its header says: type unit = "K"' in note
+            )
+            assert project(text.replace("HOW", '{ column = 1, unit = "K", zero = -273.15 }')).notes == ()
+        else:
+            with pytest.raises(InputError, match="rabbits is a quantity in K of this model, and its unit is V"):
+                project(text.replace("HOW", "1"))
+
+
 @pytest.mark.parametrize("header", ["rabbits", "rabbits [1]"])
 @pytest.mark.parametrize("how", ["1", "{ column = 1 }"])
 def test_an_output_that_is_a_pure_number_is_none_of_counts_nor_an_angle(project, tmp_path, header, how):

@@ -934,3 +934,11 @@ def test_counts_in_a_header_lack_the_counts_of_a_turn_and_not_a_unit(tmp_path):
     )
     said = "\n".join(inspect_recording(file, guess_units=True).report.notes)
     assert "alpha [counts] says no counts a turn: taken to be counts of 4096 a turn" in said
+
+
+def test_a_step_is_told_in_a_unit_that_suits_it():
+    level = {"level": np.sin(np.arange(60.0))}
+    for step, said in ((21600.0, "6 h"), (150.0, "2.5 min"), (5.0, "5 s"), (2e-3, "2 ms")):
+        recording = Recording.of("slow", step * np.arange(60), level, {"level": "m"})
+        assert f"one every {said}" in str(recording)
+        assert dict(recording.report.rows())["rate"].endswith(f"(step {said})")

@@ -186,6 +186,8 @@ def test_what_an_input_sets_in_motion_is_not_called_released():
     report = Recording.of("swing", T, {"voltage": volts, "alpha": PLATEAU}, {"voltage": "V", "alpha": "rad"}).report
     assert report.release == pytest.approx(3.0, abs=0.1)
     assert "set in motion by its input at 3" in report.verdict
+    report = Recording.of("swing", T, {"push": volts, "alpha": PLATEAU}, {"push": "N", "alpha": "m"}).report
+    assert "set in motion by its input at 3" in report.verdict
     later = np.where((T > 8) & (T < 9), 10.0, 0.0)
     report = Recording.of("swing", T, {"voltage": later, "alpha": PLATEAU}, {"voltage": "V", "alpha": "rad"}).report
     assert "released at 3" in report.verdict
@@ -290,6 +292,15 @@ def test_what_does_not_swing_is_not_asked_for_swings_nor_what_swings_under_a_nam
         orders = dict.fromkeys(model.order_names, 1.0)
         asked = Problem(model, (e,), orders, outputs=(column,), initial_state="held")
         assert [f.where for f in before(asked, reports) if f.code == "short-window"] == found
+
+
+def test_a_recording_that_an_input_of_the_model_drives_is_no_release_that_is_too_short():
+    signals = {"angle": counted(PLATEAU)[:390], "torque": np.where(T[:390] > 3, np.sin(9 * T[:390]), 0.0)}
+    report = Recording.of("swing", T[:390], signals, {"angle": "rad", "torque": "1"}).report
+    assert "short-window" in codes(report.findings)
+    e = Experiment("swing", 0.01, signals["angle"][:, None], np.outer(signals["torque"], [1.0, 0.0, 0.0, 0.0]))
+    asked = Problem(fracid.model("joint"), (e,), {"mu": 1.0}, initial_state="held")
+    assert "short-window" not in codes(before(asked, {"swing": report}))
 
 
 def several(*signals):

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fracid
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding
+from fracid.models.written.equations import Equation, Equations
 from fracid.validation.misfits import cost_of, misfits, missed
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -59,3 +61,16 @@ def test_rounding_is_an_encoders_of_an_angle_alone_and_noise_is_a_cause_where_it
     assert (other.unit, "encoder" in other.sentence) == ("times the recording's rounding", False)
     assert "autocorrelated: the model lacks something" in other.sentence
     assert "autocorrelated: correlated noise, or a model that lacks something" in noise.sentence
+
+
+def test_a_fit_that_explains_little_says_what_to_type_for_a_state_that_no_output_shows():
+    pair = Equations({"v": Equation("w - v"), "w": Equation("-k*w")}, {"v": Equation("v")}, {})
+    model = pair.model("pair", [fracid.Parameter("k", "1/s", 0.3, "", lower=0.0)])
+    swing = np.exp(-0.3 * TIME) - np.exp(-TIME)
+    e = fracid.Experiment("alone", 0.01, swing[:, None], np.zeros((1, 0)), units={"v": "1"})
+    fit = fracid.identify(fracid.Problem(model, (e,), {}, {"k": fracid.Free(0.3, 0.1, 1.0)}))
+    [found] = [f for f in fit.findings if f.code == "cannot-explain"]
+    assert 'No output shows w, whose start is taken as 0: type initial = { "w" = { start = 0, ' in str(found)
+    free = replace(e, initial={"w": fracid.Free(0.0, -3.0, 3.0)})
+    fit = fracid.identify(fracid.Problem(model, (free,), {}, {"k": fracid.Free(0.3, 0.1, 1.0)}))
+    assert fit.parameters["k"].value == pytest.approx(0.3, rel=1e-3)

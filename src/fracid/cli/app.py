@@ -60,11 +60,7 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os
 """Processors that this process may use: the default of --jobs."""
 
 app = typer.Typer(
-    name="fracid",
-    cls=Group,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
+    name="fracid", cls=Group, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode="rich"
 )
 
 Command = TypeVar("Command", bound=Callable[..., Any])

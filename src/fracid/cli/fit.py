@@ -32,7 +32,7 @@ from fracid.cli.app import (
 from fracid.errors import DataError, Unfinished
 from fracid.safety.text import printable
 from fracid.tasks.display import duration, shown
-from fracid.units import with_unit
+from fracid.units import letter, with_time_unit, with_unit
 from fracid.workflows.drawer import drawer, importing
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     if run.interrupted:
         say(console, PARTIAL.replace("PARTIAL", "[bold yellow]PARTIAL[/]"))
     print_claim(console, fit.claim, fit.claim_reasons, doubts(run.result))
-    zero, step = f", {p.model.zero}" if p.model.zero else "", 1e3 * p.experiments[0].step / p.substeps
+    zero, step = f", {p.model.zero}" if p.model.zero else "", with_time_unit(p.experiments[0].step / p.substeps)
     say(console, SAYS("fit", model=escape(p.model.name), zero=zero, p=p, step=step, fit=fit,
                       outcome=escape(fit.outcome), seconds=duration(run.seconds, fine=True)))  # fmt: skip
     print_values(console, [*_estimates(run.result)])
@@ -235,7 +235,7 @@ def _starts(fit: Fit) -> str:
 
 
 def _discretisation(check: Discretisation) -> str:
-    shifts = ", ".join(f"{n} {shift:+.1e}" for n, shift in check.shift.items())
+    shifts = ", ".join(f"{letter(n)} {shift:+.1e}" for n, shift in check.shift.items())
     cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
     said = f"{cost} and the orders move by {shifts}" if shifts else cost
     return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said

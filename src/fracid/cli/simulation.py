@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fracid.cli.app import SAYS, How, assigned, command, each_once, say_next, typed
 from fracid.cli.check import column_from_text
 from fracid.errors import InputError
+from fracid.units import with_time_unit
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -140,7 +141,7 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
     zero = f", {twin.model.zero}" if twin.model.zero else ""
     said = SAYS("simulated", source=escape(source), model=escape(twin.model.name), zero=zero, orders=escape(orders),
-                run=run, step=1e3 * run.step, samples=data.time.size, end=data.time[-1])  # fmt: skip
+                run=run, step=with_time_unit(run.step), samples=data.time.size, end=data.time[-1])  # fmt: skip
     console.print(said, soft_wrap=True)
     print_signals(console, data.report, {})
     print_sketches(console, data)

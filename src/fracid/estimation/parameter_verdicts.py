@@ -166,19 +166,24 @@ class _View:
         return (own if reach.lower < low and high < reach.upper else max(own, tangent)) or math.inf
 
     def shown(self, i: int) -> str:
-        """Its interval in words."""
+        """Its interval in words: the value with its half-width, or both ends."""
         ends, x = self.known.interval(self.x, i), float(self.x[i])
-        return rounded(x, self.half(i)) if ends is None else re.sub(r"(?<!e)-", "−", with_interval(x, *ends))
+        shown = rounded(x, self.half(i)) if ends is None else with_interval(x, *ends).split(", ")[-1]
+        return re.sub(r"(?<!e)-", "−", shown)
+
+    def widest(self, i: int) -> float:
+        """Half an interval that is just narrow enough to use."""
+        u = self.problem.unknowns[i]
+        if u.kind == "parameter":
+            return WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i]))
+        if u.complete:
+            return WIDE_PART
+        if u.kind == "initial":
+            return max(self.travels[u.target], WIDE_ANGLE)
+        return WIDE_ORDER if u.kind == "order" else math.inf
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
-        u, half = self.problem.unknowns[i], self.half(i) if half is None else half
-        if u.kind == "parameter":
-            return half > (WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i])))
-        if u.complete:
-            return half > WIDE_PART
-        if u.kind == "initial":
-            return half > max(self.travels[u.target], WIDE_ANGLE)
-        return u.kind == "order" and half > WIDE_ORDER
+        return (self.half(i) if half is None else half) > self.widest(i)
 
     def bound(self, i: int) -> float:
         """The nearer one."""
@@ -389,10 +394,10 @@ def _too_wide(view: _View, i: int) -> Iterator[Verdict]:
         return
     name = view.names[i]
     reach = view.problem.unknowns[i].range
-    text = f"its interval is {view.shown(i)}"
     low, high = view.known.interval(view.x, i) or view.x[i] + view.half(i) * np.array((-1.0, 1.0))
-    if view.problem.unknowns[i].kind == "parameter" and low <= 0 <= high:
-        text += ", which includes 0"
+    includes = view.problem.unknowns[i].kind == "parameter" and low <= 0 <= high
+    why = "which includes 0" if includes else f"wider than ± {view.widest(i):.2g}"
+    text = f"its interval is {view.shown(i)}, {why}"
     if view.half(i) > reach.upper - reach.lower:
         text = _bounds(view, i)
     because = _because(view, i)

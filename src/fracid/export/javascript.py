@@ -16,7 +16,6 @@ from fracid.export.whole import written, written_outputs
 from fracid.models import Model
 from fracid.models.joints import Complement
 from fracid.problem import Experiment, Problem
-from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.solver.methods import METHODS, Method
 
@@ -112,7 +111,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     orders, (seen, names) = model.named_orders(problem.unpack(x, e)[0]), outputs_of(model)
     jumps = case.driven_after.jumps
     recording = {
-        "step": case.step, "steps": case.steps, "every": 1, "limit": LIMIT, "initial": case.past[-1].tolist(),
+        "step": case.step, "steps": case.steps, "every": 1, "limit": case.limit, "initial": case.past[-1].tolist(),
         "parameters": by_name(model.parameter_names, case.parameters),
         "inputs": case.driven_after.before.ravel().tolist(), "jumps": None if jumps is None else jumps.ravel().tolist(),
     }  # fmt: skip

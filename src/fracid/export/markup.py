@@ -15,10 +15,10 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from fracid._version import __version__
-from fracid.problem.simulator import LIMIT
 from fracid.safety.door import own_text
 from fracid.safety.text import one_line
 from fracid.solver.schemes import OPEN, SLACK
+from fracid.units import with_time_unit
 
 
 def xml(template: str, **words: Any) -> str:
@@ -90,20 +90,6 @@ def _lines(values: list[Any], each: int, ending: str) -> str:
     return f",{ending}\n    ".join(", ".join(words[i : i + each]) for i in range(0, len(words), each))
 
 
-def duration(seconds: float) -> str:
-    """In the unit that people would use.
-
-    Examples
-    --------
-    >>> duration(20.0), duration(1e4)
-    ('20 s', '2.8 h')
-    """
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{seconds:.3g} s"
-
-
 def c_comment(text: str) -> str:
     """On one line, and nothing in it that ends a comment.
 
@@ -126,8 +112,8 @@ def _programs() -> Environment:
     jinja = Environment(variable_start_string="${", variable_end_string="}", undefined=StrictUndefined,
                         trim_blocks=True, keep_trailing_newline=True, loader=FunctionLoader(own_text))  # fmt: skip
     jinja.filters |= {"c": initialiser, "m": literal, "json": json.dumps, "comment": c_comment, "one_line": one_line,
-                      "duration": duration}  # fmt: skip
-    jinja.globals |= {"named": _named, "version": __version__, "limit": LIMIT, "slack": SLACK, "open": OPEN}
+                      "duration": with_time_unit}  # fmt: skip
+    jinja.globals |= {"named": _named, "version": __version__, "slack": SLACK, "open": OPEN}
     return jinja
 
 

@@ -64,6 +64,8 @@ class Case:
     steps: int
     start: float
     """Time of the start, from the recording's first sample [s]."""
+    limit: float
+    """The state beyond which the run has diverged."""
 
     @property
     def driven_after(self) -> Driven:
@@ -78,7 +80,8 @@ class Case:
         history, driven = simulator.history(x, e), simulator.inputs(x, e)
         past = values.initial[None] if history is None else np.vstack([history, values.initial])
         step, steps = e.step / problem.substeps, simulator.steps(e)
-        return cls(e.name, past, driven, values.parameters, step=step, steps=steps, start=values.release)
+        return cls(e.name, past, driven, values.parameters, step=step, steps=steps, start=values.release,
+                   limit=simulator.limit)  # fmt: skip
 
 
 @dataclass(frozen=True)

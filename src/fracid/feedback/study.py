@@ -41,7 +41,6 @@ from fracid.feedback.swing import CATCH, HANGS, law_of, swings, with_swing
 from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
 from fracid.problem import Experiment, Problem
-from fracid.problem.simulator import LIMIT
 from fracid.quantiles import NORMAL_95
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
@@ -201,7 +200,7 @@ class ClosedLoop:
         equation = Equation(compile_rhs(model.rhs), orders, u, p, time_scale=time_scale(model, p),
                             relaxing=model.relaxing_states)  # fmt: skip
         run = integrate(equation, InitialCondition(start), h, samples * c.steps,
-                        options=Options("pi2", compressed(), limit=LIMIT, bounds=bounds),
+                        options=Options("pi2", compressed(), limit=self.problem.simulator.limit, bounds=bounds),
                         loop=lambda rhs, run, out: step_closed(rhs, run, loop, out))  # fmt: skip
         y = (run.states[:, rows] - reference)[:: c.steps]
         if swung:  # from the upright posture that it comes to

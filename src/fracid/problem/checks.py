@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -205,12 +205,22 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
         ranges = {i: (off * slopes[i] / (slopes @ slopes), size / abs(slopes[i])) for i in shown}
         rates = {j: i for i, j in p.model.rates.items() if i in ranges and j not in ranges}
         ranges |= {j: (0.0, fastest / abs(slopes[i])) for j, i in rates.items()}
-        typed = ", ".join(
-            f'"{states[i]}" = {{ start = {at:.3g}, lower = {at - reach:.3g}, upper = {at + reach:.3g} }}'
-            for i, (at, reach) in ranges.items()
-        )
+        typed = typed_starts({states[i]: around for i, around in ranges.items()})
         raise InputError(SAYS("begins-elsewhere", e=e, name=name, begins=e.measured[0, k], at_start=at_start,
                               states=' and '.join(states[i] for i in ranges), typed=typed))  # fmt: skip
+
+
+def typed_starts(around: Mapping[str, tuple[float, float]]) -> str:
+    """What ``initial`` has for states that begin within some reach of a value.
+
+    Examples
+    --------
+    >>> typed_starts({"w": (0.0, 3.0)})
+    '{ "w" = { start = 0, lower = -3, upper = 3 } }'
+    """
+    each = [f'"{n}" = {{ start = {at:.3g}, lower = {at - reach:.3g}, upper = {at + reach:.3g} }}'
+            for n, (at, reach) in around.items()]  # fmt: skip
+    return f"{{ {', '.join(each)} }}"
 
 
 def _check_past(p: Parametrisation, e: Experiment) -> None:

@@ -142,8 +142,11 @@ class Source:
         return inspect_recording(self.file, columns, time=self.time, variable=self.variable, **part)
 
     def fit(self, columns: Mapping[str, Mapping[str, Any]], **part: Any) -> Recording:
-        """The recording with its blanks bridged; one of which nothing can be made is refused."""
-        recording = self.read(columns, **part).bridge_blanks()
+        """The recording as the draft takes it, its blanks bridged; one of which nothing can be made is refused."""
+        recording = self.read(columns, **part)
+        if why_uneven(recording):
+            recording = self.read(columns, uneven=True, **part)
+        recording = recording.bridge_blanks()
         for why in recording.report.unusable:
             raise InputError(f"{self.file.name}: {why}")
         return recording
@@ -176,8 +179,9 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
 
 
 def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
-    """What may be wrong with a recording, with its name where it is one of several; an input may jump."""
-    findings = (f for f in recording.report.findings if f.code != "jump" or f.where not in model.inputs)
+    """What may be wrong with a recording, with its name where it is one of several; an input may jump, and drive it."""
+    of_inputs = [*(("jump", n) for n in model.inputs), *[("short-window", "")] * bool(moving_inputs(recording, model))]
+    findings = (f for f in recording.report.findings if (f.code, f.where) not in of_inputs)
     return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 

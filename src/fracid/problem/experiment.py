@@ -322,7 +322,8 @@ def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collect
     possible: dict[str, tuple[str, ...]] = {n: ("rad", "1") for n in model.angles}
     possible |= {n: (model.output_unit(n), "1") for n in model.derived}
     possible |= {n: ("m", "1", "rad") for n in model.outputs if model.output_unit(n) == "m"}
-    possible |= {n: (u, "1") for n, u in model.input_units.items() if n not in recording.assumed}
+    measured = {n: u for n, u in model.output_units.items() if u in UNITS and u != "1" and n not in possible}
+    possible |= {n: (u, "1") for n, u in {**measured, **model.input_units}.items() if n not in recording.assumed}
     for name, units in possible.items():
         unit = recording.units.get(name, units[0])
         if unit in units or name in scaled:

@@ -29,7 +29,7 @@ from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
 from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs, refuse_other_clock
 from fracid.problem.first_values import FirstValues, first_values
-from fracid.problem.roles import roles_of
+from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
 from fracid.recording import Recording, Table
 from fracid.recording.columns import unit_of_header
@@ -86,8 +86,10 @@ def draft_of_model(
     return _Page(name, source, more, columns, zero=zero).draft()
 
 
-def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
-    """The channel of a model's signal, and what its unit is taken from.
+def channel_of(
+    model: Model, name: str, raw: Recording, column: str, *, named: bool = False
+) -> tuple[dict[str, Any], str]:
+    """The channel of a model's signal, and what its unit is taken from; an angle that is named is in rad.
 
     Examples
     --------
@@ -99,7 +101,7 @@ def channel_of(model: Model, name: str, raw: Recording, column: str) -> tuple[di
     fields, why = {}, "whose unit the header says"
     if column in raw.assumed:
         fields, why = {"unit": unit}, f"in {unit}, the model's unit"
-    if column in raw.assumed and unit == "rad":
+    if column in raw.assumed and unit == "rad" and not named:
         fields, why = unit_of(raw, column, "angle")
     if column not in raw.assumed and raw.units[column] != unit:
         raise InputError(SAYS("other-unit", name=name, column=column, model=model, unit=unit, own=raw.units[column]))
@@ -135,7 +137,7 @@ class _Page:
         self.beside = [self._beside(table.beside) for table in tables]
         self.raws = {c: next(r for r in self.logs if c in r.signals) for raw in self.logs for c in raw.signals}
         self.guessed: Columns = {}
-        self.columns = self._columns(columns)
+        self.columns = self._columns(columns or {}, tables)
         self.channels = [self._columns_in(table) for table in tables]
         self.outputs = [n for n in self.model.outputs if n in self.columns]
         special = self.table.get("with", {})
@@ -202,42 +204,48 @@ class _Page:
                     found[constant] = value.value
         return found
 
-    def _columns(self, given: Mapping[str, Mapping[str, Any]] | None) -> Columns:
-        """What each column is, with its unit; those that are named are believed."""
+    def _columns(self, given: Mapping[str, Mapping[str, Any]], tables: Sequence[Table]) -> Columns:
+        """What each column is, with its unit; those that are named are believed, and the others guessed."""
         signals = (*self.model.outputs, *self.model.inputs)
-        refuse_unknown(f"signal of {self.name} in --column", signals, *(given or ()))
-        roles = roles_of(self.name, list(self.raws)) if given is None else {}
+        refuse_unknown(f"signal of {self.name} in --column", signals, *given)
+        logs = zip(tables, self.logs, strict=True)
+        named = {c: n for table, log in logs for c, n in named_columns(table, log.signals, given).items()}
+        free = [c for c in self.raws if c not in named]
+        roles = {n: c for n, c in roles_of(self.name, [*given, *free]).items() if n not in given and c in free}
         for signal, row in self.table.get("with", {}).items():
-            if signal in roles:
-                idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in roles else [signal]
+            if signal in (there := {*roles, *given}):
+                idle = row["without"] if row["by"] in self.beside[0] or row["unless"] not in there else [signal]
                 roles = {n: c for n, c in roles.items() if n not in idle}
         shown = ", ".join(self.raws)
         left = {*self.raws} - {*roles.values()} or self.model.input_rates  # nothing moves without such an input
-        for name in (n for n in self.table["needs"] if given is None and n not in roles and left):
+        for name in (n for n in self.table["needs"] if not given and n not in roles and left):
             raise InputError(SAYS("no-column", file=self.file, name=name, model=self.name, signals=shown))
-        columns: Columns = {n: dict(c) for n, c in (given or {}).items()}
+        columns: Columns = {n: dict(c) for n, c in given.items()}
+        for column, name in named.items():
+            if not given[name].keys() & {"unit", "scale", *QUANTITIES}:
+                self.notes.append(f"{name} is taken from {column!r}, {self._channel(name, column, named=True)[1]}.")
         for name, column in roles.items():
             if name in self.model.outputs and (sensor := self._sensor(name, column)):
                 columns |= self._taken(name, *sensor)
             else:
                 columns[name], why = self._channel(name, column)
                 self.notes.append(f"{name} is taken from {column!r}, {why}.")
-        if given is None:
+        if not given:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=shown, first=next(iter(self.model.outputs))))  # fmt: skip
-        units = {n: _own_unit(self.model, n) for n in given or () if "unit" not in columns[n]}
+        units = {n: _own_unit(self.model, n) for n in given if "unit" not in columns[n]}
         self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
         unused = [c for c in self.raws if c not in taken]
-        if given is None and unused:
+        if not given and unused:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
 
-    def _channel(self, name: str, column: str) -> tuple[dict[str, Any], str]:
+    def _channel(self, name: str, column: str, *, named: bool = False) -> tuple[dict[str, Any], str]:
         """The column of a signal, and what its unit is taken from; one that is guessed is kept apart."""
-        found = [channel_of(self.model, name, raw, column) for raw in self.logs if column in raw.signals]
+        found = [channel_of(self.model, name, raw, column, named=named) for raw in self.logs if column in raw.signals]
         guesses = [one for one in found if len(one[0]) > 1]
         (fields, why), some = (guesses or found)[0], len(guesses) % len(found) > 0
         self.guessed[name] = {key: value for key, value in fields.items() if key != "column"}

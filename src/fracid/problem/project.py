@@ -64,7 +64,7 @@ from pydantic_core import core_schema
 
 from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
-from fracid.findings import Words, with_code
+from fracid.findings import Note, Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, Equations, equations_in
 from fracid.models.written.formulas import FormulaError
@@ -486,7 +486,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
                for r, s, c in zip(recordings, content.recording, channels, strict=True)]  # fmt: skip
     notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
     notes += _shared(zip(recordings, experiments, columns, strict=True))
-    notes += [f"{r.name}: {note}" for r in recordings for note in with_code(r.report.reading, "interpolated")]
+    notes += [f"{r.name}: {note}" for r in recordings for code in ("interpolated", "other-header")
+              for note in with_code(r.report.reading, code)]  # fmt: skip
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
@@ -667,11 +668,15 @@ def _load(
         name=name, variable=spec.variable, resample="uneven" if spec.resample == "uneven" else None,
     )  # fmt: skip
     recording = load(columns)
+    headers, units = with_code(recording.report.reading, "header-taken-as"), {**model.input_units, **model.output_units}
     own = {n: unit if unit in UNITS else "1" for n, unit in model.output_units.items() if n in recording.assumed}
     if own:  # the model says it, no file
         recording = load(columns | {n: replace(Channel.of(columns[n]), unit=unit) for n, unit in own.items()})
     held = {n for n, between in (held_inputs(recording.units, model) | channels.between).items() if between == "hold"}
-    recording = resampled(replace(recording, held=recording.held | held), spec.resample)
+    told = [Note(SAYS("other-header", name=n.where, unit=units[n.where]), "other-header", n.where) for n in headers
+            if units.get(n.where, "1") != "1"]  # fmt: skip
+    report = replace(recording.report, reading=(*recording.report.reading, *told))
+    recording = resampled(replace(recording, held=recording.held | held, report=report), spec.resample)
     if not past:
         return recording, None
     after = recording.trim(spec.start)

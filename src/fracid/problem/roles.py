@@ -9,11 +9,13 @@ they move.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.library import MODEL, table_of
+from fracid.recording import Table
 from fracid.recording.channel import without_unit
 
 SAYS = Words("problem/roles.toml")
@@ -48,6 +50,20 @@ def roles_of(model: str, columns: Sequence[str]) -> dict[str, str]:
         if found:
             roles[signal] = found[0]
     return roles
+
+
+def named_columns(table: Table, columns: Iterable[str], given: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Return the columns of a table that were named, each with the signal that it was named for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> table = Table(np.zeros((2, 3)), ("t", "stress [MPa]", "strain"), ("", "MPa", ""), "log.csv")
+    >>> named_columns(table, ["stress [MPa]", "strain"], {"force": {"column": "stress"}})
+    {'stress [MPa]': 'force'}
+    """
+    places = {table.find(c["column"]): n for n, c in given.items() if "column" in c}
+    return {c: places[j] for c in columns if places and (j := table.find(c)) in places}
 
 
 def likely_models(columns: Sequence[str]) -> dict[str, dict[str, str]]:

@@ -144,7 +144,7 @@ class Simulator:
         """
         grid, substeps = self._grid(e)
         posed = [self._posed(x, e) for x in points]
-        options = Options(self.method, self.memory, limit=self._limits[e.name])
+        options = Options(self.method, self.memory, limit=self.limit)
         return integrate_all(posed, grid.step / substeps, self.steps(e), options=options, wanted=wanted)
 
     def _posed(self, x: FloatArray, e: Experiment) -> tuple[Equation, InitialCondition]:
@@ -226,10 +226,10 @@ class Simulator:
         return 0 if past is None or len(e.all_inputs) == 1 else past.release * self.parametrisation.substeps
 
     @cached_property
-    def _limits(self) -> dict[str, float]:
-        """Recording → the state beyond which a run has diverged."""
-        sizes = {e.name: self.parametrisation.sizes(e) for e in self.parametrisation.experiments}
-        return {name: LIMIT * float(np.max(size, initial=1.0)) for name, size in sizes.items()}
+    def limit(self) -> float:
+        """The state beyond which a run has diverged, here and wherever the identified model is run again."""
+        p = self.parametrisation
+        return LIMIT * max(float(np.max(p.sizes(e), initial=1.0)) for e in p.experiments)
 
     # --- what the memo goes by ---------------------------------------------------------------------
 

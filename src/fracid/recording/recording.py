@@ -20,7 +20,7 @@ from fracid.recording.channel import SAYS, UNITS, si_unit
 from fracid.recording.edges import between_edges, counts_at_edges
 from fracid.recording.measures import SignalReport
 from fracid.recording.report import Report, measure
-from fracid.units import letter, with_unit
+from fracid.units import letter, with_time_unit, with_unit
 
 MOST_RESAMPLED = 50
 """Samples of a finer grid for each of the recording's."""
@@ -61,7 +61,7 @@ class Recording(CardDisplay):
 
     def _card(self) -> Card:
         report, clock = self.report, self.report.clock
-        every = "" if self.step is None else f", one every {1e3 * self.step:.6g} ms"
+        every = "" if self.step is None else f", one every {with_time_unit(self.step)}"
         release = report.release_reason if report.release is None else f"{report.release:.3f} s"
         findings = f"{len(report.warnings)}: {report.warnings[0]}" if report.warnings else "none"
         signals = ((letter(s.name), _extent(s)) for s in report.signals)
@@ -171,12 +171,12 @@ class Recording(CardDisplay):
         last = np.searchsorted(self.time, grid + slack, side="right") - 1
         signals = {n: x[last] if n in self.held else np.interp(grid, self.time, x) for n, x in self.signals.items()}
         gaps = "".join(
-            f" The gap of {1e3 * g:.3g} ms after {t:.4g} s was bridged by a line."
+            f" The gap of {with_time_unit(g, '.3g')} after {t:.4g} s was bridged by a line."
             for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
         )
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
-        how = f"Resampled to a step of {1e3 * h:.6g} ms by linear interpolation{hold_note}.{gaps}{more}"
+        how = f"Resampled to a step of {with_time_unit(h)} by linear interpolation{hold_note}.{gaps}{more}"
         gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
         bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
         new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, resampled=how)

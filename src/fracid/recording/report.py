@@ -44,6 +44,7 @@ from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalRepor
 from fracid.safety.json_files import plain
 from fracid.safety.text import shortened
 from fracid.signals.swing import release_time, swing_count
+from fracid.units import with_time_unit
 
 SAYS = Words("recording/report.toml")
 
@@ -58,6 +59,9 @@ BLANK = 0.05
 
 COMMANDS = ("V", "N m")
 """Units of what drives a rig: nothing says what it was where it is missing."""
+
+DRIVES = (*COMMANDS, "N", "A", "Pa")
+"""Units of what may set a rig in motion, where no model says which signals are its inputs."""
 
 SWING = ("rad", "m")
 """Units of what may swing: a level, a voltage or a temperature does not."""
@@ -173,7 +177,7 @@ class Report:
         return [
             ("samples", str(c.samples)),
             ("duration", f"{c.duration:.6g} s"),
-            ("rate", f"{c.rate:.6g} Hz (step {c.step * 1e3:.6g} ms)" if c.step > 0 else "unknown"),
+            ("rate", f"{c.rate:.6g} Hz (step {with_time_unit(c.step)})" if c.step > 0 else "unknown"),
             ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
             ("gaps", gaps if c.gaps else "none"),
             ("release", f"{blocks}: {self.release_reason}"),
@@ -270,10 +274,10 @@ def measure(
 
 
 def _driven(time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], release: float) -> bool:
-    """Whether a voltage or a torque changes before it moves, or with it."""
+    """Whether what may drive it changes before it moves, or with it."""
     before = time <= release + WITH
     return any(np.nanmax(x[before]) > np.nanmin(x[before]) for n, x in signals.items()
-               if units[n] in COMMANDS and np.isfinite(x[before]).any())  # fmt: skip
+               if units[n] in DRIVES and np.isfinite(x[before]).any())  # fmt: skip
 
 
 def _short(
@@ -336,7 +340,8 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
     if uneven:
         return
     if c.gaps:
-        gaps = ", ".join(f"{1e3 * g:.3g} ms after {t:.4g} s" for t, g in sorted(c.gaps, key=lambda x: -x[1])[:3])
+        longest = sorted(c.gaps, key=lambda x: -x[1])[:3]
+        gaps = ", ".join(f"{with_time_unit(g, '.3g')} after {t:.4g} s" for t, g in longest)
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
         yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({gaps}{more})"
     if c.worst_jitter > UNIFORM:

@@ -24,6 +24,12 @@ function round(v, digits = 4) {
   return `${mantissa.replace("-", "−")}×10${raised(exponent)}`;
 }
 
+// A duration in the unit that people would use.
+function inTime(seconds) {
+  const [unit, size] = seconds >= 7200 ? ["h", 3600] : seconds >= 120 ? ["min", 60] : seconds >= 0.1 ? ["s", 1] : ["ms", 1e-3];
+  return `${round(seconds / size, 3)} ${unit}`;
+}
+
 // A value in its unit: an angle with as many decimals as its encoder tells, two without one.
 function inUnit(v, { unit, step, digits = 4, more = 0 }) {
   if (!Number.isFinite(v)) return "–";

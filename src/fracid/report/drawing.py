@@ -22,7 +22,7 @@ from fracid.report.sentences import (
     with_error,
 )
 from fracid.safety.text import printable
-from fracid.units import in_letters, letter, number, raised, typeset_unit
+from fracid.units import in_letters, letter, number, raised, typeset_unit, with_time_unit
 
 
 def drawn(template: str, **what: Any) -> Markup:
@@ -41,7 +41,7 @@ def _templates() -> Environment:
     jinja = Environment(loader=PackageLoader("fracid.report", "."), autoescape=True, undefined=StrictUndefined,
                         trim_blocks=True, lstrip_blocks=True, finalize=_seen)  # fmt: skip
     words = (counted, digits, in_letters, in_words, interval, joined, letter, linked, number, said,
-             search_sentence, tick, unbroken, with_error)  # fmt: skip
+             search_sentence, tick, unbroken, with_error, with_time_unit)  # fmt: skip
     jinja.filters |= {word.__name__: word for word in words}
     jinja.tests["finite"] = isfinite
     jinja.filters |= {"short": "{:g}".format, "unit": typeset_unit, "tenth": "{:.1f}".format, "whole": "{:.0f}".format}

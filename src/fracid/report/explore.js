@@ -333,7 +333,7 @@ class Explore {
     const away = this.outputs.findIndex((o, k) => this.rmse[k] > 3 * largest(r.measured[k]));
     const how = run.completed && away >= 0 ? `With these values the simulation leaves the recording: ${this.outputs[away].letter} reaches ${round(largest(this.curves[away]), 2)}${this.outputs[away].unit}.`
       : !run.completed ? `The run leaves its limits after ${seconds} s.`
-      : whole ? `${r.steps.toLocaleString("en")} steps of ${round(1000 * r.step, 3)} ms, simulated in ${Math.ceil(run.took)} ms.${this.preview ? "" : ` At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`}`
+      : whole ? `${r.steps.toLocaleString("en")} steps of ${inTime(r.step)}, simulated in ${Math.ceil(run.took)} ms.${this.preview ? "" : ` At the best fit this solver and fracid agree to ${power(this.agreement)} of the swing.`}`
         : `While you drag: the first ${seconds} s; all of it when you let go.`;
     element("explore-said").textContent = (this.note ? `${this.note} ` : "") + how + part;
   }

@@ -19,7 +19,6 @@ from fracid.export.javascript import no_javascript, program, solver
 from fracid.export.whole import written, written_outputs
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import COSTS
-from fracid.problem.simulator import LIMIT
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.traces import budget
@@ -191,12 +190,11 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
     samples = min(len(e.measured), budget(len(material.fit.recordings)))
     rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
     inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
-    sizes = problem.sizes(e)
     return {
         "name": e.name, "use": material.fit.recordings[e.name].use, "own": _lines(material, e, samples),
         "step": e.step / problem.substeps, "steps": rows - 1, "every": problem.substeps,
         "samples": samples, "whole": len(e.measured), "release": None if e.release_time == 0.0 else values.release,
-        "limit": LIMIT * float(np.max(sizes, initial=1.0)), "initial": values.initial,
+        "limit": problem.simulator.limit, "initial": values.initial,
         "deflections": list(_deflections(problem, x, e)), "unknowns": list(_unknowns(problem, x, e)),
         "parameters": by_name(problem.model.parameter_names, values.parameters),
         "inputs": base64_floats(inputs, "<f8"),

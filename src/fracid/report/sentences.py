@@ -178,7 +178,7 @@ def unbroken(sentence: str) -> str:
     ['a', 'fit', 'of', '95.7\xa0%,', '55.79\xa0s', 'at', '500\xa0Hz,', 'and', '3', 'sentences']
     """
     raised = re.sub(r"(?<![\w.])(?<!= )\d+(?:\.\d+)?e[-+]?\d+(?!\w|\.\d)", lambda found: typeset(found[0]), sentence)
-    return re.sub(r"(?<=\d) (?=(?:%|s|ms|Hz|V|mV|m|A|N|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", raised)
+    return re.sub(r"(?<=\d) (?=(?:%|s|ms|min|h|Hz|V|mV|m|A|N|steps?|times)\b|%)", "\N{NO-BREAK SPACE}", raised)
 
 
 def linked(sentence: str) -> Markup:

@@ -41,7 +41,6 @@ from fracid.models import Model, model
 from fracid.models.library import inputs_of, table_of
 from fracid.problem import Experiment, Problem
 from fracid.problem.experiment import held_inputs
-from fracid.problem.simulator import LIMIT
 from fracid.recording import Recording
 from fracid.recording.channel import si_unit
 from fracid.solver.inputs import Between, Driven, between_samples
@@ -52,9 +51,6 @@ from fracid.twins.encoder import SAYS, encoder
 
 MOST = 20_000_000
 """Samples of a recording at most: 160 MB a column."""
-
-BEYOND = 1e100
-"""A state beyond this has run away, whatever its unit."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,6 +86,8 @@ class Twin(CardDisplay):
     """Input → what it does between the samples (:mod:`fracid.solver.inputs`); ``line`` where it says nothing."""
     history: FloatArray | None = None
     """The states before the start, as :func:`fracid.simulate` takes them."""
+    limit: float = 1e100
+    """A state beyond this has run away, whatever its unit."""
 
     def __post_init__(self) -> None:
         """Refuse what is no recording; the model has the states that the values want."""
@@ -197,7 +195,7 @@ class Twin(CardDisplay):
             initial=by_name(model.states, initial), step=experiment.step, end=float(experiment.time[-1]),
             start=experiment.start, hold=release, method=problem.method, memory=problem.memory,
             substeps=problem.substeps, inputs=inputs, between=experiment.between,
-            history=problem.simulator.history(x, experiment),
+            history=problem.simulator.history(x, experiment), limit=problem.simulator.limit,
         )  # fmt: skip
 
     def changed(self, **changes: Any) -> Twin:
@@ -249,7 +247,7 @@ class Twin(CardDisplay):
             self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
             parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
             memory=self.memory, inputs=self._driven(steps, h), history=self.history,
-            limit=LIMIT if self.model.angles else BEYOND,
+            limit=self.limit,
         )  # fmt: skip
         slack = 1e-6 * self.step
         held, reached = self.time < self.hold - slack, self.time <= run.time[-1] + slack

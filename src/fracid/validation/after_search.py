@@ -33,6 +33,7 @@ from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Note, Words
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
+from fracid.problem.checks import typed_starts
 from fracid.quantiles import NORMAL_95
 from fracid.recording.guess import jumps
 from fracid.selection.bic import STRONG
@@ -372,4 +373,19 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
         if LEFT_OVER < part < NO_BETTER and part * times > BETWEEN:
             yield SAYS.finding("cannot-explain", f"{e.name}: {o}", times, BETWEEN / part,
                                rms=with_unit(rms, e.units.get(o, 'rad')), percent=100 * part,
-                               plain_times=plain(times))  # fmt: skip
+                               plain_times=plain(times), hidden=hidden_starts(problem, x, e.name))  # fmt: skip
+
+
+def hidden_starts(problem: Problem, x: FloatArray, recording: str) -> str:
+    """What to type where states begin at 0 because no output shows them; nothing where there are none."""
+    e, _ = problem.recordings[recording]
+    if problem.in_windows or problem.initial_state != "estimate" or e.past is not None:
+        return ""
+    states, start = problem.model.states, problem.unpack(x, e).initial
+    known = {*e.initial, *(u.target for u in problem.unknowns if u.kind == "initial" and u.experiment == e.name)}
+    hidden = [i for i, n in enumerate(states) if start[i] == 0.0 and n not in known]
+    if not hidden:
+        return ""
+    moved = np.nan_to_num(np.ptp(problem.simulate(x, e).states, axis=0))
+    around = {states[i]: (0.0, 2.0 * float(moved[i]) if i < len(moved) and moved[i] > 0 else 1.0) for i in hidden}
+    return f" {SAYS('hidden-starts', states=' and '.join(around), typed=typed_starts(around))}"

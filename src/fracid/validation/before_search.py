@@ -146,9 +146,10 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         units = {n: e.units.get(n, "rad") if _is_angle(problem, n) else "V" for n in signals}
         report = measure(e.time, signals, units)
     commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
-    swings = bool(problem.model.rates)
+    driven = any(s.range > 0 and s.name in problem.model.inputs for s in report.signals)
+    released = bool(problem.model.rates) and not driven
     return [replace(f, where=": ".join(filter(None, (e.name, f.where)))) for f in report.findings
-            if (f.code, f.where) not in commanded and (swings or f.code != "short-window")]  # fmt: skip
+            if (f.code, f.where) not in commanded and (released or f.code != "short-window")]  # fmt: skip
 
 
 def _is_angle(problem: Problem, signal: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding, Words
@@ -21,7 +21,10 @@ WORSE = 3.0
 """Times what is left over of the recordings that were fitted, from which on one that was not is missed."""
 
 
-def misfits(recordings: Mapping[str, RecordingFit], starts: int, coloured: Collection[str] = ()) -> Iterator[Finding]:
+def misfits(
+    recordings: Mapping[str, RecordingFit], starts: int, coloured: Collection[str] = (),
+    hidden: Callable[[str], str] = lambda _: "",
+) -> Iterator[Finding]:  # fmt: skip
     """What a fit leaves over of the recordings that it was made from, where it is no noise.
 
     Parameters
@@ -32,13 +35,16 @@ def misfits(recordings: Mapping[str, RecordingFit], starts: int, coloured: Colle
     coloured : collection of str
         Recordings and outputs, in words, whose residual is correlated as noise is:
         :func:`fracid.selection.residual_noise.leftovers`.
+    hidden : function
+        Of a recording: what to type for states that no output shows.
     """
     again = "; another start may do better, type --multi-start 16" if starts == 1 else ""
     for r in recordings.values():
         for output, percent in r.fit_percent.items():
             if percent < POOR:
                 worse = "no" if percent <= 0 else "hardly"
-                yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again)
+                yield SAYS.finding("cannot-explain", r.name, percent, POOR, worse=worse, output=output, again=again,
+                                   hidden=hidden(r.name))  # fmt: skip
                 continue
             left = left_over(r.standardised(output), r.measured[output], known=output in r.deviations)
             cause = SAYS("coloured" if f"{r.name}, {letter(output)}" in coloured else "lacks")

@@ -10,7 +10,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Words
 from fracid.signals.left_over import NEXT_TO_WHITE
-from fracid.units import signed, with_unit
+from fracid.units import signed, with_time_unit, with_unit
 from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
 
 SAYS = Words("validation/residual_sentences.toml")
@@ -64,7 +64,7 @@ def correlation_cause(
     if power < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12:
         return SAYS("at-floor")
     if swing and T * step * swing < FAST:
-        return SAYS("short", period=_seconds(1 / swing))
+        return SAYS("short", period=with_time_unit(1 / swing, ".2g"))
     return SAYS(f"lacks-{use}", times=_times(math.sqrt(T)))
 
 
@@ -74,7 +74,7 @@ def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: floa
         return SAYS("white", n=n, p=_p(p))
     if n / T >= NEXT_TO_WHITE * n:
         return SAYS("next-to-white", lag_one=signed(lag_one), n=n, p=_p(p), count=n / T)
-    return SAYS("autocorrelated", time=_seconds(seconds), n=n, p=_p(p), count=n / T, cause=cause)
+    return SAYS("autocorrelated", time=with_time_unit(seconds, ".2g"), n=n, p=_p(p), count=n / T, cause=cause)
 
 
 def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]:
@@ -182,7 +182,3 @@ def _times(factor: float) -> str:
 
 def _percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.01 else "less than 1 %"
-
-
-def _seconds(t: float) -> str:
-    return f"{t:.2g} s" if t >= 0.1 else f"{1e3 * t:.2g} ms"

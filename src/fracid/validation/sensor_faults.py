@@ -57,7 +57,7 @@ from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import swing_period
-from fracid.units import with_unit
+from fracid.units import letter, with_unit
 
 SAYS = Words("validation/sensor_faults.toml")
 
@@ -145,8 +145,8 @@ def misread(
     >>> swing = Experiment("twin", 4e-3, read, np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.95, 0.5, 1.2), "mu": Free(0.97, 0.5, 1.2)})
     >>> fit = fracid.identify(problem, optimiser="least-squares")
-    >>> [(f.code, f.where) for f in misread(problem, fit.x, fit.uncertainty)]
-    [('late', 'alpha')]
+    >>> [(f.code, "freed, that would move λ by" in f.sentence) for f in misread(problem, fit.x, fit.uncertainty)]
+    [('late', True)]
     """
     every = misreadings(problem, x, uncertainty, jobs=jobs, near=near)
     candidates = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
@@ -156,7 +156,8 @@ def misread(
         best = max(matter, key=lambda m: m.share if m.size > 0 else EARLY * m.share)
         explains = ("explains", best.signal, 100 * best.share, 100 * MOST)
         why = ("moves", best.signal, best.half_intervals, MOVES) if _moves(best) else explains
-        yield SAYS.finding(*why, says=_size(problem, best), best=best, fix=_fix(problem, best))
+        yield SAYS.finding(*why, says=_size(problem, best), best=best, fix=_fix(problem, best),
+                           moves=letter(best.moves))  # fmt: skip
 
 
 def _moves(m: Misreading) -> bool:

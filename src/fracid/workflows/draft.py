@@ -22,8 +22,9 @@ from fracid.problem import Free, Problem
 from fracid.problem.draft import BEGUN, MOTOR, Draft, draft_project
 from fracid.problem.model_draft import draft_of_model
 from fracid.problem.project import Project, project_from_text
-from fracid.problem.roles import ROTARY, model_of_columns
+from fracid.problem.roles import ROTARY, likely_models, model_of_columns, named_columns
 from fracid.recording import inspect_recording
+from fracid.recording.readers.table import read_table
 from fracid.regression import start_values
 from fracid.safety.door import write_whole
 
@@ -91,7 +92,7 @@ def write_draft(
 
 
 def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **options: Any) -> str:
-    """Return the model that the columns of recordings, or those that are named, are of.
+    """Return the model that the columns of recordings are of: those that are named, or with all others.
 
     Raises
     ------
@@ -101,8 +102,12 @@ def chosen_model(files: Sequence[Path], columns: Mapping[str, Any] | None, **opt
     if options.get("rig") is not None:
         return ROTARY
     raws = [inspect_recording(f, time=options.get("time"), variable=options.get("variable")) for f in files]
-    named = columns or {c: raw for raw in raws for c in raw.signals}
-    return model_of_columns(" ".join(f.name for f in files), list(named))
+    names = dict.fromkeys(columns or ())
+    if not (names and likely_models([*names])):  # the others say more
+        for file, raw in zip(files, raws, strict=True):
+            named = named_columns(read_table(file, options.get("variable")), raw.signals, columns or {})
+            names |= {c: None for c in raw.signals if c not in named}
+    return model_of_columns(" ".join(f.name for f in files), [*names])
 
 
 FIRST = 4

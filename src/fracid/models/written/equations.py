@@ -159,6 +159,7 @@ class Equations:
                 value = body[-1].value
                 names[target.name] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
+        units.orders |= {Entry("out", Number(i)): e.order for i, e in enumerate(there.values())}
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (_, where, text, _) in zip(body, rows, strict=True):
             units.check(s, text, where)
@@ -268,6 +269,7 @@ class _Units:
 
     def __init__(self, names: Mapping[str, Expression], units: Mapping[str, str]) -> None:
         self.columns: dict[int, int] = {}
+        self.orders: dict[Expression, float | str] = {}
         self.known: dict[Expression, Dimension | None] = {names[n]: dimension(unit) for n, unit in units.items()}
         self.names, self.text, self.where = names, "", ""
 
@@ -295,7 +297,10 @@ class _Units:
             state = self.known.get(Entry("x", s.target.index))
             expected = _times(state, SECOND, -1) if state else None
         if unit and expected and unit != expected:
-            raise FormulaError(text, 0, f"This is in {_shown(unit)}; expected {_shown(expected)}.", where)
+            order = self.orders.get(s.target)
+            free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
+            inside = "in " * (unit != NONE)
+            raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
 
     def of(self, e: Expression) -> Dimension | None:
         """Its unit; None where that is not known."""

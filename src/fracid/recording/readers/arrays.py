@@ -75,7 +75,9 @@ class Table:
         if isinstance(key, int) and 0 <= key < len(self.names):
             return key
         numbered = tuple(f"{name} ({j})" for j, name in enumerate(self.names))  # as columns of one name are called
-        for names in (self.names, tuple(map(_bare, self.names)), numbered):  # "theta [deg]", or "theta" for short
+        ends = () if str(key).isdecimal() else (f"/{key}", f".{key}")  # without what all names begin with
+        short = tuple(str(key) if name.endswith(ends) else name for name in self.names)
+        for names in (self.names, tuple(map(_bare, self.names)), numbered, short):  # "theta [deg]", or "theta"
             if names.count(str(key)) > 1:
                 many = f"{names.count(str(key))} columns named {ascii_short(str(key))}"
                 raise InputError(f"{self.source} has {many}: give its position.")
