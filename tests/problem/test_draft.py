@@ -435,8 +435,11 @@ def test_a_pendulum_that_never_moves_is_no_other_column(tmp_path):
 def test_a_clock_in_another_unit_is_refused_until_somebody_says_it(tmp_path):
     t = np.arange(0, 8, 0.01)
     np.savez(tmp_path / "log.npz", time=1e3 * t, alpha=0.3 * np.exp(-t / 3) * np.cos(6 * t))
-    with pytest.raises(InputError, match=r"Type fracid init .*log.npz --time time,unit=ms; or unit=s, if"):
+    with pytest.raises(InputError, match=r"Type fracid init .*log.npz --time time,unit=ms; or --time time,unit=s, if"):
         draft_project(tmp_path / "log.npz", folder=tmp_path)
+    np.savez(tmp_path / "frames.npz", time=np.arange(800.0), alpha=0.3 * np.exp(-t / 3) * np.cos(20 * t))
+    with pytest.raises(InputError, match=r"count samples, .* Type fracid init .*frames.npz --rate HZ; or --time time,"):
+        draft_project(tmp_path / "frames.npz", folder=tmp_path)
     drafted = draft_project(tmp_path / "log.npz", folder=tmp_path, time={"column": "time", "unit": "ms"})
     assert 'unit = "ms"' in drafted.text
     believed = draft_project(tmp_path / "log.npz", folder=tmp_path, time={"column": "time", "unit": "s"})

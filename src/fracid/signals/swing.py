@@ -435,8 +435,7 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     """
     step = float(np.median(np.diff(t)))
     # over 20 ms: one encoder step within one sample is no motion
-    w = max(1, round(min(0.01 / step, x.size)))
-    w = min(w, (x.size - 1) // 2)
+    w = min(max(1, round(min(0.01 / step, x.size))), (x.size - 1) // 2)
     noise, level = noise_floor(x), x
     speed, left = _difference(t, x, w), _Noise(noise / (math.sqrt(2) * w * step), noise)
     m = 1
