@@ -576,7 +576,8 @@ class _Findings:
         element = None if noise else fractional_element(where, beside, goal=goal, jobs=asked.jobs)
         if nearest is not None and beside is not best:
             nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
-        self.alternative, self.claim = nearest, claim_of(orders, nearest, left, contradictions, element=element)
+        restarts, self.alternative = not asked.optimiser.keeps_its_own, nearest
+        self.claim = claim_of(orders, nearest, left, contradictions, element=element, restarts=restarts)
         if nearest is not None and self.claim.claim == "integer":
             self.warnings.append(nearest.warning)
         if nearest is not None and part is not problem:

@@ -46,6 +46,30 @@ def test_an_angle_in_doubt_is_shown_as_in_the_file_with_the_command_that_names_i
     assert f"fracid check {tmp_path / 'swing.csv'} {command} --rate 100" in out
 
 
+def test_frames_as_time_lead_to_the_rate_and_with_it_are_no_signal(capsys, tmp_path):
+    file, k = tmp_path / "video.csv", np.arange(330)
+    angle = np.where(k < 30, 40, 40 * np.cos(7 * (k - 30) / 30) * np.exp(-(k - 30) / 300))
+    np.savetxt(file, np.column_stack([k, angle]), "%.3f", ",", header="frame,angle [deg]", comments="")
+    code, out, _ = run(capsys, "check", file)
+    assert code == 0
+    assert "does its time count samples" in out
+    assert f"fracid check {file} --rate HZ" in out
+    assert "unit=ms" not in out
+    code, out, _ = run(capsys, "check", file, "--rate", 30)
+    assert code == 0
+    assert "signals are 'angle [deg]'" in out
+    assert "good: 330 samples, 10.97 s at 30 Hz, released at 0.967 s" in out
+
+
+def test_a_unit_that_nobody_knows_is_shown_as_in_the_file(capsys, tmp_path):
+    np.savetxt(tmp_path / "video.csv", np.column_stack([T, 640 + 10 * SWING, 200 + SWING**2]), "%.3f", ",",
+               header="t,x [px],y [px]", comments="")  # fmt: skip
+    code, out, _ = run(capsys, "check", tmp_path / "video.csv")
+    assert code == 0
+    assert "… 1040 " in next(line for line in out.splitlines() if line.startswith("x [px]"))
+    assert "x [px]: what the header says of it, 'px', is no unit here: taken as a number." in out
+
+
 def test_the_columns_of_a_joint_are_checked_as_init_takes_them(capsys, tmp_path):
     file, t = tmp_path / "joint.csv", np.arange(0, 8, 4e-3)
     table = np.column_stack([t, 5 * np.sin(t), 5 * np.cos(t), 0.6 * np.sin(2 * t)])

@@ -57,6 +57,19 @@ def test_a_mangled_recording_is_not_called_good(how):
     assert (found.number > found.limit) != (how == "minutes")
 
 
+def test_single_samples_of_the_wrong_sign_are_jumps_though_few_samples_draw_a_swing():
+    t, flipped = np.arange(0, 10, 1 / 30), [66, 82, 130, 171, 172, 210, 258]
+    swing = 0.7 * np.cos(7 * t) * np.exp(-t / 20) + 2e-3 * np.random.default_rng(1).standard_normal(t.size)
+    clean, spoilt = (
+        Recording.of("s", t, {"alpha": x}).report for x in (swing, changed(swing, flipped, -swing[flipped]))
+    )
+    assert clean.findings == ()
+    [found] = spoilt.findings
+    assert found.code == "jump"
+    assert "a single sample lies" in str(found)
+    assert "Leave those cells blank" in str(found)
+
+
 def test_the_jump_of_a_whole_turn_says_unwrap_and_another_does_not():
     turn, glitch = (Recording.of("s", *MANGLED[how][1:2], {"alpha": MANGLED[how][2]}).report.findings[0].sentence
                     for how in ("a count that was wrapped", "one wild sample"))  # fmt: skip

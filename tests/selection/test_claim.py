@@ -116,6 +116,12 @@ def test_a_model_that_does_not_follow_the_motion_claims_nothing(orders, alternat
     assert claim.claim == "undecided"
     assert claim.codes == ("no-fit", "decide-model")
     assert claim.reasons[0].startswith("The model does not fit swing, alpha (fit -1014 %)")
+    assert claim.reasons[1].endswith("units and clock, or type --multi-start 16.")
+
+
+def test_more_starts_are_not_advised_where_they_would_replace_the_optimiser():
+    claim = claim_of(CLEAR, None, {"swing, alpha": LeftOver(2.3, STEP, 0.001, fit=0.0)}, restarts=False)
+    assert claim.reasons[1].endswith("Look at their columns, zeros, signs, units and clock.")
 
 
 def test_an_order_that_only_the_bound_of_another_parameter_keeps_off_its_integer_is_undecided():

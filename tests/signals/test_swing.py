@@ -17,6 +17,7 @@ from fracid.signals.swing import (
     half_swings,
     quickening,
     release_time,
+    releases,
     swing_count,
     swing_period,
     swing_start,
@@ -178,3 +179,17 @@ def test_the_noise_of_a_long_rest_is_no_swing(monkeypatch):
     noise = 1e-3 * np.random.default_rng(1).standard_normal(t.size)
     quickening(0.3 * np.exp(-0.2 * t) * np.cos(6 * t) + noise, 0.0)
     assert len(found) < 200
+
+
+@pytest.mark.parametrize("rate", [30, 200])
+@pytest.mark.parametrize("second", [-0.9, 0.4, 0.9])
+@pytest.mark.parametrize("swings", np.linspace(6, 7, 6))
+def test_a_free_swing_ends_before_a_hand_lifts_it_at_any_phase_through_its_rest(swings, second, rate):
+    t, s = np.arange(0, swings, 1 / rate), np.linspace(0, 1, int(1.5 * rate))
+    free = 0.7 * np.exp(-0.1 * t) * np.cos(2 * np.pi * t)
+    lift, held = free[-1] + (second - free[-1]) * s**2 * (3 - 2 * s), np.ones(rate)
+    signal = np.concatenate([0.7 * held, free, lift, second * held, second / 0.7 * free])
+    signal = signal + 2e-3 * np.random.default_rng(1).standard_normal(len(signal))
+    (start, stop), (again, _) = releases(np.arange(len(signal)) / rate, signal)
+    assert [start, again] == pytest.approx([1.0, swings + 3.5], abs=0.1)
+    assert swings + 1 - 0.85 < stop <= swings + 1  # one and a half half-swings are lost at most

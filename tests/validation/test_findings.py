@@ -175,6 +175,16 @@ def test_a_pendulum_that_never_moves_is_said_to_be_still():
     assert report.verdict.startswith("unfit: alpha: it stays at 5.73° throughout")
 
 
+def test_a_swing_that_is_damped_within_two_and_goes_on_to_creep_is_not_too_short():
+    t = np.arange(0, 20, 0.004)
+    after = np.maximum(t - 1, 0)
+    creep = 0.02 * after / (1 + after) ** 1.8
+    alpha = np.where(t < 1, 0.2, 0.2 * np.exp(-2 * after) * np.cos(9 * after) + creep)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal((2, t.size))
+    signals = {"theta": 0.1 * np.minimum(after, 1) / (1 + after) + noise[0], "alpha": alpha + noise[1]}
+    assert "short-window" not in codes(Recording.of("swing", t, signals).report.findings)
+
+
 def test_a_release_at_the_end_of_a_recording_is_too_short():
     found = sole(Recording.of("swing", T[:390], {"alpha": counted(PLATEAU)[:390]}).report.findings, "short-window")
     assert (found.number, found.limit) == (pytest.approx(1.0, abs=0.5), 3)

@@ -87,7 +87,13 @@ def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) ->
     if recording.report.level == "unfit":
         return
     if "wrong-clock" in found and options["time"] is options["rate"] is None:
-        again["time"], why = _other_clock(recording, found["wrong-clock"].number, options), "if that is its unit"
+        from fracid.recording.clock import time_column
+        from fracid.recording.faults import other_clock
+        from fracid.recording.readers.table import read_table
+
+        column = time_column(read_table(recording.path, options["variable"]), None)
+        option, text = other_clock(found["wrong-clock"].number, column)
+        again[option.removeprefix("--")], why = text, "if that is its clock"
     if columns := _in_doubt(recording, options, own):
         again["column"] = columns
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
@@ -108,15 +114,6 @@ def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...
     if likely:
         return [(("--model", n), f"if it is of the model {n}") for n in likely]
     return [(("--model", "NAME", "--column", "NAME=COLUMN"), "no model has columns of these names: see fracid models")]
-
-
-def _other_clock(recording: Recording, length: float, options: Mapping[str, Any]) -> str:
-    """The time column as ``--time`` takes it, in the unit with which the pendulum is one of a laboratory."""
-    from fracid.recording.clock import time_column
-    from fracid.recording.faults import unit_of_time
-    from fracid.recording.readers.table import read_table
-
-    return f"{time_column(read_table(recording.path, options['variable']), None)},unit={unit_of_time(length)}"
 
 
 def _doubted(recording: Recording) -> dict[str, str]:

@@ -35,6 +35,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +56,7 @@ from fracid.problem.toml_text import toml_value
 from fracid.recording import Recording, SignalReport, inspect_recording
 from fracid.recording.clock import time_column
 from fracid.recording.dropout import dropouts, without_dropouts
-from fracid.recording.faults import clock_jumps, unit_of_time, wraps
+from fracid.recording.faults import clock_jumps, other_clock, wraps
 from fracid.recording.guess import Columns, guess_columns, guessed_units, is_angle, jumps
 from fracid.recording.measures import GAP
 from fracid.recording.readers.table import Table, read_table
@@ -342,9 +343,10 @@ def refuse_other_clock(recording: Recording, source: Source, angles: Collection[
     for f in recording.report.findings:
         if f.code == "wrong-clock" and f.where in angles and not said:
             column = time_column(source.table, source.time)
-            typed = ["fracid", "init", str(source.file), "--time", f"{column},unit={unit_of_time(f.number)}"]
-            sentence = str(f).partition(" Type ")[0]
-            raise InputError(f"{source.file.name}: {sentence} Type {shlex.join(typed)}; or unit=s, if it is right.")
+            typed = ["fracid", "init", str(source.file), *other_clock(f.number, column)]
+            sentence = re.split(" Type | Give ", str(f))[0]
+            right = f"--time {column},unit=s, if it is right."
+            raise InputError(f"{source.file.name}: {sentence} Type {shlex.join(typed)}; or {right}")
 
 
 # --- what the columns are ----------------------------------------------------------------------------

@@ -32,9 +32,6 @@ SAYS = Words("recording/columns.toml")
 MOST_SIGNALS = 200
 """That are looked at where none is named: each takes milliseconds, and a rig has a dozen."""
 
-NUMBERS = re.compile(r"(column \d+|unnamed.*|index|idx|rows?|n[or]?|id|samples?|#|seq(uence)?)[ _.]*")
-"""Names of what numbers the rows, as data frames write it."""
-
 # ---------------------------------------------------------------------------- channels
 
 
@@ -51,9 +48,8 @@ def choose_channels(
     still = {j for j in others if j not in blank and np.all(table.values[rows, j] == table.values[rows, j][0])}
     late = [j for j in others if time is not None and table.values[0, j] > CLOCK_STAMP]
     clocks = {j for j in late if unevenness(table.values[:, j]) is not None}  # dates that increase
-    counts = [j for j in others if NUMBERS.fullmatch(table.names[j].lower())]
-    clocks |= {j for j in counts if np.all(np.diff(table.values[:, j]) == 1.0)}  # from row to row
-    if not (indices := [j for j in others if j not in blank | still | clocks] or [*still]):
+    counts = {j for j in others if not table.units[j] and np.all(np.diff(table.values[:, j]) == 1.0)}  # of the rows
+    if not (indices := [j for j in others if j not in blank | still | clocks | counts] or [*still] or [*counts]):
         names = ", ".join(table.names[j] for j in [*blank][:20]) or ", ".join(table.names[:20])
         reason = " ".join(_left_out(table)) or f"{'Blank throughout' if blank else 'Its columns'}: {names}."
         raise DataError(f"{table.source} holds no signal besides its time. {reason}")
@@ -124,8 +120,8 @@ def channel_with_unit(
         return replace(channel, unit=unit), Note(f"{name} has no unit: taken as {unit}.", f"taken-as-{unit}", name)
     if not guessed and counting:
         raise InputError(SAYS("counts-of-header", name=name))
-    unit = "1" if NO_ANGLE.search(header) else unit
-    said = SAYS("header-taken-as", name=name, header=short_text(header), unit=unit)
+    unit = "1" if guessed or NO_ANGLE.search(header) else unit  # who names a column says what it is
+    said = SAYS("header-taken-as", name=name, header=short_text(header), unit="a number" if unit == "1" else unit)
     return replace(channel, unit=unit), Note(said, said.code, name)
 
 

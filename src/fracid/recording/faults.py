@@ -27,7 +27,8 @@ A clock that was set
 Jumps
     What has inertia changes its speed by little from sample to sample, so the median of three neighbouring speeds, at
     its greatest, is the speed that lasts.  A step between two samples that is many times as fast is no motion: a count
-    that was wrapped (a whole turn), a glitch, a zero or -9999 for what was not read, two recordings in one file.
+    that was wrapped (a whole turn), a glitch, a zero or -9999 for what was not read, two recordings in one file.  Nor
+    is a sample that lies far from both its neighbours while these agree, as where a tracker takes the wrong sign.
 
 Repeated samples
     A logger that asks more often than the sensor answers writes each answer several times, on average half of that too
@@ -102,14 +103,18 @@ FEW_COUNTS = 50
 SLOW, FAST = 100.0, 1e-4
 """Lengths of pendulums that nobody swings in a laboratory [m]: 20 s and 0.02 s a swing."""
 
-TYPICAL = 0.3
-"""Of a laboratory's pendulum [m]."""
+TYPICAL, UNLIKE = 0.3, 10.0
+"""Of a laboratory's pendulum [m]; it is less than so many times as long, or as short."""
 
 GRAVITY = 9.81
 """[m/s²]"""
 
 JUMP = 8.0
 """Times the greatest speed that lasts: a sine of eight samples a period has 1.4."""
+
+BACK, MOST_SPIKES = 2.0, 0.05
+"""Times what that speed takes it from sample to sample: further than that from both its neighbours, which agree, is no
+motion; and the part of the samples that may be so."""
 
 FEW_JUMPS = 0.01
 """Of the samples: what jumps more often is made so, as a rig with a stepper motor is."""
@@ -280,21 +285,35 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     period = swing_period(x) * float(np.median(np.diff(t))) if swing_count(x) > 2 else math.inf
     length = GRAVITY * (period / (2 * math.pi)) ** 2
     if math.isfinite(length) and length > SLOW:
-        yield SAYS.finding("wrong-clock", s.name, length, SLOW, period=period, far=_long(length),
-                           unit=unit_of_time(length))  # fmt: skip
+        unit = unit_of_time(length)
+        yield SAYS.finding("wrong-clock" if unit else "counting-clock", s.name, length, SLOW, period=period,
+                           far=_long(length), unit=unit)  # fmt: skip
     elif length < FAST and s.range > 2 * HARDLY:
         yield SAYS.finding("fast-clock", s.name, length, FAST, ms=1e3 * period, mm=1e3 * length)
 
 
 def unit_of_time(length: float) -> str:
-    """The unit in which a clock may be that has a pendulum so long, if it was taken for seconds [m].
+    """The unit in which a clock may be that has a pendulum so long, if it was taken for seconds [m]; "" for none.
 
     Examples
     --------
-    >>> unit_of_time(2.3e5), unit_of_time(2.3e11)
-    ('ms', 'us')
+    >>> unit_of_time(2.3e5), unit_of_time(2.3e11), unit_of_time(181.0)  # frames at 30 Hz are in no unit
+    ('ms', 'us', '')
     """
-    return min(("ms", "us", "ns"), key=lambda unit: abs(math.log(length * SECONDS[unit] ** 2 / TYPICAL)))
+    units = (u for u in ("ms", "us", "ns") if TYPICAL / UNLIKE < length * SECONDS[u] ** 2 < TYPICAL * UNLIKE)
+    return next(units, "")
+
+
+def other_clock(length: float, column: str | None) -> tuple[str, str]:
+    """The option that gives a clock as it may be, which has a pendulum so long as it was read [m], and its text.
+
+    Examples
+    --------
+    >>> other_clock(2.3e5, "t"), other_clock(181.0, "frame")
+    (('--time', 't,unit=ms'), ('--rate', 'HZ'))
+    """
+    unit = unit_of_time(length)
+    return ("--time", f"{column},unit={unit}") if unit else ("--rate", "HZ")
 
 
 def clock_jumps(t: FloatArray, x: FloatArray) -> list[tuple[float, float]]:
@@ -346,21 +365,29 @@ def _jumps(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     far = np.diff(x)
     turn = wraps(x)
     if turn.any():  # however often
-        often = "once" if turn.sum() == 1 else f"{turn.sum()} times, first"
-        yield SAYS.finding("wrapped", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5, often=often,
-                           at=t[np.argmax(turn)])  # fmt: skip
+        yield SAYS.finding("wrapped", s.name, float(np.max(np.abs(far))) / (2 * math.pi), 0.5,
+                           often=_often(int(turn.sum())), at=t[np.argmax(turn)])  # fmt: skip
         return
     usual = float(np.median(np.diff(t)))
-    v = far / np.maximum(np.diff(t), usual)  # two stamps that jitter together make no motion
-    lasting = float(np.max(np.abs(np.median([v[:-2], v[1:-1], v[2:]], axis=0))))
-    least = max(0.05 * s.range, JUMP * (s.resolution or 0.0))
-    jumps = np.flatnonzero((np.abs(v) > JUMP * lasting) & (np.abs(far) > least))
-    if not jumps.size or jumps.size > max(2, FEW_JUMPS * x.size) or not lasting > 0:
-        return
-    largest = float(np.max(np.abs(far[jumps])))
-    times = float(np.max(np.abs(v[jumps]))) / lasting
-    often = "once" if jumps.size == 1 else f"{jumps.size} times, first"
-    yield SAYS.finding("jump", s.name, times, JUMP, far=_degrees(largest), often=often, at=t[jumps[0]])
+    steps, middle = np.maximum(np.diff(t), usual), _median_of_three(x)  # two stamps that jitter together make no motion
+    lasting = float(np.max(np.abs(_median_of_three(np.diff(middle) / steps[1:-1]))))
+    beside = np.abs(np.pad(x[1:-1] - middle, 1))
+    least = max(0.05 * s.range, JUMP * (s.resolution or 0.0), JUMP * float(np.quantile(beside, 0.75)))
+    for code, away, speed, limit, most in (("spikes", beside, beside / usual, BACK, MOST_SPIKES),
+                                           ("jump", np.abs(far), np.abs(far) / steps, JUMP, FEW_JUMPS)):  # fmt: skip
+        beyond = np.flatnonzero((speed > limit * lasting) & (away > least))
+        if 0 < beyond.size <= max(2, most * x.size) and lasting > 0:
+            yield SAYS.finding(code, s.name, float(np.max(speed[beyond])) / lasting, limit, at=t[beyond[0]],
+                               far=_degrees(float(np.max(away[beyond]))), often=_often(beyond.size))  # fmt: skip
+            return
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times, first"
+
+
+def _median_of_three(x: FloatArray) -> FloatArray:
+    return np.asarray(np.median([x[:-2], x[1:-1], x[2:]], axis=0))
 
 
 def wraps(x: FloatArray) -> NDArray[np.bool_]:

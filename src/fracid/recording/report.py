@@ -43,7 +43,7 @@ from fracid.recording.faults import signal_faults
 from fracid.recording.measures import GAP, PENDULUM, UNIFORM, Clock, SignalReport, measure_clock, measure_signal
 from fracid.safety.json_files import plain
 from fracid.safety.text import shortened
-from fracid.signals.swing import release_time, swing_count
+from fracid.signals.swing import half_swings, release_time
 from fracid.units import with_time_unit
 
 SAYS = Words("recording/report.toml")
@@ -71,6 +71,9 @@ SHORTLY = {"still": "stands still", "short-window": "too short"}
 
 FEW_SWINGS = 3
 """Fewer after a release tell neither its period nor its damping."""
+
+SPENT, CALM = 3, 0.1
+"""Times as long as it swings; from then on it has swung out if it moves by no more than this part of its range."""
 
 WITH = 0.25
 """An input that changes until so long after the pendulum begins to move has moved it [s]."""
@@ -287,9 +290,12 @@ def _short(
     if release is None or any(s.at_rest for s in signals) or not any(s.unit in SWING for s in signals):
         return
     after = (time >= release) & np.isfinite(swing)
-    count, seconds = swing_count(swing[after]), float(time[after][-1]) - release
-    if count < FEW_SWINGS:
-        yield SAYS.finding("short-window", "", count, FEW_SWINGS, seconds=seconds)
+    turns, moving = half_swings(swing[after]), swing[after]
+    calm = moving[SPENT * int(np.max(turns, initial=0)) :]
+    swung_out = calm.size > np.max(turns, initial=0) and np.ptp(calm) < CALM * np.ptp(moving)
+    if turns.size < 2 * FEW_SWINGS and not swung_out:
+        seconds = float(time[after][-1]) - release
+        yield SAYS.finding("short-window", "", turns.size / 2, FEW_SWINGS, seconds=seconds)
 
 
 def _samples(

@@ -155,6 +155,7 @@ def claim_of(
     element: FractionalElement | None = None,
     *,
     compared: bool = False,
+    restarts: bool = True,
 ) -> Claim:
     """What a fit's orders are evidence of.
 
@@ -174,6 +175,8 @@ def claim_of(
         A springpot that explains what is left over: neither the orders nor their integers are the answer then.
     compared : bool
         Whether other structures were looked at already.
+    restarts : bool
+        Whether the optimiser is one that more starts leave as it is: many belong to multistart alone.
 
     Examples
     --------
@@ -188,7 +191,9 @@ def claim_of(
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
         each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
-        return _undecided(SAYS("no-fit", each=each), SAYS("decide-model"))
+        return _undecided(
+            SAYS("no-fit", each=each), SAYS("decide-model", again=", or type --multi-start 16" * restarts)
+        )
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
     as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]

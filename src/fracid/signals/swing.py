@@ -350,15 +350,18 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
     return float(t[release]), f"held for {duration:.2f} s before"
 
 
-GROWN, AT_THE_TOP = 1.3, 0.9
-"""A half-swing larger than the one before by this was not free; a hand holds it within this part of its height."""
+AT_THE_TOP, UP = 0.9, 0.5
+"""Parts of the height of a half-swing: a hand has raised it from the first on, and holds it above the second."""
+
+FAST = 0.75
+"""The part of all samples that are slower than those about the middle of a swing."""
 
 
 def releases(time: FloatArray, signal: FloatArray) -> list[tuple[float, float]]:
     """From when to when it swings freely each time that it is held and let go [s].
 
-    A free swing decays: before a half-swing that is larger than the last one a hand has taken it.  Its swing before
-    that ends where it last passed its rest.
+    A hand that takes it raises it, perhaps through its rest, to where it holds it.  The free swing ends where it last
+    passed its middle before that rise.
 
     Parameters
     ----------
@@ -371,23 +374,36 @@ def releases(time: FloatArray, signal: FloatArray) -> list[tuple[float, float]]:
     >>> swing = np.where(t < 1, 0.5, 0.5 * np.exp(-(t - 1) / 2) * np.cos(6 * (t - 1)))
     >>> spans = releases(np.append(t, 9.01 + t), np.append(swing, 0.8 * swing))
     >>> [(round(start, 1), round(stop, 1)) for start, stop in spans]
-    [(1.0, 9.0), (10.0, 18.0)]
+    [(1.0, 8.6), (10.0, 18.0)]
     """
     finite = np.isfinite(signal)
     x = np.interp(time, time[finite], signal[finite])
-    rest, _, at_rest = tail(x)
-    y = x - (rest if at_rest else np.median(x))
-    crossings, _ = half_periods(y, max(BEYOND * float(np.max(np.abs(y))), CLEAR * noise_floor(x)))
-    begins, ends, last = list[float](), list[float](), 0.0
+    speed, *_ = _speed(time, x)
+    y = x - np.median(x[speed >= np.quantile(speed, FAST)])  # that of all is drawn to where a hand holds it
+    floor = CLEAR * noise_floor(x)
+    crossings, _ = half_periods(y, max(BEYOND * float(np.max(np.abs(y))), floor))
+    begins, ends = list[float](), list[float]()
     for a, b in pairwise([0, *crossings.astype(int), y.size]):
         height = np.abs(y[a:b])
         held = a + int(np.argmax(height > AT_THE_TOP * height.max()))
-        release, _ = release_time(time[held:b], x[held:b]) if height.max() > GROWN * last else (None, "")
-        if release is not None:
+        release, _ = release_time(time[held:b], x[held:b])
+        k = np.searchsorted(time, release or 0.0)
+        if release is not None and abs(y[k]) > UP * height.max():
+            if begins:
+                first = int(np.searchsorted(time, begins[-1]))
+                ends.append(float(time[first + _free_until(x[first : k + 1], floor)]))
             begins.append(release)
-            ends.append(float(time[np.max(np.flatnonzero(np.diff(np.signbit(y[: held + 1]))), initial=0)]))
-        last = height.max()
-    return [*zip(begins, [*ends[1:], float(time[-1])], strict=False)]
+    return [*zip(begins, [*ends, float(time[-1])], strict=False)]
+
+
+def _free_until(x: FloatArray, floor: float) -> int:
+    """The last sample before a swing passes its middle for the last time before a hand raises it to its end."""
+    up = (x - np.median(x)) * np.sign(x[-1] - np.median(x))
+    up = up[: np.max(np.flatnonzero(up < AT_THE_TOP * up[-1]), initial=0) + 1]
+    lowest = np.minimum.accumulate(up[::-1])[::-1]  # of each sample and those after it
+    risen = int(np.max(np.flatnonzero(up - lowest > floor), initial=0))
+    free = up[: risen + int(np.argmin(up[risen:])) + 1]
+    return int(np.max(np.flatnonzero(np.diff(np.signbit(free - np.median(free)))), initial=0))
 
 
 def _fall_begins(t: FloatArray, level: FloatArray, plateau: slice, fastest: int) -> int:
@@ -419,8 +435,7 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     """
     step = float(np.median(np.diff(t)))
     # over 20 ms: one encoder step within one sample is no motion
-    w = max(1, round(min(0.01 / step, x.size)))
-    w = min(w, (x.size - 1) // 2)
+    w = min(max(1, round(min(0.01 / step, x.size))), (x.size - 1) // 2)
     noise, level = noise_floor(x), x
     speed, left = _difference(t, x, w), _Noise(noise / (math.sqrt(2) * w * step), noise)
     m = 1
