@@ -287,7 +287,7 @@ def can_be_windowed(problem: Problem) -> bool:
 def dies(e: Experiment) -> bool:
     """Whether nothing drives a recording and its motion dies: a simulation follows that to the end."""
     y, quarter = e.most_moved, max(2, len(e.measured) // 4)
-    return np.ptp(e.inputs, axis=0).max(initial=0.0) == 0.0 and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
+    return not e.driven and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
 
 
 def closes_a_loop(e: Experiment) -> bool:

@@ -286,7 +286,7 @@ def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> t
 
 def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     """First and last + 1 sample of windows of equal length while the swing lives; or why there are none."""
-    if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
+    if e.driven:
         return Failure(FailureReason.DRIVEN, f"{e.name} is driven: it has no amplitude that falls.")
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
     period = _whole_period(swing)
