@@ -143,7 +143,8 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         signals = dict(zip(problem.outputs, e.measured.T, strict=True))
         if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
-        units = {n: _unit(problem, e, n) for n in signals}
+        own = {n: "rad" if _is_angle(problem, n) else problem.model.unit_of(n) for n in signals}
+        units = {n: e.units.get(n, unit) if unit == "rad" else unit for n, unit in own.items()}
         report = measure(e.time, signals, units)
     commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
     swings = bool(problem.model.rates)
@@ -151,12 +152,9 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
             if (f.code, f.where) not in commanded and (swings or f.code != "short-window")]  # fmt: skip
 
 
-def _unit(problem: Problem, e: Experiment, signal: str) -> str:
-    """By the model, or by a name: an array without a unit is taken as radians, also of a voltage."""
-    model = problem.model
-    if model.output_unit(signal) == "rad" or is_pendulum(signal):
-        return e.units.get(signal, "rad")
-    return model.input_unit(signal) if signal in model.inputs else model.output_unit(signal)
+def _is_angle(problem: Problem, signal: str) -> bool:
+    """Whether the model says so, or its name: an array without a unit is taken as radians, also of a voltage."""
+    return problem.model.output_unit(signal) == "rad" or is_pendulum(signal)
 
 
 # --- what the model does along a recording, and where it stays ---------------------------------------------
