@@ -64,6 +64,7 @@ class RecordingBlock(Block):
     initial: dict[str, Estimate] = Field(alias="initial_state")
     parameters: dict[str, Estimate]
     sha256: str = Field("", alias="data_sha256")
+    units: dict[str, str] = Field({})
     windows: dict[str, dict[str, float]] = Field({})
 
 

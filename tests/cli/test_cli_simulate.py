@@ -10,6 +10,7 @@ import fracid
 from fracid.cli.simulation import quantity
 from fracid.problem import Experiment, Free, Problem
 from fracid.twins.twin import Twin
+from fracid.workflows.simulation import driven, twin_of
 from program import run
 
 
@@ -217,6 +218,12 @@ def test_a_file_drives_a_rig_to_its_end(capsys, tmp_path):
     assert np.all(theta[time <= 0.5] == 0)
     assert abs(theta[-1]) > 0.1
     assert np.load(file)["voltage"][-1] == 5
+
+
+def test_a_voltage_from_a_file_is_held_whatever_its_input_is_called(tmp_path):
+    (tmp_path / "pump.csv").write_text("time,pump\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
+    tanks = twin_of("tanks", recording=None, zero=None, friction=False, released=False, trust=False)
+    assert driven(tanks, tmp_path / "pump.csv", {}, to_its_end=True).between == {"pump": "hold"}
 
 
 def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp_path):

@@ -8,10 +8,14 @@ import pytest
 
 import fracid
 from fracid.errors import InputError
+from fracid.estimation import horizons as horizons_of_fits
+from fracid.estimation.climbing import by_windows, climbed
 from fracid.estimation.derivatives import jacobian
-from fracid.estimation.horizons import Watch, growing, horizons, refined
+from fracid.estimation.horizons import Watch, growing, horizons, minimised, refined
 from fracid.estimation.search import _regression_start, search
 from fracid.estimation.starts import Start, final_cost, won
+from fracid.experiments.alternatives import rivals_of
+from fracid.experiments.choice import subject_of
 from fracid.identification import identify
 from fracid.optimise import (
     OPTIMISERS,
@@ -27,6 +31,7 @@ from fracid.optimise import (
 from fracid.plots import waterfall
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.costs import cost_from_name
+from fracid.selection.amplitude import amplitude_test
 from fracid.tasks.journal import Journal
 from program import no_rivals
 from twins import release
@@ -54,6 +59,9 @@ def stiff(twin=None, **options):
     """Constants with friction, from bounds as wide as ignorance."""
     free = {"orders": {"lambda": Free(1.0, 0.6, 1.2), "mu": Free(1.0, 0.6, 1.2)}, "parameters": WIDE}
     return Problem(RIG, (twin or swing(),), **free | options)
+
+
+SWINGS = Problem(RIG, (swing(end=8.0),), {"lambda": 1.0, "mu": Free(1.0, 0.6, 1.2)}, initial_state="held")
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +172,31 @@ def test_ctrl_c_among_many_starts_keeps_the_best_so_far():
     assert result.best.cost == p.cost(result.best.point) < p.cost(p.start)
     assert len(made) == 4
     assert all(s.cost is None for s in made)
+
+
+@pytest.mark.broad
+def test_an_interruption_of_any_search_ends_what_is_made_of_several(monkeypatch):
+    """Half of a search is no start for the next one, nor a result."""
+    told = []
+
+    def cut_short(problem, optimiser, watch, part=""):
+        told.append(part)
+        return replace(minimised(problem, optimiser, watch, part), outcome=Outcome.INTERRUPTED)
+
+    monkeypatch.setattr(horizons_of_fits, "minimised", cut_short)
+    presliding = replace(SWINGS, parameters={"presliding_theta": Free(1e-3, 0.0, 0.1)})
+    candidates = fracid.DesignSpace(release=30, seconds=2, rate=100)
+    subject = subject_of(fracid.rotary_pendulum("stepper-freeswing"), candidates, orders={"mu": 0.95})
+    for of_several in (
+        lambda: climbed(presliding, Watch()),
+        lambda: by_windows(replace(presliding, initial_state="estimate"), Watch()),
+        lambda: rivals_of(subject, candidates.candidates),
+        lambda: amplitude_test(SWINGS, SWINGS.start),
+    ):
+        told.clear()
+        with pytest.raises(KeyboardInterrupt):
+            of_several()
+        assert len(told) == 1
 
 
 def test_every_start_that_fails_has_its_reason():

@@ -138,6 +138,20 @@ def test_what_a_recording_has_for_itself_is_one_value_for_all_its_windows(stand)
         assert np.abs(pieces.fitted(moved, w) - pieces.fitted(pieces.start, w)).max() > 1e-4, w.name
 
 
+def test_each_recording_is_predicted_with_what_it_has_for_itself(stand):
+    """Of two rods one has next to no weight: only the other falls, whichever recording it is of."""
+    e = stand.experiments[0]
+    both = replace(stand, parameters={**TRUTH, "gravity": Free(0.147, 0.0, 1.0)}, per_recording=("gravity",))
+    pieces = windowed(replace(both, experiments=(e, replace(e, name="other"))), 1.0)
+    found = {}
+    for heavy in ("stand", "other", "none"):
+        x = pieces.point({f"gravity [{name}]": 0.147 if name == heavy else 0.0 for name in ("stand", "other")})
+        found[heavy] = prediction_of(pieces, x, 1.0)
+    assert math.isfinite(found["stand"].seconds)
+    assert found["stand"] == found["other"]
+    assert math.isinf(found["none"].seconds)
+
+
 def test_recordings_that_are_held_before_their_release_begin_in_motion_in_windows(stand):
     released = replace(stand.experiments[0], release_time=Free(0.0, -0.05, 0.05))
     held = replace(stand, experiments=(released,), initial_state="rest", parameters=TRUTH)

@@ -352,6 +352,14 @@ def test_the_figure_draws_both_models_of_every_output(posture):
         assert np.abs(np.asarray(fractional) - integer).max() < 0.02 * np.ptp(fractional) + 0.2
 
 
+def test_a_step_of_an_input_has_the_models_unit():
+    swing = fracid.Experiment("twin", 2e-3, np.zeros((5000, 1)), np.zeros((1, 1)))
+    problem = fracid.Problem(fracid.model("oscillator"), (swing,), {"mu": 0.9})
+    figure = linear_response(integer_model(problem), "rest")
+    assert figure.axes[-1].get_title() == "step of 1 N"
+    assert figure.axes[0].get_ylabel() == "magnitude [dB re 1 m/N]"
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("order", [1.0005, 1.02, 1.5])
 def test_an_order_above_1_is_1_over_s_and_a_sum_of_lags(order):

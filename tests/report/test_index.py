@@ -1,6 +1,7 @@
 """The index shows all runs of a folder side by side, links their pages, and writes over nothing that is not its own."""
 
 import json
+import math
 import os
 import re
 import shutil
@@ -75,6 +76,29 @@ def test_whatever_stands_in_place_of_a_file_of_a_strangers_runs_hangs_nothing_an
     else:
         write_index(runs)
     assert (runs / name).with_name("thesis").read_text() == "mine"
+
+
+def test_errors_stand_in_the_units_of_their_outputs_and_rank_whatever_these_are(runs):
+    """That of an older run, which does not say them, in those of the paper's angles."""
+    for name, units in zip(
+        NAMES, ({"theta": "rad", "alpha": "rad"}, {"theta": "m", "alpha": "rad"}, None), strict=True
+    ):
+        path = runs / name / "result.json"
+        result = json.loads(path.read_text(encoding="utf-8"))
+        for r in result["recordings"].values():
+            r["rmse"] = {"theta": 0.002, "alpha": 0.01}
+            r["units"] = units
+            if units is None:
+                del r["units"]
+        path.write_text(json.dumps(result), encoding="utf-8")
+    cards = write_index(runs).read_text(encoding="utf-8").split("<tr data-card")[1:]
+    seen = {next(n for n in ("first", "second", "third") if f'data-name="{n}' in card): card for card in cards}
+    assert "θ 0.11°, α 0.57°" in seen["first"]
+    assert "θ 0.002\xa0m, α 0.57°" in seen["second"]
+    assert "θ 0.11°, α 0.57°" in seen["third"]
+    errors = {name: float(re.search('data-error="(.*?)"', card)[1]) for name, card in seen.items()}
+    assert errors["first"] == errors["third"] == pytest.approx(math.degrees((0.002 * 0.01) ** 0.5))
+    assert errors["second"] == pytest.approx((0.002 * math.degrees(0.01)) ** 0.5)
 
 
 def test_a_run_whose_name_is_no_text_is_linked_by_its_bytes(runs):

@@ -312,7 +312,8 @@ def test_of_many_recordings_the_later_ones_are_folded(material, monkeypatch):
 
 def estimate(value, half=None, free=True, kind="identifiable"):
     ends = None if half is None else [value - half, value + half]
-    return {"value": value, "interval95": ends, "standard_error": half and half / 2, "free": free, "identifiable": kind}
+    return {"value": value, "interval95": ends, "standard_error": half and half / 2, "free": free, "identifiable": kind,
+            "integer": 1.0}  # fmt: skip
 
 
 def said(**changes):
@@ -479,6 +480,7 @@ def test_a_recording_that_begins_in_motion_says_so_beside_its_data_and_the_claim
 
 def test_an_interval_as_wide_as_its_constant_is_said_beside_it():
     wide = estimate(6e-7, 5e-7) | {"unit": "N m"}
+    del wide["integer"]  # which an order alone has
     assert _wide(wide) == "its interval is ± 83 % of its value"
     assert _wide(wide | {"unit": "rad"}) == ""
     assert _wide(estimate(0.004, 0.001) | {"unit": "kg m^2"}) == ""

@@ -117,6 +117,17 @@ def test_what_inputs_do_between_samples_is_tried_where_they_vary():
     assert 'voltage held between samples (between = "hold")' in names or names[-1].startswith("a delay")
 
 
+def test_inputs_that_are_held_at_different_values_drive_nothing():
+    """Only beside an input that varies is a delay of the first output tried too, and of inputs that they come late."""
+    model = fracid.model("joint")
+    held = np.tile(np.arange(1.0, 1.0 + len(model.inputs)), (400, 1))
+    e = Experiment("held", 0.01, np.sin(np.arange(400) / 9)[:, None], held)
+    assert not e.driven
+    assert replace(e, inputs=held + np.linspace(0, 1, 400)[:, None]).driven
+    problem = Problem(model, (e,), {"mu": 1.0})
+    assert not any("delay" in element.name for change in ELEMENTS for element in change(problem))
+
+
 def test_a_rival_that_comes_late_and_holds_its_inputs_leaves_the_orders_their_lines():
     time = np.arange(0, 3, 0.02)
     u = np.sin(5 * time)[:, None]

@@ -402,6 +402,15 @@ def test_of_an_output_that_is_no_angle_no_degrees_are_asked():
     assert not before(Problem(own, (e,), {"q": ORDERS["mu"]}, outputs=("V",)))
 
 
+def test_a_signal_without_a_unit_has_the_models():
+    t = np.arange(2000) * 0.01
+    wobble = np.clip(np.sin(6 * t), -0.5, 0.5)[:, None]
+    e = fracid.Experiment("stops", 0.01, wobble, np.clip(np.sin(t), -0.4, 0.4)[:, None])
+    said = " ".join(map(str, before(Problem(fracid.model("oscillator"), (e,), {"mu": 1.0}))))
+    assert "displacement: it stays at 0.5 m," in said
+    assert "force: it stays at 0.4 N," in said
+
+
 @pytest.mark.parametrize(("output", "zero"), [("beta", ""), ("alpha", "hanging")])
 def test_a_model_of_ones_own_that_falls_where_the_recording_rests_is_named(output, zero):
     def inverted(t, x, u, p, out):

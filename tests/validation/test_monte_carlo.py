@@ -314,6 +314,16 @@ def test_several_plans_run_together_and_each_gathers_its_own():
         assert mine.to_json() == plan.run().to_json()
 
 
+def test_a_study_in_newtons_says_newtons_of_its_repetitions_and_of_what_is_refused():
+    model = fracid.model("relaxation")
+    e = Experiment("ramp", 0.1, np.zeros((80, 1)), np.linspace(0, 1, 80)[:, None] * [0.01, 0.0], units={"force": "N"})
+    p = Problem(model, (e,), {"nu": Free(0.5, 0.1, 0.9)})
+    plan = planned(p, p.start, levels=[5.0], seeds=1)
+    assert [task.key for task in plan.tasks] == ["5 N of noise, no rounding, repetition 1"]
+    with pytest.raises(InputError, match=r"level -1 N: expected a number from 0 on"):
+        planned(p, p.start, levels=[-1], seeds=1)
+
+
 # --- the figure ------------------------------------------------------------------------------------------------
 
 

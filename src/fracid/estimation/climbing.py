@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from fracid.arrays import FloatArray
-from fracid.estimation.horizons import Watch, growing, lowest_from, refined
+from fracid.estimation.horizons import Watch, from_start, lowest_from, refined
 from fracid.estimation.windows import in_windows, shared_values
 from fracid.models.friction import RUNGS
 from fracid.optimise import Result
@@ -77,8 +77,7 @@ def climbed(problem: Problem, watch: Watch) -> list[tuple[str, Result]]:
     simple = without(problem, elements)
     ends = []
     if simple.names:
-        below = growing(simple, simple.start, watch).best
-        values = simple.named(below.point) | _off(problem, elements)
+        values = simple.named(from_start(simple, watch).point) | _off(problem, elements)
         ends.append(("the simpler structure", refined(problem, embedded(problem, values), watch)))
     return [*ends, ("windows", by_windows(problem, watch))]
 
@@ -96,7 +95,7 @@ def by_windows(problem: Problem, watch: Watch, **options: Any) -> Result:
         values |= shared_values(pieces, best.point)
     alone = problem.with_shared(embedded(problem, values), problem.experiments)
     if alone.names:  # first of what each recording has for itself, then of all
-        values |= alone.named(growing(alone, alone.start, watch).best.point)
+        values |= alone.named(from_start(alone, watch).point)
     return refined(problem, embedded(problem, values), watch, **options)
 
 

@@ -165,18 +165,19 @@ def _growths(problem: Problem, x: FloatArray, e: Experiment, places: int) -> lis
     swings = np.array_split(e.measured, max(1, round(e.swings / SWINGS)))  # not how far it has turned in an hour
     size = np.sqrt(np.mean([np.var(y, axis=0) for y in swings], axis=0))
     rate = np.std((e.measured[reach:] - e.measured[:-reach]) / (reach * e.step), axis=0)
-    pieces = (piece(e, e.name, a, b) for a, b in spans)
-    parts = (problem.with_shared(x, (p,)) for p in pieces if p.samples > SAMPLES)
-    return [_growth(replace(part, initial_state="estimate", memo=None), size, rate) for part in parts]
+    pieces = (p for p in (piece(e, e.name, a, b) for a, b in spans) if p.samples > SAMPLES)
+    parts = (replace(problem.with_shared(x, (p,)), initial_state="estimate", memo=None) for p in pieces)
+    own = {u.name: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.kind != "initial"}
+    return [_growth(part, part.point(own), size, rate) for part in parts]
 
 
-def _growth(problem: Problem, size: FloatArray, rate: FloatArray) -> tuple[float, float, float]:
+def _growth(problem: Problem, x: FloatArray, size: FloatArray, rate: FloatArray) -> tuple[float, float, float]:
     """When what the start of the one recording is off by has grown by :data:`GROWTH`, when by its square [s], and the
     growth at which its noise is a third of the motion.
 
     In parts of `size` and `rate`, of outputs that are states.
     """
-    e, x, states = problem.experiments[0], problem.start, problem.model.output_states
+    e, states = problem.experiments[0], problem.model.output_states
     seen = [k for k, n in enumerate(problem.outputs) if n in states]
     columns, measured = [states[problem.outputs[k]] for k in seen], e.measured[:, seen]
     size, rate = np.maximum(size[seen], 1e-300), rate[seen]
@@ -272,11 +273,9 @@ def chosen_window(problem: Problem) -> float | None:
 
 def prediction_of(problem: Problem, x: FloatArray, window: float) -> Prediction:
     """The :func:`prediction` of the whole recordings of a problem in windows of so many seconds, at its minimum."""
-    shared = {u.target: v for u, v in zip(problem.unknowns, x.tolist(), strict=True) if u.kind != "initial"}
     wholes = tuple(replace(e, mask=problem.experiments[at][0].mask) for e, at in problem.recordings.values())
     whole = replace(problem, experiments=wholes, substeps=_substeps(problem, window), memo=None)
-    there = [shared.get(u.target, s) for u, s in zip(whole.unknowns, whole.start.tolist(), strict=True)]
-    return prediction(whole, np.array(there))
+    return prediction(whole, whole.point(problem.named(x)))
 
 
 def can_be_windowed(problem: Problem) -> bool:
@@ -288,7 +287,7 @@ def can_be_windowed(problem: Problem) -> bool:
 def dies(e: Experiment) -> bool:
     """Whether nothing drives a recording and its motion dies: a simulation follows that to the end."""
     y, quarter = e.most_moved, max(2, len(e.measured) // 4)
-    return np.ptp(e.inputs, axis=0).max(initial=0.0) == 0.0 and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
+    return not e.driven and bool(np.std(y[-quarter:]) < 0.5 * np.std(y))
 
 
 def closes_a_loop(e: Experiment) -> bool:

@@ -41,7 +41,7 @@ from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import starting_at
 from fracid.estimation.derivatives import differences, jacobian
-from fracid.estimation.horizons import Watch, growing, refined
+from fracid.estimation.horizons import Watch, from_start, lowest_from
 from fracid.experiments.criteria import distance
 from fracid.experiments.exchange import Criterion, exchange, of_each
 from fracid.experiments.space import ARMS, Candidate, by_motion
@@ -333,8 +333,8 @@ def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     joints, kinds = ("", *moving(joint)), joint.model.friction
     friction = {n: v for n, v in freed_friction(joint).items() if kinds[n].joint in joints}
     joint = replace(joint, orders=integer_values(joint), parameters={**joint.parameters, **friction})
-    grown = growing(joint, joint.start, Watch(subject.jobs)).best.point  # on the whole at once it may end a swing ahead
-    ends = [refined(joint, x, Watch(subject.jobs), tolerance=1e-8).best for x in (joint.start, grown)]
+    grown = from_start(joint, Watch(subject.jobs)).point  # on the whole at once it may end a swing ahead
+    ends = [lowest_from(joint, x, Watch(subject.jobs), tolerance=1e-8) for x in (joint.start, grown)]
     best = min(ends, key=lambda e: e.cost)
     joint = starting_at(joint, joint.named(best.point))
     elements = {e.name: e.problem for e in _elements(joint)}

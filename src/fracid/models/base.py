@@ -360,6 +360,17 @@ class Model(CardDisplay):
         angle = name in self.angles or (self.zero and name in self.output_states)
         return self.output_units.get(name, "rad" if angle else "1")
 
+    def unit_of(self, signal: str) -> str:
+        """Return the unit of an output, or else of an input.
+
+        Examples
+        --------
+        >>> from fracid.models import rotary_pendulum
+        >>> rotary_pendulum().unit_of("alpha"), rotary_pendulum().unit_of("voltage")
+        ('rad', 'V')
+        """
+        return self.output_unit(signal) if signal in self.outputs else self.input_unit(signal)
+
     @property
     def rests(self) -> tuple[str, ...]:
         """Parameters that say where something rests, ``…_rest``: each recording has its own."""

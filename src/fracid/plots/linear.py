@@ -18,9 +18,6 @@ FRACTIONAL: dict[str, Any] = {"color": "0.68", "lw": 2.8, "solid_capstyle": "rou
 
 INTEGER: dict[str, Any] = {**FITTED, "color": BLUE, "lw": 1.0}
 
-UNITS = {"voltage": "V", "torque": "N m", "current": "A"}
-
-
 GROWN, DIED = 3.0, 6.0
 """Time constants of an unstable pole, and of a swing that dies away, that a step response shows."""
 
@@ -68,7 +65,8 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
     responses = ((linear.exact_response(omega), FRACTIONAL, "fractional"),
                  (linear.response(omega), INTEGER, "integer-order"))  # fmt: skip
     time, integer, exact = system.step_response(linear, _duration(system, posture))
-    unit = UNITS.get(linear.inputs[0], "unit")
+    unit = system.model.input_unit(linear.inputs[0])
+    unit = "unit" if unit == "1" else unit
     for column, output in enumerate(outputs):
         magnitude, phase, step = panels[:, column]
         for response, line, name in responses:

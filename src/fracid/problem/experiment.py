@@ -200,6 +200,11 @@ class Experiment(CardDisplay):
         """The output that moves most, shape (n_samples,)."""
         return np.asarray(self.measured[:, int(np.argmax(np.ptp(self.measured, axis=0)))])
 
+    @property
+    def driven(self) -> bool:
+        """Whether an input varies: one that is held, at whatever value, sets nothing in motion."""
+        return bool(np.ptp(self.inputs, axis=0).max(initial=0.0) > 0.0)
+
     @cached_property
     def period(self) -> float:
         """Of the output that swings most often [samples]."""

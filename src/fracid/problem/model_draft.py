@@ -97,7 +97,7 @@ def channel_of(
     >>> channel_of(model("joint"), "angle", raw, "q")
     ({'column': 'q'}, 'whose unit the header says')
     """
-    place, unit = column.removeprefix("column "), _own_unit(model, name)
+    place, unit = column.removeprefix("column "), model.unit_of(name)
     fields, why = {}, "whose unit the header says"
     if column in raw.assumed:
         fields, why = {"unit": unit}, f"in {unit}, the model's unit"
@@ -108,10 +108,6 @@ def channel_of(
     if any(note.where == column for note in with_code(raw.report.reading, "header-taken-as")):
         why += SAYS("other-header", name=name, column=column)
     return {"column": int(place) if place.isdigit() else column} | fields, why
-
-
-def _own_unit(model: Model, name: str) -> str:
-    return model.output_unit(name) if name in model.outputs else model.input_unit(name)
 
 
 def _channels(columns: Columns) -> Columns:
@@ -235,7 +231,7 @@ class _Page:
         if not {*columns} & {*self.model.outputs}:
             raise InputError(SAYS("no-output", file=self.file, outputs=', '.join(self.model.outputs), name=self.name,
                                   signals=shown, first=next(iter(self.model.outputs))))  # fmt: skip
-        units = {n: _own_unit(self.model, n) for n in given if "unit" not in columns[n]}
+        units = {n: self.model.unit_of(n) for n in given if "unit" not in columns[n]}
         self.guessed |= {n: {"unit": unit} for n, unit in units.items() if unit != "rad"}
         taken = [*roles.values(), *(c.get("column") for c in columns.values())]
         unused = [c for c in self.raws if c not in taken]
@@ -326,7 +322,7 @@ class _Page:
         columns = [{n: c | special.get(n, {}) for n, c in channels.items()} for channels in self.channels]
         text = self.source.text(
             "model.j2", [*zip(self.recordings, self.own, columns, strict=True)], page=self, model=self.model,
-            special=self.special, outputs=self.outputs, units={_own_unit(self.model, n) for n in self.outputs},
+            special=self.special, outputs=self.outputs, units={self.model.unit_of(n) for n in self.outputs},
         )  # fmt: skip
         named = len(self.recordings) > 1
         found = (note for r in self.recordings for note in doubts(r, self.model, r.name if named else ""))

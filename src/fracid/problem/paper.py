@@ -16,8 +16,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from fracid.findings import Words
 from fracid.models import Model, rotary_pendulum
 from fracid.problem.experiment import Experiment
@@ -43,6 +41,7 @@ def fixed(experiment: Experiment) -> Experiment:
 
     Examples
     --------
+    >>> import numpy as np
     >>> still = Experiment("still", 0.1, np.zeros((9, 1)), np.zeros((1, 1)), release_time=Free(0.0, -0.1, 0.1))
     >>> fixed(still).release_time
     0.0
@@ -68,6 +67,7 @@ def differences(problem: Problem, rig: str | None, given: Mapping[str, float]) -
     Examples
     --------
     >>> from fracid.models import rotary_pendulum
+    >>> import numpy as np
     >>> swing = Experiment("swing", 2e-3, np.radians(np.full((10_001, 1), 10.0)), np.zeros((1, 1)))
     >>> orders = {"lambda": Free(1.0, 0.5, 1.2), "mu": Free(1.0, 0.5, 1.2)}
     >>> problem = Problem(rotary_pendulum(), (swing,), orders, outputs=("alpha",), method="gl-paper")
@@ -89,7 +89,7 @@ def _of_recordings(problem: Problem) -> Iterator[str]:
             yield f"{e.name} takes {e.time[-1]:.3g} s (the paper: {DURATION:.0f} s)"
         if angle is not None and abs(abs(angle) / ANGLE - 1) > NEAR:
             yield f"{e.name} is let go at {math.degrees(abs(angle)):.3g}° (the paper: 10°)"
-        if np.ptp(e.inputs) > 0 and problem.model.inputs:
+        if e.driven and problem.model.inputs:
             yield f"{e.name} is driven (the paper: let go)"
         for channel, sensor in (*e.sensors.items(), *e.actuators.items()):
             if sensor != Sensor():

@@ -114,7 +114,7 @@ def _orders(material: Material) -> Iterator[dict[str, Any]]:
     for name, e in material.result["orders"].items():
         if name in problem.ties or e["value"] is None:
             continue
-        integer = e.get("integer")
+        integer = e["integer"]
         ends = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
         reach = max(0.02, min(ends) - WIDE), min(1.98, max(ends) + WIDE)
         yield _slider(problem, name, e, reach) | {"kind": "orders", "integer": integer}

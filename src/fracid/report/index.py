@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from math import exp, log
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -243,15 +244,16 @@ def _index_page(folder: Path, runs: list[dict[str, Any]], studies: list[dict[str
 
 
 def _errors(recordings: Mapping[str, Any]) -> dict[str, Any]:
-    """The mean RMSE of each output on held-out recordings, or on fitted ones, and one number to sort by."""
+    """The mean RMSE of each output on held-out recordings, or on fitted ones, and their geometric mean to sort by."""
     held_out = [r["rmse"] for r in recordings.values() if r["use"] != "fit"]
     every = held_out or [r["rmse"] for r in recordings.values()]
     if not every or any(v is None for rmse in every for v in rmse.values()):
         return {"rmse": "failed", "error": None}
     means = {n: sum(rmse[n] for rmse in every) / len(every) for n in every[0]}
-    shown = {n: shown_unit("rad" if n in ("theta", "alpha") else "") for n in means}
+    units = {n: unit for r in recordings.values() for n, unit in r["units"].items()}
+    shown = {n: shown_unit(units.get(n, "rad" if n in ("theta", "alpha") else "")) for n in means}
     said = ", ".join(f"{letter(n)} {in_unit(v, shown[n])}" for n, v in means.items())
-    error = sum(shown[n][1] * v for n, v in means.items()) / len(means)
+    error = exp(sum(log(max(shown[n][1] * v, 1e-300)) for n, v in means.items()) / len(means))
     return {"rmse": said + " held out" * bool(held_out), "error": error}
 
 

@@ -226,6 +226,7 @@ def _stills(material: Material, charts: Mapping[str, Chart], surface: Surface | 
 def _context(material: Material) -> dict[str, Any]:
     result, model, environment = material.result, material.model, material.beside("environment.json")
     rows, own = [*_parameters(material)], [*_per_recording(material)]
+    driven = any(e.inputs.any() for e in (*material.problem.experiments, *material.project.validation))
     headline, *lines = verdict(material)
     who = identity(material.folder, result, environment)
     return {
@@ -239,8 +240,7 @@ def _context(material: Material) -> dict[str, Any]:
         "warnings": [*material.notes, *material.left_out, *(w for w in unsaid(result) if w.code not in BESIDE),
                      *material.project.notes],
         "recordings": [_recording(material, name, f"whole-{k}") for k, name in enumerate(result["recordings"])],
-        "equations": equations(model, result, _driven(material)),
-        "latex": equations(model, result, _driven(material), "LaTeX"),
+        "equations": equations(model, result, driven), "latex": equations(model, result, driven, "LaTeX"),
         "no_rival": _no_rival(result),
         "rows": rows, "per_recording": own,
         "residuals": [(f"residual-{k}-{n}", a) for k, outputs in enumerate(material.residuals.values())
@@ -264,10 +264,6 @@ def _no_rival(result: Mapping[str, Any]) -> str:
     if places == {"without"}:
         return SAYS("no-integer-value")
     return SAYS("not-needed" if places <= {"inside", "without"} else "not-tried")
-
-
-def _driven(material: Material) -> bool:
-    return any(e.inputs.any() for e in (*material.problem.experiments, *material.project.validation))
 
 
 def _recording(material: Material, name: str, charts: str) -> dict[str, Any]:
@@ -296,9 +292,8 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
     model, result = material.model, material.result
     says = {p.name: p.description for p in model.parameters}
     says |= {n: f"order of the {_whose(model, n)}" for n in model.order_names}
-    orders = {n: {"integer": 1.0} | e for n, e in result["orders"].items()}
     by_the_step = moved_by_the_step(result)
-    for name, e in (*orders.items(), *result["parameters"].items()):
+    for name, e in (*result["orders"].items(), *result["parameters"].items()):
         moved = by_the_step.get(name)
         step = "" if moved is None else f"half the step moves it by {number(moved, '.2g')}, more than its interval"
         yield {"name": name, "says": described(says.get(name, "")), **e, "moved": bool(step),

@@ -332,7 +332,7 @@ def _run(folder: Path) -> Path | None:
 def _integers(run: Path | None) -> dict[str, float | None]:
     """Of each order its integer; of a study apart from its run, those of the library's models."""
     result = read_if_whole(run / "result.json", SavedRun) if run else {}
-    return {n: e.get("integer", 1.0) for n, e in result.get("orders", {"lambda": {}, "mu": {}}).items()}
+    return {n: e["integer"] for n, e in result["orders"].items()} if result else {"lambda": 1.0, "mu": 1.0}
 
 
 def in_script(content: Any) -> Markup:

@@ -55,7 +55,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
     values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
     orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
-    inside = {letter(n): e.get("integer", 1.0) for n, e in material.result["orders"].items() if _holds_its_integer(e)}
+    inside = {letter(n): e["integer"] for n, e in material.result["orders"].items() if _holds_its_integer(e)}
     if claim == "fractional" and inside:
         orders += f" ({_inside(list(inside), inside)})"
     reason = f"a model of integer order fits as well as {orders}" if _stand_in(material.result) else orders
@@ -66,7 +66,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
 
 def _holds_its_integer(e: Mapping[str, Any]) -> bool:
     """Whether an order's interval includes its integer value."""
-    integer, ends = e.get("integer", 1.0), e["interval95"]
+    integer, ends = e["integer"], e["interval95"]
     return bool(e["free"] and ends) and integer is not None and bool(ends[0] <= integer <= ends[1])
 
 
@@ -78,7 +78,7 @@ def does_not_fit(codes: Iterable[str]) -> bool:
 def _stand_in(result: Mapping[str, Any]) -> bool:
     """Whether nothing but the integer-order alternative speaks against orders that are off their integer values."""
     known = (e for e in result["orders"].values() if e["free"] and e["interval95"])
-    off = any(e.get("integer", 1.0) is not None and not _holds_its_integer(e) for e in known)
+    off = any(e["integer"] is not None and not _holds_its_integer(e) for e in known)
     return result["claim"] == "integer" and off and bool(result["alternative"])
 
 
@@ -169,7 +169,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
     """
     found: dict[str, dict[str, float]] = {}
     for n, e in free.items():
-        found.setdefault(where(e), {})[letter(n)] = e.get("integer", 1.0)
+        found.setdefault(where(e), {})[letter(n)] = e["integer"]
     unknown, off, inside, without = ([*found.get(place, ())] for place in ("unknown", "off", "inside", "without"))
     says = [sentence]
     if unknown:
@@ -187,7 +187,7 @@ def _on_their_own(sentence: str, free: Mapping[str, Any], *, said_above: bool) -
 
 def where(e: Mapping[str, Any]) -> str:
     """Where a free order lies by its interval: what is off by next to nothing is neither inside nor off."""
-    integer, ends = e.get("integer", 1.0), e["identifiable"] == "identifiable" and e["interval95"]
+    integer, ends = e["integer"], e["identifiable"] == "identifiable" and e["interval95"]
     if not ends or integer is None:
         return "without" if ends else "unknown"
     return "inside" if _holds_its_integer(e) else "off" if abs(sum(ends) / 2 - integer) > OFF else "near"

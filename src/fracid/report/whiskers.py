@@ -27,8 +27,7 @@ LETTER = 8.6
 
 
 def _numbers(e: Mapping[str, Any]) -> list[float]:
-    integer = e.get("integer", 1.0)
-    shown = [e["value"], *(e["interval95"] or ()), *([] if integer is None else [integer])]
+    shown = (e["value"], *(e["interval95"] or ()), e["integer"])
     return [v for v in shown if v is not None and isfinite(v)]
 
 
@@ -39,7 +38,7 @@ def order_axis(orders: list[Mapping[str, Any]]) -> tuple[float, float]:
 
     Examples
     --------
-    >>> order_axis([{"value": 0.9, "interval95": [0.89, 0.91]}])
+    >>> order_axis([{"value": 0.9, "interval95": [0.89, 0.91], "integer": 1.0}])
     (0.825, 1.065)
     """
     low, high = _ends(orders, REACH)
@@ -47,7 +46,7 @@ def order_axis(orders: list[Mapping[str, Any]]) -> tuple[float, float]:
 
 
 def _ends(estimates: list[Mapping[str, Any]], least: float) -> tuple[float, float]:
-    centres = [v for e in estimates for v in (e["value"], e.get("integer", 1.0)) if v is not None and isfinite(v)]
+    centres = [v for e in estimates for v in (e["value"], e["integer"]) if v is not None and isfinite(v)]
     if not centres:
         return 0.0, 2.0
     low, high = min(centres), max(centres)
@@ -64,7 +63,7 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], ends: tuple[float, flo
 
     Examples
     --------
-    >>> text = orders_drawn({"mu": {"value": 0.9, "interval95": [0.89, 0.91], "standard_error": 0.005, "free": True}})
+    >>> text = orders_drawn({"mu": {"value": 0.9, "interval95": [0.89, 0.91], "integer": 1.0, "free": True}})
     >>> "0.900 ± 0.010" in text, "μ" in text
     (True, True)
     """
@@ -72,7 +71,7 @@ def orders_drawn(orders: Mapping[str, Mapping[str, Any]], ends: tuple[float, flo
     low, high = ends or order_axis(list(orders.values()))
     above = 18 if max((len(letter(n)) for n in orders), default=0) > SHORT else 0
     axis = Axis(low, high, 8.0 if above else 34.0, WIDTH - max(166.0, 16 + LETTER * longest))
-    integers = {e.get("integer", 1.0) for e in orders.values()} - {None}
+    integers = {e["integer"] for e in orders.values()} - {None}
     return drawn("orders.svg.j2", orders=orders, axis=axis, width=WIDTH, above=above,
                  foot=(30 + above) * len(orders) + 4, integers=integers)  # fmt: skip
 

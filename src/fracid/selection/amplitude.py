@@ -49,7 +49,7 @@ from fracid.cards import CardDisplay
 from fracid.errors import Failure, FailureReason, InputError, at_least
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, from_start, refined
+from fracid.estimation.horizons import Watch, from_start, lowest_from, refined, uninterrupted
 from fracid.estimation.windows import piece
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
@@ -286,7 +286,7 @@ def _found_again(problem: Problem, x: FloatArray, e: Experiment, jobs: int) -> t
 
 def _spans(e: Experiment, windows: int) -> list[tuple[int, int]] | Failure:
     """First and last + 1 sample of windows of equal length while the swing lives; or why there are none."""
-    if len(e.inputs) > 1 and np.ptp(e.inputs, axis=0).max() > 0:
+    if e.driven:
         return Failure(FailureReason.DRIVEN, f"{e.name} is driven: it has no amplitude that falls.")
     swing = e.measured[:, np.argmax(np.std(e.measured, axis=0))]
     period = _whole_period(swing)
@@ -361,13 +361,13 @@ def _window(
     """The fit of one window, or that its run fails."""
     piece, times = _piece(problem, x, e, span, errors=fit_errors), e.start + e.step * np.array([span[0], span[1] - 1])
     start = piece.point(problem.named(x) if span[0] == 0 else {})  # its initial state too
-    found, whole = refined(piece, start, Watch(jobs), **SEARCH), span == (0, len(e.measured))
+    found, whole = uninterrupted(refined(piece, start, Watch(jobs), **SEARCH)), span == (0, len(e.measured))
     best = found.best
     if not whole and (found.outcome is not Outcome.CONVERGED or best.cost > STUCK * piece.cost(start)):
         own = problem.named(problem.start)
         shared = ((u.experiment is None, u.name) for u in piece.unknowns)
         again = [own.get(n, v) if of_all else v for (of_all, n), v in zip(shared, start.tolist(), strict=True)]
-        best = min(best, refined(piece, np.array(again), Watch(jobs), **SEARCH).best, key=lambda end: end.cost)
+        best = min(best, lowest_from(piece, np.array(again), Watch(jobs), **SEARCH), key=lambda end: end.cost)
     if not math.isfinite(best.cost):
         window = f"{e.name}, {times[0]:.3g} … {times[1]:.3g} s"
         return Failure(FailureReason.RUN, f"{window}: no order was found, the run fails.")

@@ -43,7 +43,7 @@ from fracid.bayes.evidence import laplace_evidence, log_fit, require_evidence
 from fracid.errors import Failure, InputError
 from fracid.estimation.climbing import by_windows, embedded, late_rungs, starting_at, without
 from fracid.estimation.covariance import uncertainty
-from fracid.estimation.horizons import Watch, from_start, growing, refined
+from fracid.estimation.horizons import Watch, from_start, lowest_from
 from fracid.estimation.long_records import is_coarse, to_compare
 from fracid.estimation.records import RecordingFit
 from fracid.estimation.search import search
@@ -441,14 +441,14 @@ def _climbed(structure: Structure, watch: Watch) -> Iterator[tuple[Evaluation, s
     if structure.friction.rpartition(" + ")[2] not in late:
         # A drag or a cable came in last: it may matter more than all that came before.
         simple = without(problem, [n for rung in late.values() for n in rung])
-        x = structure.embed(assignment(simple, growing(simple, simple.start, watch).best.point))
+        x = structure.embed(assignment(simple, from_start(simple, watch).point))
         yield _lower(problem, x, "from the simpler structure", watch, budget=WARM)
     elif not structure.fractional:
         yield by_windows(problem, watch, budget=WARM).best, "by windows"
 
 
 def _descended(problem: Problem, x: FloatArray, watch: Watch, **options: Any) -> Evaluation:
-    return refined(problem, x, watch, **({"tolerance": 1e-5} | options)).best
+    return lowest_from(problem, x, watch, **({"tolerance": 1e-5} | options))
 
 
 def _predicted(

@@ -128,7 +128,7 @@ def _rung(problem: Problem, name: str, rungs: Sequence[str], *, slow: bool = Fal
 
 def _channel(problem: Problem, quantity: Quantity, name: str, **value: Any) -> Iterator[Element]:
     """A quantity of one channel; of the first output only beside an input that varies, for the start is free."""
-    together = not _driven(problem) and quantity != "lowpass"
+    together = not any(e.driven for e in problem.experiments) and quantity != "lowpass"
     for output in problem.outputs[together:]:
         tables = [e.sensors.get(output, Sensor()) for e in problem.experiments]
         off = getattr(Sensor(), quantity)
@@ -174,10 +174,6 @@ def _changing(problem: Problem) -> Iterator[Element]:
 
 def _has_past(problem: Problem) -> bool:
     return any(e.past is not None for e in problem.experiments)
-
-
-def _driven(problem: Problem) -> bool:
-    return any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments)
 
 
 _KINDS: dict[str, Any] = {"channel": _channel, "rung": _rung, "inputs": _inputs, "changing": _changing}

@@ -143,7 +143,8 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         signals = dict(zip(problem.outputs, e.measured.T, strict=True))
         if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
-        units = {n: e.units.get(n, "rad") if _is_angle(problem, n) else "V" for n in signals}
+        own = {n: "rad" if _is_angle(problem, n) else problem.model.unit_of(n) for n in signals}
+        units = {n: e.units.get(n, unit) if unit == "rad" else unit for n, unit in own.items()}
         report = measure(e.time, signals, units)
     commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
     driven = any(s.range > 0 and s.name in problem.model.inputs for s in report.signals)

@@ -331,7 +331,9 @@ class Plan:
     truth: FloatArray
     """Shape (n_unknowns,)."""
     cells: tuple[tuple[float, float], ...]
-    """Level and resolution of each [rad]."""
+    """Level and resolution of each [unit]."""
+    unit: str
+    """That of the scored outputs, or :data:`TIMES`."""
     seeds: int
     seed: int
     how: Mapping[str, Any]
@@ -371,8 +373,8 @@ class Plan:
 
     @property
     def _keys(self) -> list[tuple[tuple[float, float], int, str]]:
-        numbers, unit = range(1, self.seeds + 1), TIMES if self.how["sizes"] else "rad"
-        return [(cell, k, f"{label_of(*cell, unit)}, repetition {k}") for cell in self.cells for k in numbers]
+        numbers = range(1, self.seeds + 1)
+        return [(cell, k, f"{label_of(*cell, self.unit)}, repetition {k}") for cell in self.cells for k in numbers]
 
     def run(self, execution: Execution | None = None) -> NoiseStudy:
         """Do it; errors as of :func:`noise_study`."""
@@ -385,8 +387,7 @@ class Plan:
         """Gather what the repetitions found, by the keys of the tasks."""
         each = {cell: [results[key] for own, _, key in self._keys if own == cell] for cell in self.cells}
         sizes = dict(zip(self.problem.outputs, self.how["sizes"], strict=True)) if self.how["sizes"] else None
-        unit = unit_of(self.problem) if sizes is None else TIMES
-        cells = tuple(_cell(self.problem, self.truth, *cell, each[cell], unit) for cell in self.cells)
+        cells = tuple(_cell(self.problem, self.truth, *cell, each[cell], self.unit) for cell in self.cells)
         p = self.problem
         return NoiseStudy(
             problem=p, model=p.model.name, truth=p.named(self.truth), method=p.method, outputs=p.outputs,
@@ -415,12 +416,13 @@ def planned(
     '0.0572958° of noise, 4096 counts, repetition 2'
     """
     problem = problem if cost is None else replace(problem, cost_function=cost_from_name(cost))
-    cells, true = _cells(levels, resolutions, relative), _checked_truth(problem, x)
+    unit = TIMES if relative else unit_of(problem)
+    cells, true = _cells(levels, resolutions, unit), _checked_truth(problem, x)
     at_least("seeds", seeds, 1)
     optimiser_from_name(optimiser)  # refuses an unknown one
     how = {"optimiser": optimiser, "starts": starts, "options": dict(options or {}), "rival": rival,
            "sizes": _sizes(problem, true) if relative else None}  # fmt: skip
-    return Plan(problem, true, cells, seeds, seed=seed, how=how)
+    return Plan(problem, true, cells, unit, seeds, seed=seed, how=how)
 
 
 # --- one repetition ----------------------------------------------------------------------------------
@@ -579,18 +581,19 @@ def _why(cell: Cell, s: Statistics) -> str:
 # --- what cannot be ----------------------------------------------------------------------------------
 
 
-def _cells(levels: Sequence[float], resolutions: Sequence[float], relative: bool) -> tuple[tuple[float, float], ...]:
-    most, expected, unit = math.pi, "a number from 0 to π, in radians", " rad"
-    if relative:
-        most, expected, unit = math.inf, "a number from 0 on", ""
+def _cells(levels: Sequence[float], resolutions: Sequence[float], unit: str) -> tuple[tuple[float, float], ...]:
+    of = "" if unit in (TIMES, "1") else f" {unit}"
+    most, expected = (
+        (math.pi, "a number from 0 to π, in radians") if unit == "rad" else (math.inf, "a number from 0 on")
+    )
     for what, values in (("level", levels), ("resolution", resolutions)):
         if not len(values):
-            raise InputError(f"There is no {what}; give at least one{unit and ' [rad]'}, 0 for none.")
+            raise InputError(f"There is no {what}; give at least one{of and f' [{unit}]'}, 0 for none.")
         for value in values:
             if not (math.isfinite(value) and 0 <= value < most):
-                raise InputError(f"{what} {value!r}{unit}: expected {expected}.")
+                raise InputError(f"{what} {value!r}{of}: expected {expected}.")
         if len({f"{value:.12f}" for value in values}) < len(values):
-            raise InputError(f"The {what}s {', '.join(f'{v:g}' for v in values)}{unit} name one twice; give each once.")
+            raise InputError(f"The {what}s {', '.join(f'{v:g}' for v in values)}{of} name one twice; give each once.")
     return tuple((float(level), float(q)) for level in levels for q in resolutions)
 
 

@@ -265,7 +265,7 @@ def _late_inputs(
     problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]
 ) -> list[tuple[tuple[str, str], list[FloatArray]]]:
     """All inputs a sample later."""
-    if not any(len(e.inputs) > 1 and np.ptp(e.inputs) > 0 for e in problem.experiments):
+    if not any(e.driven for e in problem.experiments):
         return []
     late = replace(problem, experiments=tuple(_later(e, 1) for e in problem.experiments))
     later = [late.fitted(x, e) for e in late.experiments]

@@ -18,6 +18,7 @@ from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
 from fracid.recording import Recording, inspect_recording, load_recording
+from fracid.recording.channel import si_unit
 from fracid.recording.writing import WRITERS, save_recording
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import write_files
@@ -152,8 +153,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
         raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here),
                               typed=shlex.quote(f'{file},column={here[-1]}')))  # fmt: skip
     only = {"column": int(here[0]) if here[0].isdigit() else here[0]}
-    unit = {"unit": "V" if inputs[0] == "voltage" else "1"}
-    read = load_recording(file, {inputs[0]: unit | (dict(channel) or only)})
+    read = load_recording(file, {inputs[0]: {"unit": si_unit(twin.model.input_unit(inputs[0])), **(channel or only)}})
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
     held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
