@@ -805,6 +805,21 @@ def test_a_pressure_has_not_run_away_and_is_searched_for_in_its_own_size(units):
     assert abs(problem.start[1] - 1e5) > 0.2  # further than the range of an angle reaches
 
 
+def _cylinder(t, x, u, p, out):
+    out[0] = (2e5 - x[0]) / 2.0
+    out[1] = (1e-6 * x[0] - x[1]) / 0.5
+
+
+def test_a_pressure_that_nobody_measures_has_not_run_away_behind_what_moves_by_centimetres():
+    states = {"pressure": 0, "x": 1}
+    model = fracid.Model("cylinder", _cylinder, tuple(states), (1.0, 1.0), states, (), (), "", "a test")
+    fill = Experiment("fill", 0.05, np.full((200, 1), 0.1), np.zeros((1, 0)), initial=dict.fromkeys(states, 0.0),
+                      units={"x": "m"})  # fmt: skip
+    run = Problem(model, (fill,), {}, outputs=("x",), initial_state="held").simulate(np.zeros(0), fill)
+    assert run.outcome.name == "COMPLETED"
+    assert 1.9e5 < run.states[-1, 0] < 2e5
+
+
 @pytest.mark.parametrize("size", [1e-9, 1e-3, 0.5, 1e6])
 def test_a_start_is_sought_near_what_was_measured_in_any_unit(size):
     """A probe that swings by a nanometre was sought within 0.2 m of its start: no derivative there is of that swing."""

@@ -47,6 +47,9 @@ GRAVITY = 9.80665
 LIMIT = 1e4
 """A state beyond this [rad, rad/s] ends a run as diverged; what is no angle, beyond so many times what was measured."""
 
+UNMEASURED = 1e12
+"""The same where something moves that nobody measures, and whose unit may be small: a pressure behind a cylinder."""
+
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
@@ -228,8 +231,11 @@ class Simulator:
     @cached_property
     def limit(self) -> float:
         """The state beyond which a run has diverged, here and wherever the identified model is run again."""
-        p = self.parametrisation
-        return LIMIT * max(float(np.max(p.sizes(e), initial=1.0)) for e in p.experiments)
+        p, model = self.parametrisation, self.parametrisation.model
+        seen = {i for n, i in model.output_states.items() if n in p.outputs or model.output_unit(n) == "rad"}
+        known = seen.union(model.relaxing_states, (rate for i, rate in model.rates.items() if i in seen))
+        limit = LIMIT if len(known) == len(model.states) else UNMEASURED
+        return limit * max(float(np.max(p.sizes(e), initial=1.0)) for e in p.experiments)
 
     # --- what the memo goes by ---------------------------------------------------------------------
 
