@@ -226,6 +226,14 @@ def test_a_voltage_from_a_file_is_held_whatever_its_input_is_called(tmp_path):
     assert driven(tanks, tmp_path / "pump.csv", {}, to_its_end=True).between == {"pump": "hold"}
 
 
+@pytest.mark.parametrize("channel", [{}, {"column": "pump [mV]"}])
+def test_the_unit_of_an_input_is_that_of_its_header(tmp_path, channel):
+    (tmp_path / "pump.csv").write_text("time [s],pump [mV]\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
+    tanks = twin_of("tanks", recording=None, zero=None, friction=False, released=False, trust=False)
+    (_, u), *_ = driven(tanks, tmp_path / "pump.csv", channel, to_its_end=True).inputs.values()
+    assert u[:2].tolist() == [0.0, 1e-3]
+
+
 def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp_path):
     (tmp_path / "decay.py").write_text(
         "from fracid import Model, Parameter\n"

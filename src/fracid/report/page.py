@@ -247,8 +247,8 @@ def _context(material: Material) -> dict[str, Any]:
                       for n, a in outputs.items()],
         "ladder": _ladder(material.beside("compare.json"), result["data_sha256"]),
         "memory": _memory(result["memory"]),
-        "command": _command(environment), "profiles": material.beside("profiles.json"),
-        "folder": _typed(material.folder, environment),
+        "command": shlex.join(["fracid", *environment["command"]]) if environment.get("command") else "",
+        "profiles": material.beside("profiles.json"), "folder": _typed(material.folder, environment),
     }  # fmt: skip
 
 
@@ -343,8 +343,3 @@ def _typed(folder: Path, environment: Mapping[str, Any]) -> str:
     """The run folder as the commands of this run would name it."""
     here, there = folder.resolve(), Path(environment.get("directory", ""))
     return shlex.quote(str(here.relative_to(there)) if here.is_relative_to(there) else here.name)
-
-
-def _command(environment: Mapping[str, Any]) -> str:
-    words = environment.get("command")
-    return shlex.join(["fracid", *map(str, words)]) if isinstance(words, list) and words else ""

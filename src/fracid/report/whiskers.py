@@ -26,11 +26,6 @@ LETTER = 8.6
 """Of a value beside its whisker, its width [px]."""
 
 
-def _numbers(e: Mapping[str, Any]) -> list[float]:
-    shown = (e["value"], *(e["interval95"] or ()), e["integer"])
-    return [v for v in shown if v is not None and isfinite(v)]
-
-
 def order_axis(orders: list[Mapping[str, Any]]) -> tuple[float, float]:
     """From the least to the greatest that is to be seen: values, intervals within reason, integer values.
 
@@ -51,8 +46,8 @@ def _ends(estimates: list[Mapping[str, Any]], least: float) -> tuple[float, floa
         return 0.0, 2.0
     low, high = min(centres), max(centres)
     most = 3 * max(high - low, least) or inf  # of an interval: one that is wider ends with an arrow
-    ends = [min(max(v, low - most), high + most) for e in estimates for v in _numbers(e)]
-    low, high = min(ends), max(ends)
+    ends = [min(max(v, low - most), high + most) for e in estimates for v in e["interval95"] or () if isfinite(v)]
+    low, high = min(low, *ends, high), max(low, *ends, high)
     low, high = low - 0.06 * (high - low), high + 0.06 * (high - low)
     short = (max(least, 1e-6 * max(abs(low), abs(high))) or 1.0) - (high - low) / 2
     return low - max(0.0, short), high + max(0.0, short)

@@ -152,8 +152,10 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     if not channel and len(here) > 1:
         raise InputError(SAYS("columns", file=file, count=len(here), columns=', '.join(here),
                               typed=shlex.quote(f'{file},column={here[-1]}')))  # fmt: skip
-    only = {"column": int(here[0]) if here[0].isdigit() else here[0]}
-    read = load_recording(file, {inputs[0]: {"unit": si_unit(twin.model.input_unit(inputs[0])), **(channel or only)}})
+    given = channel or {"column": int(here[0]) if here[0].isdigit() else here[0]}
+    if str(given.get("column")) not in there.signals.keys() - there.assumed:  # else its header says the unit
+        given = {"unit": si_unit(twin.model.input_unit(inputs[0])), **given}
+    read = load_recording(file, {inputs[0]: given})
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
     held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
