@@ -209,8 +209,7 @@ def print_check(recording: Recording, figure: Path | None, notes: Sequence[str] 
     """Show what a recording is worth."""
     from rich.markup import escape
 
-    console = new_console()
-    report = recording.report
+    console, report = new_console(), recording.report
     console.print(f"[bold]{escape(recording.name)}[/bold]  {escape(str(recording.path))}")
     for what, value in report.rows():
         console.print(f"  {what:9} {escape(value)}", soft_wrap=True)

@@ -343,10 +343,9 @@ def refuse_other_clock(recording: Recording, source: Source, angles: Collection[
     for f in recording.report.findings:
         if f.code == "wrong-clock" and f.where in angles and not said:
             column = time_column(source.table, source.time)
-            typed = ["fracid", "init", str(source.file), *other_clock(f.number, column)]
+            typed = shlex.join(["fracid", "init", str(source.file), *other_clock(f.number, column)])
             sentence = re.split(" Type | Give ", str(f))[0]
-            right = f"--time {column},unit=s, if it is right."
-            raise InputError(f"{source.file.name}: {sentence} Type {shlex.join(typed)}; or {right}")
+            raise InputError(f"{source.file.name}: {sentence} Type {typed}; or --time {column},unit=s, if it is right.")
 
 
 # --- what the columns are ----------------------------------------------------------------------------
@@ -436,11 +435,9 @@ def _window(recording: Recording) -> tuple[dict[str, float | None], tuple[str, .
         return {}, ()
     names = " and ".join(dict.fromkeys(d.signal for d in gone))
     sound_is = f"{names} does not drop out" if gone else "no sample is missing and the clock is even"
-    part = {
-        "start": None if best[0] == 0 else math.ceil(1e6 * low) / 1e6,
-        "stop": None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6,
-    }
-    return part, (f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",)
+    start = None if best[0] == 0 else math.ceil(1e6 * low) / 1e6
+    stop = None if best[-1] == t.size - 1 else math.floor(1e6 * high) / 1e6
+    return {"start": start, "stop": stop}, (f"From {low:.4g} to {high:.4g} s {sound_is}: that part is fitted.",)
 
 
 def _breaks(recording: Recording) -> NDArray[np.bool_]:
@@ -462,11 +459,9 @@ def _breaks(recording: Recording) -> NDArray[np.bool_]:
 
 def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
-    for name, x in zip(table.names, table.values.T, strict=True):
-        finite = x[np.isfinite(x)]
-        if is_angle(name, "voltage") and 1 < finite.size < x.size and np.ptp(finite) > 0:
-            return name
-    return None
+    commands = ((n, x) for n, x in zip(table.names, table.values.T, strict=True) if is_angle(n, "voltage"))
+    moving = (n for n, x in commands if not np.isfinite(x).all() and np.unique(x[np.isfinite(x)]).size > 1)
+    return next(moving, None)
 
 
 def _way(recording: Recording) -> float:

@@ -169,8 +169,7 @@ def _other_rates(table: Table, rate: float) -> Iterator[Finding]:
             continue
         own = 1 / step
         times = [rate / (own / seconds) for seconds in SECONDS.values()]
-        nearest = min(times, key=lambda r: abs(math.log(r)))
-        if abs(math.log(nearest)) > math.log(OTHER_RATE):
+        if min(abs(math.log(r)) for r in times) > math.log(OTHER_RATE):
             yield SAYS.finding("other-rate", "time", times[0], OTHER_RATE, rate=rate, column=short_text(name), own=own)
 
 

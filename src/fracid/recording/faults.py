@@ -109,15 +109,13 @@ TYPICAL, UNLIKE = 0.3, 10.0
 GRAVITY = 9.81
 """[m/s²]"""
 
-JUMP = 8.0
-"""Times the greatest speed that lasts: a sine of eight samples a period has 1.4."""
-
 BACK, MOST_SPIKES = 2.0, 0.05
 """Times what that speed takes it from sample to sample: further than that from both its neighbours, which agree, is no
 motion; and the part of the samples that may be so."""
 
-FEW_JUMPS = 0.01
-"""Of the samples: what jumps more often is made so, as a rig with a stepper motor is."""
+JUMP, FEW_JUMPS = 8.0, 0.01
+"""Times the greatest speed that lasts: a sine of eight samples a period has 1.4; and of the samples: what jumps more
+often is made so, as a rig with a stepper motor is."""
 
 AROUND, JUMPED = 6, 3.0
 """Samples to each side of a gap that tell whether the clock jumped; steps of a gap that may be one."""
@@ -227,12 +225,10 @@ def _unit(s: SignalReport, x: FloatArray, pendulum: bool) -> Iterator[Finding]:
     changes, turns = turns_to_both_sides(s, x)
     if changes >= BOTH_SIDES:
         yield SAYS.finding("degrees-as-radians", s.name, turns, 0.5, times=changes + 1)
-    swing = 0.5 * s.range
-    if HARDLY <= swing < math.radians(math.pi) and (part := _slows(x - _middle(s, x))) > SLOWS:
-        swing = math.degrees(swing)
+    swing = math.degrees(0.5 * s.range)
+    if math.degrees(HARDLY) <= swing < math.pi and (part := _slows(x - _middle(s, x))) > SLOWS:
         yield SAYS.finding("quicker", s.name, 100 * part, 100 * SLOWS, swing=swing, degrees=math.degrees(swing))
-    elif swing < HARDLY:
-        swing = math.degrees(swing)
+    elif swing < math.degrees(HARDLY):
         yield SAYS.finding("radians-as-degrees", s.name, swing, math.degrees(HARDLY), degrees=math.degrees(swing))
 
 
@@ -243,8 +239,7 @@ def _middle(s: SignalReport, x: FloatArray) -> float:
 
 def _slows(swing: FloatArray) -> float:
     """By which part large swings are slower than small ones, where they are radians and a pendulum explains that; 0."""
-    step = resolution(swing) or 0.0
-    floor = max(FEW_TO_TELL * step, 0.02 * float(np.max(np.abs(swing))))
+    floor = max(FEW_TO_TELL * (resolution(swing) or 0.0), 0.02 * float(np.max(np.abs(swing))))
     as_read, as_radians = quickening(swing, floor), quickening(np.degrees(swing), math.degrees(floor))
     return as_read if abs(as_radians) < EXPLAINED * as_read else 0.0
 
@@ -286,8 +281,9 @@ def _clock(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding]:
     length = GRAVITY * (period / (2 * math.pi)) ** 2
     if math.isfinite(length) and length > SLOW:
         unit = unit_of_time(length)
-        yield SAYS.finding("wrong-clock" if unit else "counting-clock", s.name, length, SLOW, period=period,
-                           far=_long(length), unit=unit)  # fmt: skip
+        far = f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
+        name = "wrong-clock" if unit else "counting-clock"
+        yield SAYS.finding(name, s.name, length, SLOW, period=period, far=far, unit=unit)
     elif length < FAST and s.range > 2 * HARDLY:
         yield SAYS.finding("fast-clock", s.name, length, FAST, ms=1e3 * period, mm=1e3 * length)
 
@@ -350,10 +346,6 @@ def _misfit(t: FloatArray, x: FloatArray) -> float:
     """How far a parabola through samples is from them, root mean square."""
     scaled: FloatArray = t / float(np.max(np.abs(t)))
     return float(np.sqrt(np.mean((x - np.polyval(np.polyfit(scaled, x, 2), scaled)) ** 2)))
-
-
-def _long(length: float) -> str:
-    return f"{length:.3g} m" if length < 1e3 else f"{1e-3 * length:.3g} km"
 
 
 # --- jumps -------------------------------------------------------------------------------------------
@@ -475,8 +467,6 @@ def _sampling(s: SignalReport, t: FloatArray, x: FloatArray) -> Iterator[Finding
         first = min(max(0, middle - LONGEST // 2), x.size - LONGEST)
         t, x = t[first : first + LONGEST], x[first : first + LONGEST]
     step = float(np.median(np.diff(t)))
-    if not step > 0:
-        return
     power = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size))) ** 2
     total, band = np.concatenate([[0.0], np.cumsum(power)]), max(1, power.size // 100)
     within = (total[band:] - total[:-band])[power.size // 2 :]  # a hundredth of all frequencies

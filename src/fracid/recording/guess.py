@@ -30,7 +30,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import InputError
 from fracid.findings import with_code
 from fracid.recording.columns import SAYS
-from fracid.recording.faults import BOTH_SIDES, familiar_counts, turns_to_both_sides
+from fracid.recording.faults import BOTH_SIDES, FEW_COUNTS, familiar_counts, turns_to_both_sides
 from fracid.recording.recording import Recording
 from fracid.safety.door import own_text
 
@@ -48,9 +48,6 @@ NOTHING = "in radians, as nothing says otherwise"
 
 DIGITS = 1e6
 """Steps: what moves through more lies on the lattice of a file's digits, not of an encoder."""
-
-WHOLE = 50
-"""Whole numbers through more than this are counts."""
 
 LEVELS = 12
 """A column that has no more values than this, and keeps each for long, is a command."""
@@ -216,7 +213,7 @@ def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any],
     if any(note.where == name for note in with_code(recording.report.reading, "unit-of-header")):
         return {}, "whose unit the header says"
     q = s.resolution
-    if q is not None and abs(q - 1) < 1e-6 and s.range > WHOLE:
+    if q is not None and abs(q - 1) < 1e-6 and s.range > FEW_COUNTS:
         return {"unit": "counts", "counts_per_turn": 4096}, "counts of 4096 a turn: its numbers are whole"
     if q and familiar_counts(360 / q) and not familiar_counts(2 * math.pi / q):
         return {"unit": "deg"}, f"in degrees: its step is that of {360 / q:.0f} counts a turn"

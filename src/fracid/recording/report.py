@@ -290,11 +290,11 @@ def _short(
     if release is None or any(s.at_rest for s in signals) or not any(s.unit in SWING for s in signals):
         return
     after = (time >= release) & np.isfinite(swing)
-    turns, moving = half_swings(swing[after]), swing[after]
+    moving, seconds = swing[after], float(time[after][-1]) - release
+    turns = half_swings(moving)
     calm = moving[SPENT * int(np.max(turns, initial=0)) :]
-    swung_out = calm.size > np.max(turns, initial=0) and np.ptp(calm) < CALM * np.ptp(moving)
+    swung_out = (SPENT + 1) * calm.size > moving.size and np.ptp(calm) < CALM * np.ptp(moving)
     if turns.size < 2 * FEW_SWINGS and not swung_out:
-        seconds = float(time[after][-1]) - release
         yield SAYS.finding("short-window", "", turns.size / 2, FEW_SWINGS, seconds=seconds)
 
 

@@ -191,9 +191,8 @@ def claim_of(
     missed = {where: e for where, e in left_over.items() if not e.fits}
     if missed and (alternative is None or alternative.gain > -STRONG):  # else something of integer order is far better
         each = " and ".join(f"{where} (fit {round(e.fit)} %)" for where, e in missed.items())
-        return _undecided(
-            SAYS("no-fit", each=each), SAYS("decide-model", again=", or type --multi-start 16" * restarts)
-        )
+        again = ", or type --multi-start 16" * restarts
+        return _undecided(SAYS("no-fit", each=each), SAYS("decide-model", again=again))
     off = [order for order in orders if order.off]
     unexplained = _unexplained({where: e for where, e in left_over.items() if not e.noise})
     as_noise = [where for where, e in left_over.items() if e.noise and not e.explained]

@@ -188,8 +188,6 @@ def quickening(alpha: FloatArray, floor: float) -> float:
     if len(extremes) < 3:
         return 0.0
     crossings, extremes = half_periods(alpha - np.median(extremes[:-2] + 2 * extremes[1:-1] + extremes[2:]) / 4, floor)
-    if len(crossings) < 4 * FEWEST:
-        return 0.0
     size = np.abs(extremes)
     swings = (size < math.pi) & (np.diff(crossings) > 0)  # what goes over the top has no period
     omega = 2 * ellipk(np.sin(0.5 * size) ** 2) / np.maximum(np.diff(crossings), 1.0)
@@ -234,8 +232,7 @@ def swing_start(signal: FloatArray) -> int:
     >>> swing_start(np.array([1.0, 1.0, 0.99, 0.5, 0.0]))
     3
     """
-    departure = np.flatnonzero(np.abs(signal - signal[0]) > 0.05 * np.ptp(signal))
-    return int(departure[0]) if departure.size else 0
+    return int(np.argmax(np.abs(signal - signal[0]) > 0.05 * np.ptp(signal)))
 
 
 def motion_start(signal: FloatArray) -> int:
@@ -246,10 +243,8 @@ def motion_start(signal: FloatArray) -> int:
     >>> motion_start(np.concatenate([np.zeros(50), np.arange(50.0)]))
     51
     """
-    noise = noise_floor(signal)
     first = float(np.median(signal[: max(1, signal.size // 200)]))
-    departure = np.flatnonzero(np.abs(signal - first) > 0.01 * np.ptp(signal) + CLEAR * noise)
-    return int(departure[0]) if departure.size else 0
+    return int(np.argmax(np.abs(signal - first) > 0.01 * np.ptp(signal) + CLEAR * noise_floor(signal)))
 
 
 HELD, HELD_IN_NOISE = 0.6, 1.5
@@ -341,8 +336,8 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
         return None, mid_swing
     last = int(slow[-1])
     travel, quarter = abs(level[fastest] - level[last]), t[fastest] - t[last]
-    away = np.flatnonzero(np.abs(level[:last] - level[last]) > max(0.05 * travel, CLEAR * noise.level))
-    begin = int(away[-1]) + 1 if away.size else 0
+    away = np.abs(level[:last] - level[last]) > max(0.05 * travel, CLEAR * noise.level)
+    begin = int(np.max(np.flatnonzero(away), initial=-1)) + 1
     release = last if level is x else _fall_begins(t, level, slice(begin, last + 1), fastest)
     duration = float(min(t[last], t[release]) - t[begin])
     if duration < (HELD if level is x else HELD_IN_NOISE) * quarter:
@@ -352,9 +347,6 @@ def release_time(time: FloatArray, signal: FloatArray) -> tuple[float | None, st
 
 AT_THE_TOP, UP = 0.9, 0.5
 """Parts of the height of a half-swing: a hand has raised it from the first on, and holds it above the second."""
-
-FAST = 0.75
-"""The part of all samples that are slower than those about the middle of a swing."""
 
 
 def releases(time: FloatArray, signal: FloatArray) -> list[tuple[float, float]]:
@@ -379,21 +371,19 @@ def releases(time: FloatArray, signal: FloatArray) -> list[tuple[float, float]]:
     finite = np.isfinite(signal)
     x = np.interp(time, time[finite], signal[finite])
     speed, *_ = _speed(time, x)
-    y = x - np.median(x[speed >= np.quantile(speed, FAST)])  # that of all is drawn to where a hand holds it
+    y = x - np.median(x[speed >= np.median(speed)])  # that of all is drawn to where a hand holds it
     floor = CLEAR * noise_floor(x)
     crossings, _ = half_periods(y, max(BEYOND * float(np.max(np.abs(y))), floor))
-    begins, ends = list[float](), list[float]()
+    marks = list[int]()
     for a, b in pairwise([0, *crossings.astype(int), y.size]):
         height = np.abs(y[a:b])
         held = a + int(np.argmax(height > AT_THE_TOP * height.max()))
         release, _ = release_time(time[held:b], x[held:b])
-        k = np.searchsorted(time, release or 0.0)
+        k = int(np.searchsorted(time, release or 0.0))
         if release is not None and abs(y[k]) > UP * height.max():
-            if begins:
-                first = int(np.searchsorted(time, begins[-1]))
-                ends.append(float(time[first + _free_until(x[first : k + 1], floor)]))
-            begins.append(release)
-    return [*zip(begins, [*ends, float(time[-1])], strict=False)]
+            marks.append(k)
+    ends = [a + _free_until(x[a : b + 1], floor) for a, b in pairwise(marks)]
+    return [(float(time[a]), float(time[b])) for a, b in zip(marks, [*ends, time.size - 1], strict=False)]
 
 
 def _free_until(x: FloatArray, floor: float) -> int:
@@ -435,17 +425,16 @@ def _speed(t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, _Noise
     """
     step = float(np.median(np.diff(t)))
     # over 20 ms: one encoder step within one sample is no motion
-    w = min(max(1, round(min(0.01 / step, x.size))), (x.size - 1) // 2)
+    widest = (x.size - 1) // 2
+    w = min(max(1, round(min(0.01 / step, x.size))), widest)
     noise, level = noise_floor(x), x
     speed, left = _difference(t, x, w), _Noise(noise / (math.sqrt(2) * w * step), noise)
     m = 1
-    while SURE * left.speed > 0.05 * speed.max() and 2 * m * step < 0.5 * np.ptp(level) / max(speed.max(), 1e-300):
-        m = min(2 * m, (x.size - 1) // 2)
+    while m < widest and SURE * left.speed > 0.05 * speed.max() and 2 * m * step * speed.max() < 0.5 * np.ptp(level):
+        m = min(2 * m, widest)
         level = _mean_over(x, m)
         speed = _difference(t, level, m)
         left = _Noise(noise / (math.sqrt(2) * m**1.5 * step), noise / math.sqrt(m))
-        if m == (x.size - 1) // 2:
-            break
     return speed, level, left
 
 
@@ -492,9 +481,8 @@ def stands(alpha: FloatArray, theta: FloatArray | None, step: float) -> bool:
     if len(alpha) < 10 * width or np.max(np.abs(alpha)) > 1.0:
         return False
     a, rate, acceleration = slopes(alpha, width, step)
-    columns = [np.sin(a), -rate, np.ones(len(a))]
-    columns += [] if theta is None else [np.cos(a) * slopes(theta, width, step)[2]]
-    A = np.column_stack(columns)
+    arm = [] if theta is None else [np.cos(a) * slopes(theta, width, step)[2]]
+    A = np.column_stack([np.sin(a), -rate, np.ones(len(a)), *arm])
     found, *_ = np.linalg.lstsq(A, acceleration)
     left = acceleration - A @ found
     error = math.sqrt(np.linalg.pinv(A.T @ A)[0, 0] * np.mean(left**2) * width)

@@ -353,8 +353,7 @@ def _sizes(run: Trajectory) -> FloatArray:
 
 def _growing_from(run: Trajectory) -> int:
     """The first sample after which the states stay beyond their usual size."""
-    small = np.flatnonzero(_sizes(run) <= USUAL)
-    return min(int(small[-1]) + 1, len(run.time) - 1) if small.size else 1
+    return min(int(np.max(np.flatnonzero(_sizes(run) <= USUAL), initial=0)) + 1, len(run.time) - 1)
 
 
 def _at(run: Trajectory, k: int, rhs: Callable[..., None], inputs: FloatArray, parameters: FloatArray) -> FloatArray:
