@@ -45,7 +45,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.cards import listed
-from fracid.errors import SMALLEST, Failure, FailureReason, InputError, at_least, brief
+from fracid.errors import Failure, FailureReason, InputError, at_least, brief
 from fracid.estimation.agreement import Spread, spread
 from fracid.estimation.climbing import embedded
 from fracid.estimation.covariance import OF_FITS, Uncertainty, half_width, uncertainty
@@ -54,10 +54,13 @@ from fracid.estimation.drift import drift_of
 from fracid.estimation.horizons import Watch, from_start, growing, lowest_from, refined, uninterrupted
 from fracid.estimation.interval_walk import walked
 from fracid.estimation.long_records import (
+    TO_COMPARE,
+    as_fitted,
     coarse_problem,
     corrected,
     is_coarse,
     like,
+    on_all_samples,
     on_every_sample,
     own_substeps,
     part_of,
@@ -81,7 +84,7 @@ from fracid.safety.door import own_text
 from fracid.selection.claim import FLOOR, Claim, claim_of, no_run, orders_found
 from fracid.selection.fractional_element import fractional_element
 from fracid.selection.integer_alternatives import LEAST, SAME, TIMES, integer_alternatives
-from fracid.selection.integer_rival import Alternative, in_proportion, integer_values
+from fracid.selection.integer_rival import Alternative, beside_fit, claimable_values, integer_values
 from fracid.selection.opened_bounds import LOWER, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.left_over import LeftOver
@@ -355,6 +358,11 @@ class _Findings:
         """The problem on every sample."""
         return on_every_sample(self.problem, replace(self.asked.problem, substeps=self.substeps))
 
+    @property
+    def cost(self) -> float:
+        """Of the minimum on every sample."""
+        return self.sampled.cost(self.x) if is_coarse(self.problem) else self.best.cost
+
     def _at_its_step(self, check: Discretisation) -> Refined:
         return Refined(self.problem, self.substeps, self.best, self.known, check, near=self.near)
 
@@ -574,8 +582,11 @@ class _Findings:
         )  # fmt: skip
         goal = nearest.cost if nearest else None
         element = None if noise else fractional_element(where, beside, goal=goal, jobs=asked.jobs)
-        if nearest is not None and beside is not best:
-            nearest = in_proportion(nearest, best.cost / max(beside.cost, SMALLEST))
+        cost, values = self.cost, claimable_values(problem, best.point)
+        nearest = nearest and beside_fit(nearest, values, problem, beside.cost, cost)
+        if element is not None:
+            before, after = on_all_samples(problem, np.array([element.before, element.cost]), beside.cost, cost)
+            element = replace(element, before=float(before), cost=float(after))
         restarts, self.alternative = not asked.optimiser.keeps_its_own, nearest
         self.claim = claim_of(orders, nearest, left, contradictions, element=element, restarts=restarts)
         if nearest is not None and self.claim.claim == "integer":
@@ -591,6 +602,10 @@ class _Findings:
         problem, best, began = self.problem, self.best, self.asked.problem.substeps
         if part is not problem:
             return part, self._refined(part, embedded(part, problem.named(best.point)))
+        own = self.asked.alternatives or self.asked.window is not None
+        dense = problem if own else as_fitted(problem, best.point, TO_COMPARE)
+        if dense is not problem:
+            return dense, dense.evaluate(best.point)  # the residuals of its own steps
         if is_coarse(problem) or self.asked.window is not None or began == problem.substeps:
             return problem, best
         coarse = replace(problem, substeps=began)
@@ -616,7 +631,7 @@ class _Findings:
             return None
         goal = (1 - LOWER) * best.cost
         if nearest is not None:
-            values = nearest.values if nearest.cost < goal else {}
+            values = nearest.values if nearest.cost < self.cost else {}
         elif all(e.explained for e in self.left.values()):  # noise alone cannot be fitted better
             return None
         else:
@@ -683,13 +698,9 @@ def _fit(found: _Findings, evaluations: int, timing: Mapping[str, float]) -> Fit
     if not fits:  # the value, and the bound that it may lie at
         estimates = {n: e if not e.free or e.at_bound else Estimate(e.value, e.unit, True, identifiable="unknown")
                      for n, e in estimates.items()}  # fmt: skip
-    cost, alternative, check = best.cost, found.alternative, found.check
-    if problem is not searched and math.isfinite(best.cost):
-        cost = problem.cost(best.point)
+    cost, alternative, check = found.cost, found.alternative, found.check
+    if math.isfinite(best.cost):
         check = check and check.on_all_samples(found.problem, best.cost, cost)
-        noise = math.sqrt(max(0.0, cost**2 - best.cost**2)) if problem.cost_function.root else 0.0
-        factor = 1.0 if noise else cost / max(best.cost, SMALLEST)
-        alternative = alternative and in_proportion(alternative, factor, noise)
     if found.alternative is not None and found.alternative.warning and found.claim.claim == "integer":
         for n in found.alternative.orders:
             verdict = IMITATION if found.alternative.parameters else CHANCE.format(model.integer_order(n))

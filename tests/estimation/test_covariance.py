@@ -16,12 +16,14 @@ from scipy.stats import t as student
 import fracid
 from fracid.arrowhead import Blocks
 from fracid.errors import Failure, FailureReason
+from fracid.estimation import interval_walk
 from fracid.estimation.block_covariance import Bread, widening
 from fracid.estimation.bounded import lowest, reach
 from fracid.estimation.covariance import METHODS, at_bound, uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
 from fracid.models import Model, Parameter
+from fracid.models.written.equations import Equation, Equations
 from fracid.optimise import least_squares, minimise
 from fracid.problem import Experiment, Free, Prior, Problem
 from fracid.problem.costs import COSTS, Cost
@@ -472,3 +474,19 @@ def test_the_end_of_an_order_in_a_bent_valley_is_where_a_refit_by_scipy_says(tmp
     assert low < 0.95 < high
     height = math.sqrt((least(low) - least(fit.x[i])) / known.rise[i, 0])  # not the root of what is below 0
     assert height == pytest.approx(1, abs=0.25)  # a seventh, and what bumps of the cost leave above its least
+
+
+def test_an_interval_reaches_as_far_as_points_below_its_limit_whether_or_not_their_ground_was_found(monkeypatch):
+    """As where a stiffness grows and the rest of its spring leaves a bound: no derivative leads there in time."""
+    line = Equations({"x": Equation("1")}, {"y": Equation("tanh(gain)*x", unit="1")}).model(
+        "line", [Parameter("gain", "", 1.5, "")]
+    )
+    y = np.linspace(0, 1, 101) * np.tanh(1.5) + 0.3 * np.random.default_rng(1).standard_normal(101)
+    e = Experiment("line", 0.01, y[:, None], np.zeros((1, 0)), initial={"x": 0.0})
+    p = Problem(line, (e,), {}, {"gain": Free(1.5, -5.0, 9.0)}, initial_state="held")
+    here = settled(p, p.start)
+    known = uncertainty(p, here.x, near=here)
+    expected = interval_walk.walked(here, known)
+    monkeypatch.setattr(interval_walk, "EXACT", -1.0)  # so that no ground is low enough
+    found = interval_walk.walked(here, known)
+    assert found.ends[0, 1] == expected.ends[0, 1] > known.ends[0, 1] + 0.05

@@ -237,6 +237,25 @@ def test_a_draft_begins_where_a_hand_lets_go(tmp_path):
     assert problem.experiments[0].start == pytest.approx(0.5, abs=0.02)
 
 
+@pytest.mark.parametrize("model", ["pendulum", "cart-pole"])
+def test_the_zero_of_an_angle_is_free_in_each_recording(tmp_path, model):
+    t = np.arange(0, 8, 0.01)
+    swing = np.exp(-0.1 * t) * np.cos(6 * t)
+    text, problem = drafted(tmp_path, model, "t,position [m],angle [rad]", t, 0.1 * swing, np.round(swing + 0.02, 3))
+    assert 'per_recording = ["angle_rest"]' in text
+    assert "# angle_rest is each recording's own" in text
+    assert "angle_rest [log]" in problem.names
+
+
+def test_a_zero_that_is_taken_at_rest_stays(tmp_path):
+    t = np.arange(0, 40, 0.01)
+    swing = np.round(np.exp(-0.5 * t) * np.cos(6 * t) + 0.02, 3)
+    np.savez(tmp_path / "swing.npz", time=t, angle=swing)
+    draft = draft_of_model("pendulum", tmp_path / "swing.npz", {"angle": {"column": "angle", "unit": "rad",
+                           "zero": "rest"}}, folder=tmp_path)  # fmt: skip
+    assert "per_recording" not in draft.text
+
+
 def test_a_mass_that_a_hand_lets_go_needs_no_force_and_begins_with_its_spring(tmp_path):
     t = np.arange(0, 8, 0.01)
     swing = np.where(t < 2, 0.1, 0.1 * np.exp(-0.1 * (t - 2)) * np.cos(6 * (t - 2)))

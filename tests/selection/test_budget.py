@@ -131,6 +131,8 @@ def test_a_walk_asks_for_derivatives_of_its_own_only_where_they_fit_into_what_is
         return jacobian(*args, **options)
 
     monkeypatch.setattr(interval_walk, "EXACT", 0.0)  # so that no ground is low enough
+    monkeypatch.setattr(interval_walk, "OFF", 0.0)  # nor a first look
+    monkeypatch.setattr(interval_walk, "CLOSE", 0.0)
     monkeypatch.setattr(interval_walk, "jacobian", watched)
     interval_walk.walked(here, known, most=2 * most)
     assert bool(derivatives) is asked

@@ -14,12 +14,14 @@ from fracid.models.written.equations import Equation, Equations
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS
 from fracid.selection.integer_rival import (
+    Alternative,
     Rival,
+    beside_fit,
     freed_friction,
     gain_over,
     integer_rival,
     integer_values,
-    warning_of,
+    judged,
 )
 from twins import release
 
@@ -127,7 +129,19 @@ ALL = {n: Free(1e-3, 0.0, 0.1) for n in ("b_theta", "b_alpha", "coulomb_theta", 
 
 
 def warning(rival, problem, best):
-    return warning_of(rival, best.cost, gain_over(rival, problem, best)[1])
+    gain, cost = gain_over(rival, problem, best)[1], rival.evaluation.cost
+    nearest = Alternative(rival.structure, (*rival.off,), cost, {}, gain, 100.0, judged=judged(rival, gain))
+    return beside_fit(nearest, rival.off, problem, best.cost, best.cost).warning
+
+
+def test_a_claim_names_the_orders_and_costs_that_stand_beside_it_where_models_were_compared_on_coarser_recordings():
+    twin = release("dense", alpha=0.5, step=4e-4, end=4.0, noise=1e-3, orders={"lambda": 1.0, "mu": 1.0},
+                   parameters={"b_alpha": 1e-3})  # fmt: skip
+    fit = identify(Problem(RIG, (twin,), {"lambda": 1.0, "mu": Free(0.98, 0.5, 1.2)}, initial_state="held"))
+    assert fit.claim == "integer"
+    assert f"it costs {fit.alternative.cost:.6g}, this one {fit.cost:.6g}, and has" in fit.claim_reasons[0]
+    assert fit.claim_reasons[0].startswith(f"μ = {fit.orders['mu'].value:.4g}: ")
+    assert fit.claim_reasons[0] == fit.alternative.warning
 
 
 @pytest.mark.parametrize(

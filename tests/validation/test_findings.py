@@ -26,7 +26,7 @@ from fracid.solver.memory import compressed, full, short
 from fracid.validation.after_search import after, between_samples, noisy_start, with_start
 from fracid.validation.before_search import before
 from fracid.validation.reversed_signs import _most_moved
-from fracid.validation.sensor_faults import FORMS, misreadings
+from fracid.validation.sensor_faults import FORMS, Misreading, _fix, misreadings
 from twins import COUNT, angles
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -670,6 +670,14 @@ def test_freeing_the_zero_that_a_finding_names_moves_the_orders_as_it_says():
         for m in misreadings(freed, better, uncertainty(freed, better))
         if m.code == "off-zero" and m.signal == "alpha"
     ]
+
+
+def test_a_zero_is_taken_at_rest_where_the_recording_ends_there():
+    falls, zero = np.linspace(1, 0, 101), Misreading("off-zero", "angle", 0.1, 9.0, 0.9, "", 0.0, 0.0, steps=9.0)
+    for y, advice in ((np.append(falls, np.zeros(50)), 'Type zero = "rest"'), (falls, "Look at zero")):
+        swing = Experiment("swing", 0.01, y[:, None], np.zeros((1, 1)))
+        p = Problem(from_library("pendulum"), (swing,), {"mu": 1.0}, initial_state="held")
+        assert _fix(p, zero) == f"{advice} in its table, or free angle_rest."
 
 
 def test_a_fault_is_sized_by_derivatives_that_hold_over_an_interval_not_by_a_jump_within_their_step():

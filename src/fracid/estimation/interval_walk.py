@@ -223,7 +223,8 @@ class _Way:
                 return None
             there = yield from onward(linearised(replace(there.tangent, derivatives=J)), enough, held=[self.i])
             self._took(len(there.axes) - 2)
-        arrived = -there.foreseen(there.step([self.i])) <= enough
+        below = there.value - self.here.value < self.limit  # and its ground, seen or not, is lower still
+        arrived = below or -there.foreseen(there.step([self.i])) <= enough
         self.lost = self.lost or not arrived
         self.together.points.append((there.value, there.x))
         return there if arrived else None

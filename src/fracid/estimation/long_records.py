@@ -33,7 +33,7 @@ from fracid.estimation.horizons import Watch, lowest_from
 from fracid.estimation.tangent import Tangent
 from fracid.optimise import Evaluation
 from fracid.problem import Experiment, Problem
-from fracid.problem.coarse import coarser, means, possible
+from fracid.problem.coarse import as_samples, coarser, means, possible
 from fracid.solver.methods import METHODS
 from fracid.tasks.simulation_cache import Recent
 
@@ -70,6 +70,9 @@ PART = 16_000
 ENOUGH = 8_000
 """Samples of many recordings on which they are."""
 
+TO_COMPARE = (10_000, 5_000)
+"""Samples from which on they are compared on coarser recordings, and samples of those."""
+
 TELLING = 30
 """Swings that such a part has at least."""
 
@@ -84,8 +87,14 @@ MEMORY = 256 << 20
 """Bytes of simulated outputs that are kept where no folder keeps them."""
 
 
-def coarse_problem(problem: Problem) -> Problem:
+def coarse_problem(problem: Problem, sizes: tuple[int, int] | None = None) -> Problem:
     """The problem on coarser recordings; the same where they are short, fast or of a kind that cannot be coarser.
+
+    Parameters
+    ----------
+    problem : Problem
+    sizes : (int, int), optional
+        Samples from which on it is, and that are left; :data:`LONG` and :data:`FEWEST` if left out.
 
     Examples
     --------
@@ -97,7 +106,7 @@ def coarse_problem(problem: Problem) -> Problem:
     >>> len(coarse.experiments[0].measured), coarse.experiments[0].step, coarse.substeps
     (75000, 0.004, 1)
     """
-    every = _every(problem, PER_PERIOD, LONG, FEWEST)
+    every = _every(problem, PER_PERIOD, *(sizes or (LONG, FEWEST)))
     if every == 1:
         return problem
     coarse = like(problem, every)
@@ -239,8 +248,15 @@ def to_compare(problem: Problem, others: Sequence[Experiment]) -> tuple[Problem,
     return part, tuple(beside if part is coarse else [e.until(PART * first.step) for e in beside])
 
 
-def as_fitted(problem: Problem, x: FloatArray) -> Problem:
+def as_fitted(problem: Problem, x: FloatArray, sizes: tuple[int, int] | None = None) -> Problem:
     """A problem as a fit leaves it at x: on coarser recordings where these are long, with the residuals of its steps.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+    sizes : (int, int), optional
+        As of :func:`coarse_problem`.
 
     Examples
     --------
@@ -250,7 +266,7 @@ def as_fitted(problem: Problem, x: FloatArray) -> Problem:
     >>> [len(p.experiments[0].measured) for p in (problem, as_fitted(problem, problem.start))]
     [300000, 75000]
     """
-    coarse = coarse_problem(problem)
+    coarse = coarse_problem(problem, sizes)
     if not is_coarse(coarse):
         return problem
     fine = replace(coarse, substeps=own_substeps(coarse, problem.substeps))
@@ -269,9 +285,9 @@ def on_all_samples(problem: Problem, costs: FloatArray, here: float, there: floa
     >>> on_all_samples(problem, np.array([3.0, 6.0]), 3.0, 5.0).round(3).tolist()  # rmse: its squares add up
     [5.0, 7.211]
     """
-    if problem.cost_function.root and there > here:
+    if problem.cost_function.root and there >= here:
         return np.hypot(costs, math.sqrt(there**2 - here**2))
-    return costs * (there / max(here, SMALLEST))
+    return costs * (max(there, SMALLEST) / max(here, SMALLEST))
 
 
 def memory_needed(problem: Problem) -> int:
@@ -306,10 +322,11 @@ def thinned(problem: Problem, x: FloatArray) -> Problem:
     >>> [e.step for e in thinned(problem, problem.start).experiments]
     [0.008]
     """
-    every = 1 if problem.in_windows else _every(problem, *ROUGHLY)
+    samples = replace(problem, experiments=tuple(map(as_samples, problem.experiments)))  # of means too
+    every = 1 if problem.in_windows else _every(samples, *ROUGHLY)
     if every == 1:
         return problem
-    coarse = replace(like(problem, every), method="pi2", substeps=STEPS, memo=Recent(MEMORY))
+    coarse = replace(like(samples, every), method="pi2", substeps=STEPS, memo=Recent(MEMORY))
     exact = _with_defect(coarse, replace(coarse, method=problem.method, substeps=every * problem.substeps), x)
     return problem if isinstance(exact, Failure) else exact
 

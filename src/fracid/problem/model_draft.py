@@ -316,6 +316,14 @@ class _Page:
         """Whether a state of its own comes with a parameter."""
         return any(isinstance(e, dict) and e.get("only") == name for e in self.table["model"]["equations"].values())
 
+    @cached_property
+    def rests(self) -> list[str]:
+        """Offsets of encoders that a file's zero leaves open, and angles of rest that the recordings ask for."""
+        named = {self.model.rest_of(n) for n, c in self.columns.items()
+                 if n in self.outputs and "bias" not in c and c.get("zero") != "rest"}  # fmt: skip
+        return [p.name for p in self.model.parameters if p.name in named and p.unit == "rad"
+                and (p.name in self.first.values or not self.sought(p.name))]  # fmt: skip
+
     def draft(self) -> Draft:
         """The text, what was guessed, and the columns."""
         special = self.special.get("columns", {})

@@ -56,12 +56,13 @@ from fracid.selection.integer_rival import (
     Alternative,
     Rival,
     Trial,
+    beside_fit,
     freed_friction,
     freed_rests,
     gain_over,
     integer_rival,
+    judged,
     moving,
-    warning_of,
 )
 from fracid.solver.inputs import Between
 
@@ -261,13 +262,13 @@ def integer_alternatives(
     as_well = any(t.as_well for t in trials)
     last = as_well or not slow or watch.spent
     memories = () if last else finite_memories(problem, best, [*here.off], watch=watch)
-    warning = warning_of(here, best.cost, trial.gain) if as_well else ""
     orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
-    return Alternative(
+    nearest = Alternative(
         here.structure, orders, here.evaluation.cost, here.parameters, gain=trial.gain, effective_samples=samples,
-        warning=warning, trials=tuple(trials), values=here.nested_in(problem), settles=here.settles, memories=memories,
-        cut=watch.spent,
+        trials=tuple(trials), values=here.nested_in(problem), settles=here.settles, memories=memories, cut=watch.spent,
+        judged=judged(here, trial.gain) if as_well else None,
     )  # fmt: skip
+    return beside_fit(nearest, here.off, problem, best.cost, best.cost)
 
 
 def _of_the_project(

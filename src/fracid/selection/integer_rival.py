@@ -34,6 +34,7 @@ from fracid.arrays import FloatArray, joined, run_lengths
 from fracid.errors import Failure
 from fracid.estimation.climbing import embedded, without
 from fracid.estimation.horizons import Watch, growing, uninterrupted
+from fracid.estimation.long_records import on_all_samples
 from fracid.estimation.parameter_verdicts import STILL
 from fracid.estimation.windows import shared_values
 from fracid.models.base import NEAR_0
@@ -130,24 +131,38 @@ class Alternative(Record):
     else does, or contradicts the orders."""
     cut: bool = False
     """Whether it was not all tried, for that takes too long beside the search."""
+    judged: Beside[tuple[str, str] | None] = field(default=None, compare=False)
+    """Where the fractional model does not win, what explains the recordings, and what follows: of :attr:`warning`."""
 
 
-def in_proportion(nearest: Alternative, factor: float, noise: float = 0.0) -> Alternative:
-    """Its costs on more of the record: so many times as large, with the noise that means had left out.
+def beside_fit(
+    nearest: Alternative, orders: Mapping[str, float], problem: Problem, here: float, there: float
+) -> Alternative:
+    """Its costs and its sentence beside the orders of a fit that costs `there`, and on what it was compared `here`.
 
     Examples
     --------
-    >>> nearest = Alternative("viscous", ("mu",), 2.0, {}, 5.0, 100.0)
-    >>> in_proportion(nearest, 1.5, 4.0).cost
-    5.0
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> nearest = Alternative("every order 1", ("mu",), 2.0, {}, 5.0, 100.0, judged=("With every order 1", ""))
+    >>> beside_fit(nearest, {"mu": 0.95}, problem, 4.0, 2.0).warning
+    'μ = 0.95: ... With every order 1 explains ... nearly as well: it costs 1, this one 2, and has a BIC ...'
     """
 
-    def scaled(cost: float) -> float:
-        return math.hypot(factor * cost, noise)
+    def of_fit(cost: float) -> float:
+        return float(on_all_samples(problem, np.array(cost), here, there))
 
-    trials = tuple(replace(t, cost=scaled(t.cost)) for t in nearest.trials)
-    memories = tuple(replace(m, cost=scaled(m.cost)) for m in nearest.memories)
-    return replace(nearest, cost=scaled(nearest.cost), trials=trials, memories=memories)
+    warning, other = "", of_fit(nearest.cost)
+    if nearest.judged is not None:
+        what, follows = nearest.judged
+        values = " and ".join(f"{letter(n)} = {orders[n]:.4g}" for n in nearest.orders if n in orders)
+        explains = _beside(other, there, nearest.gain)
+        warning = f"{values}: no evidence of fractional dynamics. {what} {explains}.{follows}"
+    trials = tuple(replace(t, cost=of_fit(t.cost)) for t in nearest.trials)
+    memories = tuple(replace(m, cost=of_fit(m.cost)) for m in nearest.memories)
+    return replace(nearest, cost=other, warning=warning, trials=trials, memories=memories)
 
 
 @dataclass(frozen=True)
@@ -239,8 +254,7 @@ def integer_rival(
     >>> round(rival.parameters["coulomb_alpha"], 5), gain_over(rival, problem, best)[1] < 0
     (0.002, True)
     """
-    values = {problem.unknowns[i].target: float(best.point[i]) for i in claimable(problem)}
-    off = {n: v for n, v in values.items() if is_off(problem, n, v, widths.get(n, 0.0))}
+    off = {n: v for n, v in claimable_values(problem, best.point).items() if is_off(problem, n, v, widths.get(n, 0.0))}
     if not off or best.residuals is None:
         return None
     whole = without(problem, springpots(problem))
@@ -300,6 +314,21 @@ def claimable(problem: Problem) -> tuple[int, ...]:
     own = [n for n in springpots(problem) if kinds[n].off > 0.0]
     own += complements(problem)
     return tuple(i for i, u in enumerate(problem.unknowns) if i in problem.order_indices or u.target in own)
+
+
+def claimable_values(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """Their values at x.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> from fracid.problem import Experiment
+    >>> still = Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.rotary_pendulum(), (still,), {"lambda": 0.9, "mu": Free(1.0, 0.5, 1.2)})
+    >>> claimable_values(problem, problem.start)
+    {'mu': 1.0}
+    """
+    return {problem.unknowns[i].target: float(x[i]) for i in claimable(problem)}
 
 
 def is_off(problem: Problem, order: str, value: float, half: float) -> bool:
@@ -467,22 +496,20 @@ def _told(problem: Problem, x: FloatArray) -> tuple[float, float]:
     return float(residuals @ residuals), min(effective_samples(errors), float(np.sum(joined(kept) ** -2.0)))
 
 
-def warning_of(rival: Rival, cost: float, gain: float) -> str:
-    """What to make of the orders where an integer-order model does as well as one that costs `cost`; else nothing."""
+def judged(rival: Rival, gain: float) -> tuple[str, str] | None:
+    """What of integer order explains the recordings as well, and what to make of the orders; None where it does not."""
     if gain > STRONG and rival.nested and not rival.elements:
-        return ""
-    orders = " and ".join(f"{letter(n)} = {v:.4g}" for n, v in rival.off.items())
-    head, parameters = f"{orders}: no evidence of fractional dynamics.", rival.parameters
-    explains = _beside(rival.evaluation.cost, cost, gain)
+        return None
+    parameters = rival.parameters
     if not rival.nested:
-        return f"{head} A model of integer order, {rival.integers}, {explains}."
+        return f"A model of integer order, {rival.integers},", ""
     if not parameters and not rival.elements:
-        return f"{head} With {rival.integers} the same model {explains}."
+        return f"With {rival.integers} the same model", ""
     what = " and ".join(rival.elements) if rival.elements else "friction free"
     with_what = f" ({', '.join(f'{n} = {v:.3g}' for n, v in parameters.items())})" if parameters else ""
     lacking = "what the model lacks" if rival.elements else "friction that the model lacks or fixes"
     free = f"; free {', '.join(parameters)}" if parameters else ""
-    return f"{head} The integer-order model with {what}{with_what} {explains}. The orders stand in for {lacking}{free}."
+    return f"The integer-order model with {what}{with_what}", f" The orders stand in for {lacking}{free}."
 
 
 def _beside(other: float, cost: float, gain: float) -> str:

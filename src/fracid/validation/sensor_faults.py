@@ -56,7 +56,7 @@ from fracid.problem import Experiment, Problem
 from fracid.quantiles import NORMAL_95
 from fracid.signals.correlation import bartlett_long_run, sokal_bandwidth
 from fracid.signals.resolution import resolution
-from fracid.signals.swing import swing_period
+from fracid.signals.swing import swing_period, tail
 from fracid.units import letter, with_unit
 
 SAYS = Words("validation/sensor_faults.toml")
@@ -295,5 +295,8 @@ def _size(problem: Problem, m: Misreading) -> str:
 
 def _fix(problem: Problem, m: Misreading) -> str:
     model, far = problem.model, 3 * abs(m.size)
-    zero = 'Type zero = "rest"' if m.signal == model.pendulum else "Look at zero"
+    rests = m.signal == model.pendulum and all(
+        tail(e.measured[:, problem.outputs.index(m.signal)])[2] for e in problem.experiments
+    )
+    zero = 'Type zero = "rest"' if rests else "Look at zero"
     return SAYS(f"fix-{m.code}", least=-far, most=far, zero=zero, rest=model.rest_of(m.signal) or "the model's rest")
