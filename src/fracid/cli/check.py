@@ -51,10 +51,10 @@ def check(file: Path, how: How) -> None:
 
 
 def _figure(recording: Recording, out: Path, observer: Observer) -> Path:
-    from fracid.plots import recording_overview, save
+    from fracid.workflows.overview import write_overview
 
     observer.stage("figure")
-    return save(recording_overview(recording), out, recording.name, formats=("png",))[0]
+    return write_overview(recording, out)
 
 
 def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Columns, list[str]]:
