@@ -137,6 +137,15 @@ def test_a_bound_beyond_which_nothing_is_to_be_found_stays_and_costs_nothing():
     assert end is best
 
 
+def test_a_value_is_reached_that_is_hundreds_of_times_beyond_its_bound_though_the_first_step_to_it_gains_little():
+    swing = twin(orders={"lambda": 1.0, "mu": 1.0}, noise=0.2, end=6.0, parameters={"b_alpha": 2e-3})
+    ranges = {"b_alpha": Free(3e-6, 0.0, 5e-6)}
+    p = problem(swing, orders={"lambda": 1.0, "mu": 1.0}, parameters=ranges, initial_state="held")
+    wider, end = open_bounds(p, p.evaluate(np.array([5e-6])))
+    assert wider.parameters["b_alpha"].upper == pytest.approx(5e-3)
+    assert 1e-3 < end.point[0] < 5e-3
+
+
 @pytest.mark.parametrize(
     ("name", "given", "upper", "bound"),
     [

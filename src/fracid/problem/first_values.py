@@ -5,10 +5,10 @@ At orders 1 (a springpot's at its model's own) the equations of a model say of e
 .. math::  \dot x_i = f_i(x, u, p), \qquad y = h(x, u, p).
 
 States that are measured, and the rates of those, come from the recording, smoothed; those that nobody measures are
-simulated between them.  The constants p are those of least squares, from several starts over four decades;
-nothing is compiled, and a recording takes a second or two.  Optional terms, those whose constant is 0 in the
-library, are kept where they explain part of the equations.  What noise does to the derivatives biases such values by
-some per cent, which a start forgives.
+simulated between them.  The constants p are those of least squares, from where the library's rig has them in the size
+of the recording's, which may be any; nothing is compiled, and a recording takes a second or two.  Optional terms, those
+whose constant is 0 in the library, are kept where they explain part of the equations, the one that explains most first.
+What noise does to the derivatives biases such values by some per cent, which a start forgives.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.models import Model
 from fracid.models.joints import Complement
+from fracid.models.written.equations import NONE, dimension
 from fracid.solver.operators import gl_weights
 
 SAMPLES = 160
@@ -33,18 +35,27 @@ STEPS = 300
 ABOVE = 30.0
 """Times the floor of its spectrum: what of a signal stands so high is motion, and smoothing leaves it alone."""
 
-STARTS = 6
-"""The library's values, and draws about them."""
-
 TERM = 0.03
-"""An optional term is kept if without it the equations are worse by this part of their scatter."""
+"""An optional term is kept, and a size, if without it the equations leave more by this part of what they leave."""
+
+CLEAR = 3e-3
+"""Of the scatter: less is left by how signals are smoothed, and no part of that says anything of a term."""
+
+LITTLE = 0.3
+"""Of the scatter: with more left to explain, a search with another term begins anew too."""
 
 BEYOND = 1e9
 """A state beyond this has run away, whatever its unit."""
 
 NEAR = 0.03
-"""To be off the library's value by a factor of e counts as this part of the equations' scatter: what they do not tell,
-such as how heavy the pole of a cart is that hardly feels it, stays where rigs have it."""
+"""To be off the library's value, in the rig's size, by a factor of e counts as this part of the equations' scatter:
+what they do not tell, such as how heavy the pole of a cart is that hardly feels it, stays where rigs have it."""
+
+DECADES = 8
+"""By which a rig may be larger or smaller than the library's at a time."""
+
+STEEP = 1e3
+"""Times a cost: a size that has so much is not near a better one."""
 
 EVALUATIONS = 40
 """Of a least-squares search."""
@@ -97,15 +108,28 @@ def first_values(
     ({'k': 50.0, 'b_displacement': 2.0}, True)
     """
     equations = _Equations(model, step, signals, dict(starts or {}))
-    base = {p.name: p.value for p in model.parameters}
-    reach = equations.reach(base, [*free, *optional])
-    names = [n for n in free if n in reach]
-    values, cost = _fitted(equations, base, names, reach)
-    for n in optional:
-        if n in reach:
-            more, less = _fitted(equations, base | values, [*names, n], reach, starts=1)
-            if less < cost - TERM * max(cost, TERM):
-                names, values, cost = [*names, n], more, less
+    library = {p.name: p.value for p in model.parameters}
+    alone = equations.reach(library, optional)
+    sizes = [_in_size(equations, first, free) for first in (library, _in_size(equations, library, free, "alike"))]
+    felt = [n for first in (library, *sizes) for n in equations.reach(first, free)]
+    names = [n for n in free if n in felt]
+    fits = [(first, *_fitted(equations, first, names)) for first in sizes[: 1 + (sizes[0] != sizes[1])]]
+    base, values, cost = min(fits, key=lambda one: one[2])
+    while left := [n for n in alone if n not in names]:
+        firsts = [(n, base | values) for n in left]
+        if equations.simulated and cost > LITTLE:  # it may fit best where nothing moves, and no slope leads back
+            begun = [(n, _in_size(equations, library | {n: alone[n]}, [n])) for n in left]
+            firsts += [(n, _in_size(equations, first, [*names, n], "parts")) for n, first in begun]
+        trials = [(n, *_fitted(equations, first, [*names, n])) for n, first in firsts]
+        n, more, less = min(trials, key=lambda one: one[2])
+        if not _is_lower(less, cost):
+            break
+        names, values, cost = [*names, n], more, less
+    more, less = _fitted(equations, _in_size(equations, base | values, names), names)
+    if _is_lower(less, cost):
+        values, cost = more, less
+    here = base | {n: v for n, v in values.items() if base[n]}  # of a term that is all but 0 no slope can be measured
+    reach = equations.reach(base | values, [*free, *optional]) | equations.reach(here, names)
     return FirstValues(values, reach, max(0.0, 1.0 - cost))
 
 
@@ -121,6 +145,41 @@ def along(f: Callable[..., None], x: FloatArray, u: FloatArray, p: FloatArray) -
         for out, state, inputs in zip(rates, x.tolist(), u.tolist(), strict=True):
             f(0.0, state, inputs, p, out)
     return rates
+
+
+def _in_size(
+    equations: _Equations, values: Mapping[str, float], free: Sequence[str], by: str = "each"
+) -> dict[str, float]:
+    """Constants in the size of the recording's rig, by powers of ten: of all as a unit has it, of each, of all but one.
+
+    In another unit of mass, length or time all ratios stay as the library's rig has them; an order counts as a half in
+    the unit of a springpot, as 1 in that of a capacity.
+    """
+    rows, each = [equations.model.parameter(n) for n in free], np.eye(len(free))
+    plain = [p.unit.replace("^nu", "^0.5").replace("^(q-1)", "^0") for p in rows]
+    units = np.array([dimension(unit) or NONE for unit in plain]).T
+    parts = [unit * part for unit in units for part in 1 - each]
+    moves = {"alike": [*units], "each": [*units, *each], "parts": [*units, *each, *parts]}[by]
+    directions = {tuple(move / move[np.argmax(np.abs(move))]): None for move in moves if move.any()}
+    least, best, start = equations.cost(values), dict(values), dict[str, float]()
+    while best is not start:
+        start, steep = best, STEEP * least
+        for direction, factor in product(directions, (10.0, 0.1)):
+            for k in range(1, DECADES + 1):
+                moved = zip(rows, direction, strict=True)
+                size = start | {p.name: float(np.clip(start[p.name] * factor ** (k * d), p.lower, p.upper))
+                                for p, d in moved}  # fmt: skip
+                cost = equations.cost(size)
+                if _is_lower(cost, least):
+                    least, best = cost, size
+                if cost > steep:
+                    break
+    return best
+
+
+def _is_lower(cost: float, other: float) -> bool:
+    """Whether it is worth a term, or another size."""
+    return cost < other - TERM * max(other, CLEAR)
 
 
 class _Equations:
@@ -183,7 +242,11 @@ class _Equations:
             found = [h(0.0, state, u, p) for state, u in zip(x[pick].tolist(), self.u[pick].tolist(), strict=True)]  # type: ignore[operator]
             rows.append((y[pick] - np.array(found)) / _size(y[pick] - y.mean()))
         residuals: FloatArray = np.concatenate(rows) / np.sqrt(sum(map(len, rows)))
-        return np.asarray(np.clip(np.nan_to_num(residuals, nan=1e3, posinf=1e3, neginf=-1e3), -1e3, 1e3))
+        return np.asarray(np.clip(np.nan_to_num(residuals, nan=BEYOND), -BEYOND, BEYOND))
+
+    def cost(self, values: Mapping[str, float]) -> float:
+        """What they leave of the scatter."""
+        return float(np.sum(np.square(self.residuals(values))))
 
     def _with_simulated(self, rhs: Callable[..., None], p: FloatArray) -> FloatArray:
         """States that nobody measures, stepped by Grünwald and Letnikov between those that are."""
@@ -209,7 +272,7 @@ class _Equations:
             p = self.model.parameter(n)
             step = 1e-4 * abs(base[n]) if base[n] else 1e-6
             slope = np.sqrt(np.sum(np.square((self.residuals({**base, n: base[n] + step}) - here) / step)))
-            if 1e-9 < slope < np.inf and p.lower < p.upper:
+            if 1e-9 < slope * (abs(base[n]) or 1.0) < np.inf and p.lower < p.upper:
                 found[n] = float(1.0 / slope)
         return found
 
@@ -226,18 +289,16 @@ def _highest(x: FloatArray, step: float) -> float:
     return float(max(high[-1] if high.size else 1, 1)) / (len(x) * step)
 
 
-def _fitted(
-    equations: _Equations, base: Mapping[str, float], names: Sequence[str], reach: Mapping[str, float],
-    starts: int = STARTS,
-) -> tuple[dict[str, float], float]:  # fmt: skip
+def _fitted(equations: _Equations, base: Mapping[str, float], names: Sequence[str]) -> tuple[dict[str, float], float]:
     """The constants of least squares, and what is left of the scatter: logarithms of those that are positive."""
     from scipy.optimize import least_squares
 
     if not names:
-        return {}, float(np.sum(np.square(equations.residuals(base))))
+        return {}, equations.cost(base)
     rows = [equations.model.parameter(n) for n in names]
     logs = np.array([p.lower >= 0.0 and p.value > 0.0 for p in rows])
-    scale = np.array([1.0 if log else reach[n] for n, log in zip(names, logs, strict=True)])
+    reach = equations.reach(base, names)
+    scale = np.array([1.0 if log else reach.get(n, 1.0) for n, log in zip(names, logs, strict=True)])
 
     def moved(values: Sequence[float]) -> FloatArray:
         """What the search moves."""
@@ -251,18 +312,10 @@ def _fitted(
         return {**base, **{n: float(np.clip(v, p.lower, p.upper)) for n, v, p in zip(names, x, rows, strict=True)}}
 
     first = moved([base[n] for n in names])
-    rng, best, least = np.random.default_rng(0), dict[str, float](), np.inf
-    for k in range(starts):
-        z = np.clip(first + (k > 0) * np.where(logs, 2.0, 0.1) * rng.standard_normal(len(names)), lower, upper)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            bounds = (lower, np.maximum(upper, lower + 1e-9))
-            rows_at = lambda z: np.append(equations.residuals(values(z)), NEAR * logs * (z - first))  # noqa: E731
-            done = least_squares(rows_at, z, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
-        cost = float(np.sum(np.square(done.fun)))
-        again = abs(cost - least) < 0.01 * least
-        if cost < least:
-            best, least = {n: values(done.x)[n] for n in names}, cost
-        if again or least < TERM**2:
-            break
-    return best, least
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        bounds = (lower, np.maximum(upper, lower + 1e-9))
+        rows_at = lambda z: np.append(equations.residuals(values(z)), NEAR * logs * (z - first))  # noqa: E731
+        start = np.clip(first, lower, upper)
+        done = least_squares(rows_at, start, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
+    return {n: values(done.x)[n] for n in names}, 2.0 * float(done.cost)

@@ -151,9 +151,9 @@ class _Page:
         either = [with_rates(m, self.columns) for m in either]
         found = [(m, FirstValues({}, {}, 1.0) if self.special else self._first_values(m)) for m in either]
         self.model, self.first = max(found, key=lambda one: one[1].explained)
-        if self.first.explained < POOR:
-            self.notes.append(SAYS("poor", percent=100 * self.first.explained, name=self.name))
-            self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in self.unsaid]
+        missing = self.unsaid if (poor := self.first.explained < POOR) else {*self.unsaid} & {*self.table["needs"]}
+        self.notes += [SAYS("poor", percent=100 * self.first.explained, name=self.name)] * poor
+        self.notes += [SAYS("no-input", name=n, unit=self.model.input_unit(n)) for n in missing]
 
     def _columns_in(self, table: Table) -> Columns:
         """The columns in one file: a unit that was guessed is that of a header which says none."""

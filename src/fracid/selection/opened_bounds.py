@@ -3,9 +3,9 @@
 A bound is where its author thinks that nothing is to be found, and mostly nothing is.  Where a search ends at one
 beyond which the parameter means as much as before (:mod:`fracid.problem.limits`), least squares goes on from there with
 the bound ten times as far away, three times at most.  The bound stays open only where that is worth it: where Schwarz's
-criterion falls by more than 10, strong evidence, and the cost by more than 0.1 %.  Then the fit says so, and
-``opened_bounds`` in its result has where the bound was and where it is.  ``hard = true`` in the table of a parameter
-holds its bounds.
+criterion falls by more than 10, strong evidence, and the cost by more than 0.1 %, in one round or in all: the first
+towards a value far away may gain little.  Then the fit says so, and ``opened_bounds`` in its result has where the bound
+was and where it is.  ``hard = true`` in the table of a parameter holds its bounds.
 
 Orders, releases, and what channels do are not opened, nor is a sign: a friction at 0 is not there.
 """
@@ -91,18 +91,18 @@ def open_bounds(problem: Problem, best: Evaluation, *, jobs: int = 1) -> tuple[P
     >>> wider.parameters["b_alpha"].upper, round(float(end.point[0]), 4)
     (0.005, 0.002)
     """
-    wider, end = problem, best
-    if problem.cost_function.loss is None:
-        return wider, end
-    for _ in range(ROUNDS):
+    kept = trial, further = problem, best
+    for _ in range(ROUNDS if problem.cost_function.loss is not None else 0):
+        wider, end = trial, further
         trial = with_ranges(wider, _stopping(wider, end))
         if trial is wider:
             break
         further = lowest_from(trial, embedded(trial, wider.named(end.point)), Watch(jobs))
-        if not _is_worth_it(trial, further, end):
+        if not further.cost < end.cost:
             break
-        wider, end = trial, further
-    return wider, end
+        if _is_worth_it(trial, further, kept[1]):
+            kept = trial, further
+    return kept
 
 
 def _stopping(problem: Problem, end: Evaluation) -> dict[str, Free]:
