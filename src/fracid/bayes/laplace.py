@@ -127,8 +127,7 @@ def importance_sample(
     at_least("draws", draws, LEAST_DRAWS)
     best, simulations = None, 0
     for number, rng in enumerate(np.random.default_rng(seed).spawn(ROUNDS), 1):
-        name = f"laplace, {draws} draws, seed {seed}, round {number}"
-        pilot = _Round(likelihood, prior, shape, name, rng=rng)
+        pilot = _Round(likelihood, prior, shape, f"laplace, {draws} draws, seed {seed}, round {number}", rng=rng)
         pilot.extend(min(number * PILOT, draws), draws, execution, than=0.0 if best is None else best.share)
         simulations += len(pilot.values)
         better = best is None or pilot.share > WORTHWHILE * best.share

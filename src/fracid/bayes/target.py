@@ -172,8 +172,7 @@ class RecordedLikelihood:
         move = sum((np.einsum("toi,to->i", p, here - there) for p, here, there in parts), np.zeros(len(x)))
         power = 2 if problem.cost_function.root else 1
         rise = (cost / self.cost) ** power - 1 - 0.5 * float(move @ self.curvature @ move) / self.scale
-        distance = float(move @ self.precision @ move)
-        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(distance / self.degrees)
+        tangent = 0.5 * (self.degrees + len(x)) * math.log1p(float(move @ self.precision @ move) / self.degrees)
         return -tangent - 0.5 * self.samples * rise
 
 
@@ -329,8 +328,7 @@ def approximation(
     total, pull = likelihood.precision + np.diag(precision), likelihood.precision @ likelihood.centre + precision * mean
     centre, held = likelihood.centre.copy(), at_bound.copy()
     while not np.all(held):  # the mode of the others, given what is held: a correlated one moves with it
-        some = np.ix_(~held, ~held)
-        centre[~held] = inverse(total[some]) @ (pull - total[:, held] @ centre[held])[~held]
+        centre[~held] = inverse(total[np.ix_(~held, ~held)]) @ (pull - total[:, held] @ centre[held])[~held]
         if not np.any(beyond := ~held & ((centre < prior.lower) | (centre > prior.upper))):
             break
         centre, held = np.clip(centre, prior.lower, prior.upper), held | beyond

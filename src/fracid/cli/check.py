@@ -107,8 +107,7 @@ def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...
     """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
     from fracid.problem.roles import likely_models
 
-    columns = [str(c["column"]) for c in own.values()] if own else list(recording.signals)
-    likely = likely_models(columns)
+    likely = likely_models([str(c["column"]) for c in own.values()] if own else list(recording.signals))
     if len(likely) == 1:
         return [((), f"writes a project of the model {next(iter(likely))}, which runs as it is")]
     if likely:

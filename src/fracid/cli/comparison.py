@@ -80,6 +80,5 @@ def _errors(c: Comparison, scores: Sequence[Score]) -> dict[str, str]:
     def mean(kind: str, output: str) -> float:
         return float(sum(getattr(s, kind)[output] for s in scores) / len(scores))
 
-    fits = {n: mean("fit_percent", n) for n in c.outputs}
     return {n: with_unit(mean("rmse", n), c.units.get(n, "rad")) + f" {fit:.1f} %" * isfinite(fit)
-            for n, fit in fits.items()}  # fmt: skip
+            for n in c.outputs for fit in [mean("fit_percent", n)]}  # fmt: skip

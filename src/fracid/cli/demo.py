@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Iterator
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -76,14 +77,12 @@ def _show(run: FinishedRun, console: Console) -> None:
         console.print(f"  {sentence}", soft_wrap=True)
 
 
-def _truth(run: FinishedRun) -> list[str]:
+def _truth(run: FinishedRun) -> Iterator[str]:
     """Say how far each order is from the one that the twin was made with."""
-    sentences = []
     for name, true in TRUE_ORDERS.items():
         e = run.fit.orders[name]
         off = f"{name}: true value {true}, estimate {e.value:.4f}, error {e.value - true:+.2g}"
         if e.interval95 is not None:
             inside = e.interval95[0] <= true <= e.interval95[1]
             off += ", inside the 95 % interval" if inside else ", OUTSIDE the 95 % interval"
-        sentences.append(off + ".")
-    return sentences
+        yield f"{off}."

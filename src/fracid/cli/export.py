@@ -54,8 +54,7 @@ def export(run: Path, how: How) -> None:
             precision=how.precision, fmi=how.fmi, platforms=how.platforms or (), actuator=how.actuator,
             slow=assigned("--slow", how.slow, "b_alpha=1e-6"),
         )  # fmt: skip
-    record = {"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}
-    how.answer(record, partial(_show, bundle))
+    how.answer({"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}, partial(_show, bundle))
 
 
 def _show(bundle: Export, console: Console) -> None:

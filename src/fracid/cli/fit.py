@@ -77,8 +77,7 @@ def beginning() -> Iterator[None]:
 def watched(stage: str, json_: bool) -> Iterator[Observer]:
     """The stages of a fit, then its tables; what this terminal has shown before the search it need not repeat."""
     told: list[str] = []
-    show = None if json_ else partial(show_fit, told=told)
-    with shown(stage, events=json_, result=show) as observer:
+    with shown(stage, events=json_, result=None if json_ else partial(show_fit, told=told)) as observer:
 
         def notice(sentence: str) -> None:
             observer.notice(sentence)
@@ -112,8 +111,7 @@ def tell_fit(run: FinishedRun, *, json_: bool) -> None:
 def say_undrawn(run: FinishedRun) -> None:
     """Report what is there and what is not, and exit with 1: the work was interrupted."""
     again = typed("resume", run.folder, trust=bool(run.project.own_code))
-    said = SAYS("undrawn", why=printable(run.undrawn), result=run.folder / "result.json", typed=again)
-    sys.stderr.write(f"{said}\n")
+    sys.stderr.write(SAYS("undrawn", why=printable(run.undrawn), result=run.folder / "result.json", typed=again) + "\n")
     raise typer.Exit(Unfinished.exit_code)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from fracid.cli.app import How, command, echo_json, new_console, print_table, say_next, typed
+from fracid.cli.app import How, command, print_table, say_next, typed
 from fracid.units import letter
 
 if TYPE_CHECKING:
@@ -23,16 +24,10 @@ def models(name: str | None = None, *, how: How) -> None:
     from fracid.models import MODELS, model
 
     found = {n: model(n) for n in (MODELS if name is None else [name])}
-    if how.json_:
-        echo_json({n: _record(m) for n, m in found.items()})
-        return
-    _show(new_console(), found, name)
-    chosen = name or "cart-pole"
-    say_next(new_console(), (typed("simulate", "--model", chosen), "makes a recording of it"),
-             (typed("init", "FILE", "--model", chosen), "writes a project for a recording of such a rig"))  # fmt: skip
+    how.answer({n: _record(m) for n, m in found.items()}, partial(_show, found, name))
 
 
-def _show(console: Console, found: dict[str, Model], name: str | None) -> None:
+def _show(found: dict[str, Model], name: str | None, console: Console) -> None:
     if name is None:
         rows = [(n, f"{m.about}\n{_names(m.inputs)} → {_names(m.outputs)}") for n, m in found.items()]
         print_table(console, ("model", about := "what it is: inputs → outputs"), rows, fold=(about,))
@@ -40,6 +35,9 @@ def _show(console: Console, found: dict[str, Model], name: str | None) -> None:
         console.print(str(found[name]), markup=False, soft_wrap=True)
         constants = ((p.name, f"{p.value:g}", p.unit, p.description) for p in found[name].parameters)
         print_table(console, ("parameter", "value", "unit", "what it is"), constants, fold=("what it is",))
+    chosen = name or "cart-pole"
+    say_next(console, (typed("simulate", "--model", chosen), "makes a recording of it"),
+             (typed("init", "FILE", "--model", chosen), "writes a project for a recording of such a rig"))  # fmt: skip
 
 
 def _names(signals: Iterable[str]) -> str:

@@ -60,5 +60,4 @@ def _voltage(text: str) -> Any:
     values = numbers("--voltage", rest) if rest else ()
     if kind not in kinds or len(values) != 3:
         raise InputError(SAYS("voltage", text=text))
-    low, high, peak = values
-    return kinds[kind](low, high, peak)
+    return kinds[kind](*values)

@@ -77,10 +77,8 @@ def _print_constants(console: Console, f: Regression) -> None:
         value, interval = f"{c.value:.4g}", ""
         if c.interval95 is not None and 0 < half < inf:
             value, interval = to_second_digit(c.value, half), interval_beside(c.value, *c.interval95)
-        bias = "" if c.bias is None else f"{c.bias:+.1g}"
-        rows.append((name, value, interval, bias, c.unit, c.kind))
+        rows.append((name, value, interval, "" if c.bias is None else f"{c.bias:+.1g}", c.unit, c.kind))
     print_table(console, ("", "value", "95 % interval", "bias", "unit", ""), rows, fold=())
     doubted = [(n, c.verdict) for n, c in f.parameters.items() if c.kind not in ("identified", "known")]
     for verdict in dict.fromkeys(verdict for _, verdict in doubted):
-        names = ", ".join(n for n, text in doubted if text == verdict)
-        warn(console, f"{names}: {verdict}")
+        warn(console, f"{', '.join(n for n, text in doubted if text == verdict)}: {verdict}")

@@ -28,17 +28,15 @@ def resume(run: Path, how: How) -> None:
 
     for option in (f"--{name}" for name in ("out", "seed") if getattr(how, name) is not None):
         raise InputError(SAYS("resumed-as-begun", run=run, option=option))
-    state = state_of(run)
-    if state is None:
+    if (state := state_of(run)) is None:
         _typed_again(run, how)
-        return
-    if not state.finished:
+    elif not state.finished:
         with watched("", how.json_) as observer:
             finished = resume_run(run, **how.taken(resume_run, observer=observer))
         tell_fit(finished, json_=how.json_)
-        return
-    said = printable(f"{run} is finished; its result is {run / 'result.json'}.")
-    how.answer(finished_result(run), lambda _: typer.echo(said))
+    else:
+        said = printable(f"{run} is finished; its result is {run / 'result.json'}.")
+        how.answer(finished_result(run), lambda _: typer.echo(said))
 
 
 def _typed_again(folder: Path, how: How) -> None:

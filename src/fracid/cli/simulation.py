@@ -86,10 +86,8 @@ def _changed(twin: Twin, how: How) -> Twin:
         angle = option.split()[1].partition("=")[0] in _angles(twin)
         return quantity(text, option, of="rad" * angle, bare=not angle)
 
-    fields, more = dict[str, Any](), vars(how)
-    for name, example in (("end", "--end 20"), ("step", "--step 1ms"), ("hold", "--hold 1")):
-        if more[name] is not None:
-            fields[name] = quantity(more[name], example, of="s")
+    more, examples = vars(how), {"end": "--end 20", "step": "--step 1ms", "hold": "--hold 1"}
+    fields: dict[str, Any] = {n: quantity(more[n], e, of="s") for n, e in examples.items() if more[n] is not None}
     if fields.get("hold", 0.0) < 0:
         raise InputError(f"hold = {fields['hold']:g} s is not possible; expected 0 or more.")
     if "hold" in fields and "end" not in fields:
@@ -145,8 +143,7 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     console.print(said, soft_wrap=True)
     print_signals(console, data.report, {})
     print_sketches(console, data)
-    kinds = {".json": "truth", ".png": "figure", ".svg": ""}
     for path in files:
-        if kind := kinds.get(path.suffix, "recording"):
+        if kind := {".json": "truth", ".png": "figure", ".svg": ""}.get(path.suffix, "recording"):
             console.print(f"{kind:10} {escape(str(path))}", soft_wrap=True)
     say_next(console, (typed("check", files[0]), "look at it as at any recording"))

@@ -251,5 +251,4 @@ def _zeros(y: FloatArray) -> Any:
 def _at_zeros(y: FloatArray, other: FloatArray) -> FloatArray:
     """Another curve where y crosses 0, both straight between their points."""
     k = _zeros(y)
-    part = y[k] / (y[k] - y[k + 1])
-    return np.asarray(other[k] + part * (other[k + 1] - other[k]))
+    return np.asarray(other[k] + y[k] / (y[k] - y[k + 1]) * (other[k + 1] - other[k]))

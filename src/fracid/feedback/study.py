@@ -268,8 +268,7 @@ def conditions_of(
     lowest, highest, needed = recorded.min(), recorded.max(), BALANCED * most
     least = 0.0 if at_rest > needed and highest > 0 <= lowest else -most
     most = 0.0 if at_rest < -needed and lowest < 0 >= highest else most
-    outputs = tuple(n for n in problem.outputs if n in model.output_states)
-    if not outputs:
+    if not (outputs := tuple(n for n in problem.outputs if n in model.output_states)):
         raise InputError(f"None of {', '.join(problem.outputs)} is a state of {model.name}: a loop needs one.")
     y = {n: np.concatenate([f.measured[:, problem.outputs.index(n)] for f in problem.experiments]) for n in outputs}
     units = {n: e.units.get(n, model.output_unit(n)) for n in outputs}

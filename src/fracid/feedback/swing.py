@@ -112,8 +112,7 @@ def with_swing(held: Controller, swing: Swing, begins: FloatArray) -> Controller
     ('swing-up and LQR', 0.6)
     """
     swing = replace(swing, begins=np.pad(begins, ((0, len(held.A) - len(begins)), (0, 0))).tolist())
-    part = swing.pump * abs(sum(swing.lift)) / swing.omega**2
-    weights = {**held.weights, "pump": part, "energy": swing.energy}
+    weights = {**held.weights, "pump": swing.pump * abs(sum(swing.lift)) / swing.omega**2, "energy": swing.energy}
     return replace(held, kind=f"swing-up and {held.kind}", weights=weights, swing=swing)
 
 

@@ -78,8 +78,7 @@ def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     from fracid.plots.notebook import ShownFigure
 
     theme = style_named(style)
-    millimetres = theme.column if width <= NARROW else theme.page
-    if millimetres is not None:
+    if (millimetres := theme.column if width <= NARROW else theme.page) is not None:
         shrunk = millimetres / 25.4 / width
         width, height = shrunk * width, min(shrunk**0.6 * height, TALLEST)  # text does not shrink as much as panels
     figure: Figure = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
@@ -185,10 +184,9 @@ def _no_latex(figure: Figure) -> None:
     import matplotlib as mpl
     from matplotlib.text import Text
 
-    if not mpl.rcParams["text.usetex"]:  # no text has it, and looking at each makes every tick
-        return
-    for text in figure.findobj(Text):
-        text.set_usetex(False)
+    if mpl.rcParams["text.usetex"]:  # else no text has it, and looking at each makes every tick
+        for text in figure.findobj(Text):
+            text.set_usetex(False)
 
 
 def _letter(panels: list[Axes]) -> None:
@@ -400,8 +398,7 @@ def cost_label(name: str) -> tuple[str, str]:
 
 def goodness(recording: RecordingFit, name: str, step: float | None) -> str:
     """Fit and RMSE in words, or why there are none."""
-    missing = np.count_nonzero(~np.isfinite(recording.fitted[name]))
-    if missing:
+    if missing := np.count_nonzero(~np.isfinite(recording.fitted[name])):
         return f"no fit; the simulation has no value at {missing} of {recording.time.size} samples"
     rmse, percent = recording.rmse[name], recording.fit_percent[name]
     if np.ptp(recording.measured[name]) == 0:

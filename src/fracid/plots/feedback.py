@@ -44,8 +44,7 @@ def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Fi
     label(plane, "open loop", "real part", "imaginary part")
     finite = [t for t in control.trials if t.gain_margin is not None]
     for holds, colour, name in ((True, BLUE, "holds"), (False, VERMILLION, "falls")):
-        some = [t for t in finite if t.holds == holds]
-        if some:
+        if some := [t for t in finite if t.holds == holds]:
             scatter.plot([t.gain_margin for t in some], [t.phase_margin for t in some], "o", ms=3, color=colour,
                          label=name)  # fmt: skip
     label(scatter, f"margins of {len(control.trials)} draws", "gain margin [dB]", "phase margin [°]")

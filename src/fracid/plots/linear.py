@@ -94,10 +94,8 @@ def linear_response(system: Any, posture: str, *, style: str | Style = "screen")
 def _duration(system: Any, posture: str) -> Any:
     """Until an unstable pole has grown, or a swing has died; else half of the longest recording [s]."""
     modes = system.linear[posture].modes
-    growing = [m.pole.real for m in modes if m.pole.real > 0]
-    if growing:
+    if growing := [m.pole.real for m in modes if m.pole.real > 0]:
         return GROWN / max(growing)
-    swings = [m for m in modes if m.pole.imag > 0]
-    if swings:
+    if swings := [m for m in modes if m.pole.imag > 0]:
         return min(DIED / max(1e-3 * swings[0].frequency, -swings[0].pole.real), 40 * np.pi / swings[0].frequency)
     return np.pi / system.operators[0].band[0]

@@ -61,8 +61,7 @@ def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     >>> [axes.get_ylabel() for axes in noise_levels(study).axes]
     ['bias of $\\\\mu$ [–]', 'coverage [%]']
     """
-    names = [n for n in study.truth if any(c.unknowns[n].estimates for c in study.cells)]
-    if not names:
+    if not (names := [n for n in study.truth if any(c.unknowns[n].estimates for c in study.cells)]):
         raise InputError("There is nothing to draw: no repetition found a value.")
     rows = names[:MOST]
     figure = new(8.2, 1.1 + 2.1 * len(rows), style)
@@ -81,8 +80,7 @@ def _unknown(left: Axes, right: Axes, study: NoiseStudy, name: str) -> None:
     display_unit, factor = axis_unit(study.cells[0].unknowns[name].unit)
     for cell in study.cells:
         which = resolutions.index(cell.resolution)
-        place = (which + 0.5) / len(resolutions) - 0.5
-        at = levels.index(cell.level) + ROOM * place
+        at = levels.index(cell.level) + ROOM * ((which + 0.5) / len(resolutions) - 0.5)
         _draw(left, right, cell, cell.unknowns[name], x=at, which=which, factor=factor)
     left.axhline(0.0, color=INK, lw=0.8, zorder=1)
     right.axhspan(*BELIEVED, color=GREEN, alpha=0.15, lw=0, label="90 to 99 %")
@@ -113,5 +111,4 @@ def _draw(left: Axes, right: Axes, cell: Cell, s: Statistics, x: float, which: i
                       label=f"{label}: ± claimed standard error", zorder=2)  # fmt: skip
     if s.coverage is not None and s.coverage95 is not None:
         low, high = s.coverage95
-        bar = [[100 * (s.coverage - low)], [100 * (high - s.coverage)]]
-        right.errorbar(x, 100 * s.coverage, yerr=bar, **style)
+        right.errorbar(x, 100 * s.coverage, yerr=[[100 * (s.coverage - low)], [100 * (high - s.coverage)]], **style)

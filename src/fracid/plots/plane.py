@@ -94,8 +94,7 @@ def cost_plane(
     label(axes, "", f"order {symbol(names[0])} [–]", f"order {symbol(names[1])} [–]")
     if brief:
         axes.locator_params(axis="x", nbins=TICKS)
-    heading = f"{cost_label(cost_name)[0]} over the orders"
-    return finish(figure, heading, grid=False, caption=place)
+    return finish(figure, f"{cost_label(cost_name)[0]} over the orders", grid=False, caption=place)
 
 
 def _filled(figure: Figure, axes: Axes, plane: CostPlane, cost_name: str) -> None:
@@ -128,8 +127,7 @@ def _integers(axes: Axes, first: FloatArray, second: FloatArray) -> None:
 
 def _lines(axes: Axes, plane: tuple[FloatArray, FloatArray, Any], texts: Mapping[float, str], legend: str) -> None:
     """Draw lines of equal depth with their texts: at most seven of those that lie on the plane."""
-    inside = [v for v in sorted(texts) if plane[2].min() < v < plane[2].max()]
-    if inside:
+    if inside := [v for v in sorted(texts) if plane[2].min() < v < plane[2].max()]:
         some = {v: texts[v] for v in inside[:: -(-len(inside) // 7)]}
         lines = axes.contour(*plane, levels=list(some), colors=INK, linewidths=0.7, linestyles="solid")
         across = np.array([np.ptp(plane[0]), np.ptp(plane[1])])

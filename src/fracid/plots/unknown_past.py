@@ -48,8 +48,7 @@ def cut_shifts(check: CutCheck, *, style: str | Style = "screen") -> Figure:
         raise InputError(f"There is no treatment to draw: {check.verdict}")
     names, rows = list(check.as_fitted.orders), [*reversed(check.treatments)]
     figure = new(1.6 + 3.4 * len(names), 1.5 + 0.45 * (len(rows) + 1), style)
-    panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
-    for axes, name in zip(panels, names, strict=True):
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(names), sharey=True)), names, strict=True):
         _order(axes, check, name)
         axes.set_yticks(range(len(rows) + 1), [*rows, "as fitted"])
         axes.set_ylim(-0.6, len(rows) + 0.6)

@@ -97,8 +97,7 @@ def _lay_out(figure: Figure) -> None:
 
     FigureCanvasAgg(figure)
     figure.set_dpi(style_of(figure).dpi)
-    engine = figure.get_layout_engine()
-    if engine is not None:
+    if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)
 
@@ -108,8 +107,7 @@ def _hold_labels(figure: Figure) -> None:
     on_figure = figure.transFigure
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            place = axis.label.get_transform().transform(axis.label.get_position())
-            x, y = on_figure.inverted().transform(place)
+            x, y = on_figure.inverted().transform(axis.label.get_transform().transform(axis.label.get_position()))
             axis.set_label_coords(x, y, transform=on_figure)
         axes.set_title("", loc="right", y=1.0)  # no figure has one there: all three stay where they are
 
@@ -118,6 +116,5 @@ def _rendered(figure: Figure, ending: str) -> bytes:
     title = {"Title": spoken(str(figure.get_label()))} if figure.get_label() else {}
     metadata = title | NO_DATE[ending] if ending in NO_DATE else None
     with io.BytesIO() as content:
-        figure.savefig(content, format=ending, dpi=style_of(figure).dpi, metadata=metadata,
-                       **OPTIONS.get(ending, {}))  # fmt: skip
+        figure.savefig(content, format=ending, dpi=style_of(figure).dpi, metadata=metadata, **OPTIONS.get(ending, {}))
         return content.getvalue()

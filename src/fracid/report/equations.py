@@ -50,8 +50,7 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
     (['With symbols', 'With the fitted values'], True)
     """
     constants, write = _constants(result), LANGUAGES[language]
-    lines = _lines(model, constants, driven)
-    if lines is None:
+    if (lines := _lines(model, constants, driven)) is None:
         named = {"x": model.states, "u": model.inputs if driven else ()}
         given = tuple(Entry(array, Number(i)) for array, names in named.items() for i in range(len(names)))
         states = [Equality(Entry("out", Number(i)), Call(f"f{i + 1}", given)) for i in range(len(model.states))]
@@ -61,9 +60,8 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
 
 
 def _lines(model: Model, constants: Mapping[str, Any], driven: bool) -> list[Equality] | None:
-    there = {n: e["value"] for n, e in constants.items() if e["free"] or e["value"]}
     with suppress(InputError):
-        return equalities(model, there, driven)
+        return equalities(model, {n: e["value"] for n, e in constants.items() if e["free"] or e["value"]}, driven)
     return None
 
 
@@ -77,8 +75,7 @@ def _written(estimates: Mapping[str, Any]) -> Callable[[str], str | None]:
     """Name → its digits; one that its interval leaves none keeps the first, or the term would say nothing."""
 
     def text(name: str) -> str | None:
-        e = estimates.get(name)
-        if e is None or e["value"] is None:
+        if (e := estimates.get(name)) is None or e["value"] is None:
             return None
         found = digits(e)
         return found if found.strip("−0.") or not e["value"] else number(e["value"], ".1g")

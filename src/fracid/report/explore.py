@@ -189,7 +189,6 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
     values, driven = problem.unpack(x, e), problem.simulator.inputs(x, e)
     samples = min(len(e.measured), budget(len(material.fit.recordings)))
     rows = problem.simulator.steps(e) - (len(e.measured) - samples) * problem.substeps + 1
-    inputs = driven.before if len(driven.before) == 1 else driven.before[:rows]
     return {
         "name": e.name, "use": material.fit.recordings[e.name].use, "own": _lines(material, e, samples),
         "step": e.step / problem.substeps, "steps": rows - 1, "every": problem.substeps,
@@ -197,7 +196,7 @@ def _recording(material: Material, problem: Problem, x: FloatArray, e: Experimen
         "limit": problem.simulator.limit, "initial": values.initial,
         "deflections": list(_deflections(problem, x, e)), "unknowns": list(_unknowns(problem, x, e)),
         "parameters": by_name(problem.model.parameter_names, values.parameters),
-        "inputs": base64_floats(inputs, "<f8"),
+        "inputs": base64_floats(driven.before if len(driven.before) == 1 else driven.before[:rows], "<f8"),
         "jumps": None if driven.jumps is None else base64_floats(driven.jumps[:rows], "<f8"),
     }  # fmt: skip
 
@@ -217,13 +216,12 @@ def _lines(material: Material, e: Experiment, samples: int) -> dict[str, dict[st
 
 def _unknowns(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
     """What was free beside the orders, and is found again where these are held at their integer values."""
-    states = problem.model.states
     for u, value in zip(problem.unknowns, x.tolist(), strict=True):
         if u.kind not in ("parameter", "initial") or u.experiment not in (None, e.name):
             continue
         lower, upper = u.range.lower, u.range.upper
         width = upper - lower if isfinite(upper - lower) else abs(value) or 1.0
-        at = states.index(u.target) if u.kind == "initial" else None
+        at = problem.model.states.index(u.target) if u.kind == "initial" else None
         yield {
             "name": u.target, "state": at, "value": value, "lower": lower, "upper": upper,
             "width": min(width, 10 * abs(value)) or width,
@@ -234,11 +232,9 @@ def _unknowns(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[s
 def _deflections(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[dict[str, Any]]:
     """Of each presliding joint its state, its δ, and which share of it is given at the start; None where it slides."""
     model, values = problem.model, problem.unpack(x, e)
-    if problem.initial_state != "estimate":
-        return
     for state, delta in model.relaxing.items():
         i = model.states.index(state)
-        if state in e.initial:
+        if state in e.initial or problem.initial_state != "estimate":
             continue
         free = any(u.kind == "initial" and u.target == state and u.experiment == e.name for u in problem.unknowns)
         size = values.parameters[model.parameter_names.index(delta)]

@@ -115,9 +115,7 @@ def runs_of(folder: Path) -> list[dict[str, Any]]:
     """The cards of the runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
     runs = []
     for path in sorted(folder.glob("*/result.json")):
-        if path.parent.is_symlink():  # what is written there would lie elsewhere
-            continue
-        if not (result := read_if_whole(path, SavedRun)):
+        if path.parent.is_symlink() or not (result := read_if_whole(path, SavedRun)):  # a link leads elsewhere
             continue
         environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
         who, started = identity(path.parent, result, environment), environment.get("started", "")
@@ -211,8 +209,7 @@ def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any]
         return
     around = {where: run and (run["name"], _address(run["page"], page.parents[1]))
               for where, run in (("before", before), ("after", after))}  # fmt: skip
-    nav = filled("neighbours.html.j2", index=INDEX, **around)
-    linked = text[: begin + len(RUNS_BEGIN)] + nav + text[end:]
+    linked = text[: begin + len(RUNS_BEGIN)] + filled("neighbours.html.j2", index=INDEX, **around) + text[end:]
     if linked != text:
         write_whole(page, linked)
 
@@ -264,8 +261,7 @@ def _swings(page: Path) -> Markup:
         begin = text.index(SAMPLES) + len(SAMPLES)
         recording = json_of(text[begin : text.index("</script>", begin)])["recordings"][0]
         output = recording["outputs"][-1]
-        packed = recording["t"], output["measured"], output["fitted"]
-        t, measured, simulated = map(floats_of, packed)
+        t, measured, simulated = map(floats_of, (recording["t"], output["measured"], output["fitted"]))
         if not 1 < t.size == measured.size == simulated.size:
             return Markup("")
         end = _end_of_swings(simulated)

@@ -140,8 +140,7 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
 
 
 def _order(m: Model, name: str) -> dict[str, Any]:
-    springpot = name in m.springpot_orders.values()
-    low, start, high = (0.02, 0.5, 1.0) if springpot else (0.6, 1.0, 1.2)
+    low, start, high = (0.02, 0.5, 1.0) if name in m.springpot_orders.values() else (0.6, 1.0, 1.2)
     return {"name": name, "letter": letter(name), "low": low, "start": start, "high": high,
             "integer": m.integer_orders.get(name, 1.0)}  # fmt: skip
 
@@ -156,8 +155,7 @@ def _sought_states(m: Model) -> list[str]:
     """The states whose first values a fit estimates."""
     still = Experiment("still", 0.01, np.zeros((9, len(m.outputs))), np.zeros((1, max(1, len(m.inputs)))))
     orders = {q["name"]: Free(q["start"], q["low"], q["high"]) for q in (_order(m, n) for n in m.order_names)}
-    unknowns = Problem(m, (still,), orders, initial_state="estimate").unknowns
-    return [u.target for u in unknowns if u.kind == "initial"]
+    return [u.target for u in Problem(m, (still,), orders, initial_state="estimate").unknowns if u.kind == "initial"]
 
 
 def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:

@@ -159,8 +159,7 @@ def report_page(material: Material) -> str:
     """
     charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
     unexplored = not_explored(material)
-    own = [] if unexplored else explore_scripts(material)
-    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, own)]
+    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, [] if unexplored else explore_scripts(material))]
     data = {
         "recordings": traces(material), "charts": {name: chart.packed() for name, chart in charts.items()}, "rig": rig,
         "plane": surface and vars(surface) | {
@@ -258,8 +257,7 @@ def _names(recordings: list[str]) -> str:
 
 def _no_rival(result: Mapping[str, Any]) -> str:
     """Why there is no integer-order rival."""
-    places = {where(e) for e in result["orders"].values() if e["free"]}
-    if not places:
+    if not (places := {where(e) for e in result["orders"].values() if e["free"]}):
         return SAYS("none-free")
     if places == {"without"}:
         return SAYS("no-integer-value")

@@ -94,8 +94,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
     >>> interval({"value": 0.005, "interval95": [-0.015, 0.025]}), interval({"value": 0.0, "interval95": None})
     ('± 0.020', '–')
     """
-    ends = estimate.get("interval95")
-    if ends is None or estimate.get("value") is None:
+    if (ends := estimate.get("interval95")) is None or estimate.get("value") is None:
         return number(None)
     return typeset(interval_beside(estimate["value"], *ends))
 

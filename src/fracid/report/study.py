@@ -153,8 +153,7 @@ def _profiled(record: Mapping[str, Any]) -> Found:
         if len(sides) < 2:
             half = half_of(p["wald95"])
             value = float(to_second_digit(p["value"], half)) if half > 0 else p["value"]
-            sentence = "; it lies ".join((p["sentence"], *sides))
-            p = {**p, "interval95": None, "value": value, "sentence": sentence}
+            p = {**p, "interval95": None, "value": value, "sentence": "; it lies ".join((p["sentence"], *sides))}
         known, others = p["verdict"] == "two-sided", {m: found.get(name, {}).get(m) for m in ("sandwich", "bootstrap")}
         halves = {m: half_of(both) for m, both in others.items() if isinstance(both, list) and None not in both}
         says = ", ".join(f"{m} ± {number(half, '.2g')}" for m, half in halves.items())

@@ -47,8 +47,7 @@ def traces(material: Material) -> list[dict[str, Any]]:
 
 
 def _trace(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
-    lines = [np.asarray(y, dtype=float) for n in r.measured for y in (r.measured[n], r.fitted[n])]
-    at = extremes(lines, points)
+    at = extremes([np.asarray(y, dtype=float) for n in r.measured for y in (r.measured[n], r.fitted[n])], points)
     return {
         "name": r.name, "use": r.use, "samples": r.time.size, "shown": at.size, "start": float(r.time[0]),
         "t": base64_floats((r.time - r.time[0])[at]), "outputs": [_output(material, r, n, at) for n in r.measured],
@@ -100,8 +99,7 @@ def residual_title(symbol: str, unit: str, step: float | None) -> str:
     """What the chart shows, and how much an encoder's step is."""
     words = "encoder step" if unit == "°" else "step"
     shown = f"{number(step, '.3g')}{unit if unit == '°' else f' {unit}'}" if step else ""
-    shaded = f"; shaded: ± ½ {words} of {shown}" if step else ""
-    return f"{symbol}, residual (measured − simulated){shaded}"
+    return f"{symbol}, residual (measured − simulated)" + (f"; shaded: ± ½ {words} of {shown}" if step else "")
 
 
 def _in(unit: str) -> str:
@@ -135,8 +133,7 @@ def recorded_charts(material: Material, whole: Recording, r: RecordingFit) -> It
 
 def residual_charts(residual: ResidualAnalysis, factor: float) -> Iterator[Chart]:
     """Autocorrelation, spectrum and normal probability plot of one residual; none where there is too little."""
-    curves = residual.curves
-    if curves is None:
+    if (curves := residual.curves) is None:
         return
     ρ = Series("correlation", curves.correlation, "first")
     yield Chart("autocorrelation", curves.lag, "lag [s]", "correlation", series=(ρ,), xname="lag",

@@ -53,8 +53,7 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
     """What is claimed of the rig, in one sentence; in order only where nothing on the page contradicts it."""
     claim, against = material.result["claim"], contradictions(material, lines)
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
-    values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
-    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
+    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", f"{letter(n)} = {said(e)}") for n, e in shown.items()])
     inside = {letter(n): e["integer"] for n, e in material.result["orders"].items() if _holds_its_integer(e)}
     if claim == "fractional" and inside:
         orders += f" ({_inside(list(inside), inside)})"
@@ -148,9 +147,9 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
 
 def _orders(material: Material) -> Line:
     orders, rival = material.result["orders"], material.result["alternative"]
-    sentence = joined([_order(n, e) for n, e in orders.items()]) + "."
-    free = {n: e for n, e in orders.items() if e["free"]}
-    if not free:
+    told = {n: said(e) if half_width(e) is not None else digits(e) for n, e in orders.items()}
+    sentence = joined([f"{letter(n)} = {text}" for n, text in told.items()]) + "."
+    if not (free := {n: e for n, e in orders.items() if e["free"]}):
         return Line("Orders", f"{sentence} They were given, not found.", True)
     if does_not_fit(material.result["claim_codes"]):
         return Line("Orders", f"{sentence} The model does not fit: they mean nothing.", False)
@@ -199,11 +198,6 @@ def _inside(names: list[str], integer: Mapping[str, float]) -> str:
     if len(values) > 1:
         return f"{joined(names)} have their integer values in their intervals"
     return f"{number(values.pop())} lies in the {'interval' if len(names) == 1 else 'intervals'} of {joined(names)}"
-
-
-def _order(name: str, e: Mapping[str, Any]) -> str:
-    half = half_width(e)
-    return f"{letter(name)} = {said(e) if half is not None else digits(e)}"
 
 
 def _is(names: list[str]) -> str:
@@ -301,14 +295,12 @@ def _free_kinds(material: Material, use: str) -> Iterator[tuple[str, str]]:
 
 def _checks(material: Material) -> Line:
     outcome = material.result["outcome"]
-    search = search_sentence(outcome), outcome == Outcome.CONVERGED
-    findings = [search, *_step(material), *_left_over(material)]
+    findings = [(search_sentence(outcome), outcome == Outcome.CONVERGED), *_step(material), *_left_over(material)]
     return Line("Checks", " ".join(sentence for sentence, _ in findings), all(good for _, good in findings))
 
 
 def _step(material: Material) -> Iterator[tuple[str, bool]]:
-    check = material.result["discretisation"]
-    if check is None:
+    if (check := material.result["discretisation"]) is None:
         yield "What the step does was not checked.", False
     elif check["warning"] and COARSE_STEP in material.result["claim_codes"]:
         moved = [f"{letter(n)} by {number(s, '.2g')}" for n, s in moved_by_the_step(material.result).items()]
@@ -322,8 +314,7 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
-    tested = _tested(material, "fit")
-    if not tested:
+    if not (tested := _tested(material, "fit")):
         return
     worst = max(tested, key=lambda a: a.whiteness.correlation_time)
     if all(a.whiteness.white for a in tested):

@@ -209,8 +209,7 @@ def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str,
 
 def _listed(changed: Mapping[str, tuple[str, str]]) -> str:
     """``The version of numpy (2.1.0, now 2.2.0), …``; of a hash its change alone."""
-    words = (what if what.startswith(CODE) else f"{what} ({b}, now {n})" for what, (b, n) in changed.items())
-    text = ", ".join(words)
+    text = ", ".join(w if w.startswith(CODE) else f"{w} ({before}, now {now})" for w, (before, now) in changed.items())
     return text[:1].upper() + text[1:]
 
 
@@ -261,8 +260,8 @@ def _pairs(path: tuple[str, ...], before: Any, after: Any, width: float = 0.0) -
 
 def _claimed(study: Mapping[str, Any]) -> dict[str, float]:
     """Half the interval that a noise study's fits claim, by unknown: its truth has none of its own."""
-    cells = study.get("cells") or [{}]
-    return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in cells[0].get("unknowns", {}).items()}
+    unknowns = (study.get("cells") or [{}])[0].get("unknowns", {})
+    return {n: 2.0 * (u.get("claimed") or 0.0) for n, u in unknowns.items()}
 
 
 def _of_study(d: Difference, half_widths: Mapping[str, float]) -> Difference:

@@ -93,8 +93,7 @@ class SavedRun(Fit):
         for name, r in self.recordings.items():
             scores = self.result["recordings"].get(name, {}).get("rmse", {})
             for output, now in r.rmse.items():
-                before = scores.get(output)
-                if before is not None and not abs(now - before) <= DIFFERENT * before:
+                if (before := scores.get(output)) is not None and not abs(now - before) <= DIFFERENT * before:
                     again, found = (with_unit(v, r.unit(output), ".6g") for v in (now, before))
                     yield SAYS("other-errors", name=name, output=output, again=again, found=found)
 
@@ -156,9 +155,8 @@ def load_run(folder: str | Path, *, trust: bool = False) -> SavedRun:
     refuse_links(folder)
     result = _read(folder / "result.json")
     project = _project(folder, result, trust)
-    hashes = result["data_sha256"]
     for r in project.recordings:
-        if hashes.get(r.name) != r.sha256:
+        if result["data_sha256"].get(r.name) != r.sha256:
             raise InputError(f"The recording {r.name!r} is not the one that {folder} was fitted to; fit it again.")
     try:
         run = _read_back(folder, result, project)

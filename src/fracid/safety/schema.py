@@ -398,6 +398,5 @@ def lines_of(path: Path, kind: type[Block | Record]) -> Iterator[Any]:
     """
     with suppress(OSError), opened(path) as file:
         while line := file.readline(LONGEST):
-            content = object_of(line)
-            if content is not None and not fault_of(content, kind):
+            if (content := object_of(line)) is not None and not fault_of(content, kind):
                 yield content

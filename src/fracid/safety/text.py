@@ -190,8 +190,7 @@ def csv_cell(text: str) -> str:
     >>> csv_cell("=1+1"), csv_cell("-15°"), csv_cell("-2+3"), csv_cell("a;=1+1")
     ("'=1+1", '-15°', "'-2+3", "a;'=1+1")
     """
-    parts = re.split(r"([;,\t\r\n])", text)
-    cell = "".join(f"'{part}" if _is_formula(part) else part for part in parts)
+    cell = "".join(f"'{part}" if _is_formula(part) else part for part in re.split(r"([;,\t\r\n])", text))
     return f"'{cell}" if cell[:1] in "\t\r\n" and cell else cell
 
 

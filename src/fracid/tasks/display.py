@@ -80,15 +80,13 @@ class _Stage:
         return " · ".join(p for p in (*parts, "" if ended else self._left()) if p)
 
     def _left(self) -> str:
-        left = None if self.progress is None else self.progress.left
-        if left is None:
+        if self.progress is None or (left := self.progress.left) is None:
             return ""
         left -= time.monotonic() - self.heard
         return f"{duration(left)} left" if left >= 1 else ""
 
     def _counts(self, ended: bool) -> Iterator[str]:
-        p = self.progress
-        if p is None:
+        if (p := self.progress) is None:
             return
         of = "" if p.total is None or (p.about and ended) else f" of {'about ' * p.about}{p.total:,}"
         yield f"{p.done:,}{of} {self.what.removesuffix('s') if of == '' and p.done == 1 else self.what}"

@@ -82,8 +82,7 @@ def quiet_when_closed() -> Iterator[None]:
     """Let work go on to its end when its output cannot be written; the exit code is then 1 in place of 0."""
     outputs, before, left = list[_Output](), (sys.stdout, sys.stderr), ExitStack()
     for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
+        if (stream := getattr(sys, name)) is None:
             setattr(sys, name, left.enter_context(nowhere()))
         elif isinstance(stream, io.TextIOWrapper) and (number := _number(stream)) is not None:
             stream.flush()

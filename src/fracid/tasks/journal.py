@@ -243,8 +243,7 @@ def _check_study(path: Path, header: dict[str, Json] | None, study: dict[str, Js
     if header is None or header.get("journal") != FORMAT or not isinstance(header.get("study"), dict):
         raise InputError(f"{path} is no journal of this version of fracid; give another folder: --out DIR.")
     was = header["study"]
-    differ = [name for name in {**was, **study} if was.get(name) != study.get(name)]
-    if differ:
+    if differ := [name for name in {**was, **study} if was.get(name) != study.get(name)]:
         changes = "; ".join(f"{n} was {_short(was.get(n))} and is {_short(study.get(n))}" for n in differ)
         raise InputError(SAYS("other-study", folder=path.parent, changes=changes, resumable=resumable(path)))
 

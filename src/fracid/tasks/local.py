@@ -152,8 +152,7 @@ def _prepare_worker(packed: bytes) -> None:
 @contextmanager
 def deaf_to_ctrl_c() -> Iterator[None]:
     """Have processes that are started meanwhile not hear Ctrl-C, from their first moment on: it is their parent's."""
-    mask = getattr(signal, "pthread_sigmask", None)
-    if mask is None:  # Windows
+    if (mask := getattr(signal, "pthread_sigmask", None)) is None:  # Windows
         yield
         return
     resource_tracker.ensure_running()  # the first start of a process would start it, and so end the block

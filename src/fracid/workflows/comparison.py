@@ -158,8 +158,7 @@ def run_comparison(
         require_evidence(structure.problem)
     same = {name: value for name, value in options.items() if name not in ("amplitude", "evidence")}  # both add
     study = study_of("compare", project, preset=project.preset, **same)
-    words = _command(project, out, options, executor) if command is None else command
-    _begin(folder, study, words)
+    _begin(folder, study, _command(project, out, options, executor) if command is None else command)
     watching.stage("fits")
     with one_blas_thread(), journal_of(folder, study, _fault(project, options), watching, counted="fits") as kept:
         comparison = compare(project, executor=executor, jobs=jobs, **kept, **options)
@@ -176,13 +175,12 @@ def _curves(base: Problem, others: Sequence[Experiment], comparison: Comparison)
     every = {e.name: e for e in (*base.experiments, *others)}
     shown = [*dict.fromkeys((*comparison.held_out, *every))][:MOST_RECORDINGS]
     some = {n: drawn(every[n].time.size, len(every)) for n in shown if n in every}
-    found = {row.name: {n: row.curves[n] for n in shown if n in row.curves} for row in comparison.rows}
     return as_json(CurvesBlock, {
         "recordings": {n: {
             "time": (every[n].time - every[n].time[0])[at],
             "measured": dict(zip(base.outputs, every[n].measured[at].T, strict=True)),
         } for n, at in some.items()},
-        "structures": found,
+        "structures": {row.name: {n: row.curves[n] for n in shown if n in row.curves} for row in comparison.rows},
     })  # fmt: skip
 
 
@@ -194,8 +192,7 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
         return {}
     tables = tomllib.loads(project.text)
     model = tables.setdefault("model", {})
-    kinds = {"parameters": found.parameters, "orders": found.orders}
-    for kind, values in kinds.items():
+    for kind, values in {"parameters": found.parameters, "orders": found.orders}.items():
         given = model.get(kind, {})
         new = {n: v for n, v in values.items()
                if n in given or n in row.values or v != project.problem.parameters.get(n)}  # fmt: skip

@@ -163,8 +163,7 @@ def _of_recording(stem: str, recording: RecordingFit, resolution: Mapping[str, A
     if isfinite(recording.cost):
         yield f"figure2-{stem}", partial(draw, "fitted_over_time", recording, resolution=resolution)
         for output in recording.measured if recording.use == "fit" else ():
-            picture = partial(draw, "residual_plots", recording, output, resolution=resolution)
-            yield f"figure3-{stem}-{output}", picture
+            yield f"figure3-{stem}-{output}", partial(draw, "residual_plots", recording, output, resolution=resolution)
 
 
 def of_tests(recordings: Mapping[str, RecordingFit], resolutions: Mapping[str, Mapping[str, Any]],

@@ -341,8 +341,7 @@ def _short_of_room(project: Project, folder: Path) -> Iterator[str]:
     left, needed = disk_usage(folder).free, memory_needed(project.problem)
     if left < FOLDER:
         yield SAYS("disk", folder=folder, left=left / 1e6, needed=FOLDER / 1e6)
-    available = free_memory()
-    if available is not None and needed > available:
+    if (available := free_memory()) is not None and needed > available:
         yield SAYS("memory", needed=needed / 1e9, available=available / 1e9)
 
 

@@ -156,9 +156,7 @@ def _grid(
             "relative": relative}  # fmt: skip
 
 
-def _command(
-    source: Path, out: str | Path | None, grid: Mapping[str, Any], options: Mapping[str, Any]
-) -> list[str]:  # fmt: skip
+def _command(source: Path, out: str | Path | None, grid: Mapping[str, Any], options: Mapping[str, Any]) -> list[str]:
     levels, resolutions = grid["levels"], grid["resolutions"]
     words = {
         "levels": ",".join(f"{v:g}" if grid["relative"] else _decimal(v, degrees, radians) for v in levels),

@@ -106,21 +106,20 @@ def run_profiles(
             likelihood = profile(
                 problem, x, parameters=parameters, joint=joint, points=points, jobs=jobs, progress=tell
             )
+        x = likelihood.x
         watching.stage("intervals")
-        precision = uncertainty(problem, likelihood.x, jobs=jobs)
+        precision = uncertainty(problem, x, jobs=jobs)
         watching.stage("bootstrap")
-        resampling = (
-            precision if isinstance(precision, Failure) else bootstrap(problem, likelihood.x, seed=seed, jobs=jobs)
-        )
+        resampling = precision if isinstance(precision, Failure) else bootstrap(problem, x, seed=seed, jobs=jobs)
         watching.stage("identifiability")
-        verdicts = identifiability(problem, likelihood.x, precision, likelihood.profiles, jobs=jobs)
+        verdicts = identifiability(problem, x, precision, likelihood.profiles, jobs=jobs)
         several = len(problem.experiments) > 1 and not isinstance(precision, Failure)
         likelihood = _on_every_sample(likelihood, fitted)
         record = as_json(Likelihood, vars(likelihood) | {
             "intervals": _intervals(likelihood, precision, resampling),
             "identifiability": verdicts,
             "bootstrap": str(resampling) if isinstance(resampling, Failure) else resampling.to_json(),
-            "spread": spread(problem, likelihood.x, jobs=jobs) if several else None,
+            "spread": spread(problem, x, jobs=jobs) if several else None,
             "seed": seed,
         })  # fmt: skip
         finished = FinishedProfiles.written(folder, record, [("profiles", likelihood.plot)], watching,

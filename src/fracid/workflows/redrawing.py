@@ -118,8 +118,7 @@ def _of_folder(folder: Path, trust: bool, jobs: int) -> Pictures:
 
 
 def _of_profiles(run: SavedRun) -> Pictures:
-    path = run.folder / "profiles.json"
-    if path.exists():
+    if (path := run.folder / "profiles.json").exists():
         content = read_as(path, Profiles, "fracid profile RUN", UNREAD)
         if not set(run.problem.names) <= set(content["minimum"]):
             raise InputError(f"{path} is of other unknowns than the run. Write it again: fracid profile RUN.")

@@ -60,10 +60,8 @@ class FinishedRegression(CardDisplay):
             name: f.to_json() | {"start": {n: new for n, (_, new) in self.starts(f).items()}}
             for name, f in self.regressions.items()
         }
-        if len(records) > 1:
-            return head | {"recordings": records}
-        (record,) = records.values()
-        return record | head
+        record, *others = records.values()
+        return head | {"recordings": records} if others else record | head
 
 
 def run_regression(

@@ -77,8 +77,7 @@ def resume_run(
     fracid.errors.InputError: There is no nowhere/rig. ...
     """
     folder = Path(folder)
-    state = state_of(folder)
-    if state is None:
+    if (state := state_of(folder)) is None:
         raise InputError(f"{folder} holds a study, which goes on by the call that began it, or by fracid resume.")
     if state.finished:
         raise InputError(f"{folder} is finished; fracid.load_run reads its result.")

@@ -144,8 +144,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     InputError
         If the model has no input, or the file does not say which column it is.
     """
-    inputs = twin.model.inputs
-    if not inputs:
+    if not (inputs := twin.model.inputs):
         raise InputError(f"{twin.model.name} has no input; leave out --input.")
     there = inspect_recording(file)
     here = [n for n in there.signals if n in inputs] or list(there.signals)
@@ -236,8 +235,7 @@ def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run = twin.simulate()
-    fault = [str(run.fault)] if run.completed and run.fault else []
-    return run, [str(w.message) for w in caught] + fault
+    return run, [str(w.message) for w in caught] + ([str(run.fault)] if run.completed and run.fault else [])
 
 
 def _record(
