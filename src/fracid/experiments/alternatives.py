@@ -110,8 +110,7 @@ class Alternatives:
         """Alternative → its distance from a set of experiments, in standard deviations."""
         at = [self.allowed.index(i) for i in chosen if i in self.allowed]
         sums = tuple(b + p[at].sum(axis=0) for p, b in zip(self.parts, self.base, strict=True))
-        found = np.sqrt(distance(sums, [*self.columns.values()], self.scale))
-        return by_name(self.columns, found)
+        return by_name(self.columns, np.sqrt(distance(sums, [*self.columns.values()], self.scale)))
 
 
 @dataclass(frozen=True)
@@ -212,8 +211,7 @@ def rivals_of(
 ) -> dict[str, _Rival]:
     """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
     fitted = {arm: _rival(subject, some) for arm, some in _by_arm([*dict.fromkeys(experiments)]).items()}
-    rivals = {arm: rival for arm, rival in {**(known or {}), **fitted}.items() if rival is not None}
-    if not rivals:
+    if not (rivals := {arm: rival for arm, rival in {**(known or {}), **fitted}.items() if rival is not None}):
         raise InputError("No run of the model reaches the end of a candidate.")
     return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
@@ -271,8 +269,7 @@ def _square(subject: Subject, rival: Rival, counts: Sequence[int]) -> float:
 
 def _by_arm(candidates: Sequence[Candidate]) -> dict[str, list[Candidate]]:
     """Arm → its candidates, the free one first."""
-    arms = {arm: [c for c in candidates if c.arm == arm] for arm in ARMS}
-    return {arm: own for arm, own in arms.items() if own}
+    return {arm: own for arm in ARMS if (own := [c for c in candidates if c.arm == arm])}
 
 
 def _few(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -325,8 +322,7 @@ class _Rival:
 def _rival(subject: Subject, experiments: Sequence[Candidate]) -> _Rival | None:
     """Fit the integer-order model, friction free, to what the fractional one does; None where no run of that ends."""
     simulated = [_simulated(subject, c, f"planned {k}") for k, c in enumerate(experiments)]
-    problems = [p for p in simulated if p is not None]
-    if not problems:
+    if not (problems := [p for p in simulated if p is not None]):
         return None
     data = tuple(p.experiments[0] for p in problems)
     joint = replace(problems[0], experiments=data, substeps=max(p.substeps for p in problems))

@@ -109,8 +109,7 @@ def design(
     at_least("experiments", experiments, 1, 1000)
     at_least("robust", robust, 0, 1000)
     refuse_unknown("alternative to design against", ("integer",), against or "integer")
-    if isinstance(of, str):
-        of = (of,)
+    of = (of,) if isinstance(of, str) else of
     name = criterion or ("T" if against else "Ds" if of else "D")
     refuse_unknown("criterion", CRITERIA, name)
     if not (candidates := space.candidates):  # before a project is searched
@@ -125,8 +124,7 @@ def design(
     places = subject.places(of)
     with watching.progress("candidates") as tell:
         tables = informations(subject, candidates, progress=tell)
-    possible = [(c, t) for c, t in zip(candidates, tables, strict=True) if isinstance(t, Information)]
-    if not possible:
+    if not (possible := [(c, t) for c, t in zip(candidates, tables, strict=True) if isinstance(t, Information)]):
         raise InputError(_excluded(tables))
     candidates, narrowed = tuple(c for c, _ in possible), tuple(subject.names[i] for i in places)
     told: dict[str, Mapping[str, float]] = {}
@@ -149,8 +147,7 @@ def design(
             watching.stage("values from the intervals")
             chosen = _robust(subject, candidates, nominal, chosen, draws=_drawn(subject, robust, seed))
     watching.stage("")
-    excluded = len(tables) - len(possible)
-    return _plan(subject, possible, chosen, criterion=name, of=narrowed, excluded=excluded, **told)
+    return _plan(subject, possible, chosen, criterion=name, of=narrowed, excluded=len(tables) - len(possible), **told)
 
 
 def subject_of(
@@ -206,7 +203,6 @@ def informations(
     [(2, 2), 'beyond the limits', (2, 2)]
     """
 
-    groups = by_motion(candidates)
     tables: list[Information | str] = [""] * len(candidates)
     count = Counter(progress, len(candidates))
 
@@ -215,14 +211,13 @@ def informations(
             tables[i] = table
         count(len(group))
 
-    in_threads(subject.jobs, of_group, groups)
+    in_threads(subject.jobs, of_group, by_motion(candidates))
     return tables
 
 
 def _of_motion(subject: Subject, durations: Sequence[Candidate]) -> list[Information | str]:
     """The information of one motion, for each of its durations."""
-    longest = max(durations, key=lambda c: c.seconds)
-    problem = subject.problem_of(longest)
+    problem = subject.problem_of(max(durations, key=lambda c: c.seconds))
     outputs = problem.fitted(problem.start, problem.experiments[0])
     if isinstance(outputs, Failure):
         return [str(outputs) for _ in durations]
@@ -270,8 +265,7 @@ def _robust(
     short = sorted({int(i) for i in best})
     drawn = (subject.at(by_name(subject.names, v)) for v in draws)
     tables = [informations(there, [candidates[i] for i in short]) for there in drawn]
-    usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
-    if not usable:
+    if not (usable := [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]):
         return chosen
     each = [replace(nominal, parts=_stacked([t[k] for k in usable])) for t in tables]
     return tuple(sorted(short[usable[i]] for i in exchange(each, len(chosen))))
@@ -282,8 +276,7 @@ def _drawn(subject: Subject, draws: int, seed: int) -> list[FloatArray]:
     rng = np.random.default_rng(seed)
     covariance = subject.known(NOMINAL).covariance(subject.scale)
     values, lower, upper = np.array([(u.range.start, u.range.lower, u.range.upper) for u in subject.shared]).T
-    return [np.clip(rng.multivariate_normal(values, covariance, method="eigh"), lower, upper)
-            for _ in range(draws)]  # fmt: skip
+    return [np.clip(rng.multivariate_normal(values, covariance, method="eigh"), lower, upper) for _ in range(draws)]
 
 
 # --- the plan ---------------------------------------------------------------------------------------------
@@ -297,8 +290,7 @@ def _plan(
     total = sum((possible[i][1] for i in chosen), base)
     before, after = (np.sqrt(np.diag(i.covariance(scale))) for i in (base, total))
     rows = zip(subject.shared, after.tolist(), before.tolist(), scale.tolist(), strict=True)
-    expected = {u.name: Value(u.range.start, u.unit, e if e < s else None, b if b < s else None)
-                for u, e, b, s in rows}  # fmt: skip
+    expected = {u.name: Value(u.range.start, u.unit, e if e < s else None, b if b < s else None) for u, e, b, s in rows}
     landscape = tuple((c, by_name(names, np.sqrt(np.diag((base + i).covariance(scale))))) for c, i in possible)
     return Plan(
         subject=subject, name=subject.name, experiments=tuple(possible[i][0] for i in chosen), expected=expected,

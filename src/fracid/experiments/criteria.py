@@ -87,8 +87,7 @@ def distance(sums: tuple[FloatArray, ...], alternatives: Sequence[Sequence[int]]
     values = []
     for columns in alternatives:
         at = [*columns]
-        block: FloatArray = curvature[..., at, :][..., at]
-        inverse = np.linalg.pinv(block, rcond=BLIND, hermitian=True)
+        inverse = np.linalg.pinv(curvature[..., at, :][..., at], rcond=BLIND, hermitian=True)
         b = slope[..., at]
         values.append(square - np.einsum("...i,...ij,...j", b, inverse, b))
     return np.asarray(np.maximum(np.stack(values, axis=-1), 0.0))

@@ -109,8 +109,6 @@ def of_samples(
     A = flat.T @ flat / np.sqrt(np.outer(excess, excess))
     if np.any(excess != 1.0):
         return Information(A, A)
-    S = sum(
-        (scores_covariance(outputs[:, o], weight[o] * projected[:, o], n.step, n.deviation)
-         for o, n in enumerate(noise)), np.zeros_like(A),
-    )  # fmt: skip
+    S = sum((scores_covariance(outputs[:, o], weight[o] * projected[:, o], n.step, n.deviation)
+             for o, n in enumerate(noise)), np.zeros_like(A))  # fmt: skip
     return Information(A, np.asarray(S))

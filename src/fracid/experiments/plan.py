@@ -213,8 +213,7 @@ class Plan(CardDisplay, Record):
         details = [*(rows[MOST_ROWS - 1 :] if len(rows) > MOST_ROWS else []),
                    *((n, text) for n, text in texts.items() if n not in named)]  # fmt: skip
         count = len(self.experiments)
-        title = f"Plan of {count} experiment{'s' * (count > 1)} for {self.name}"
-        return Card(title, (*shown, *tail), tuple(details))
+        return Card(f"Plan of {count} experiment{'s' * (count > 1)} for {self.name}", (*shown, *tail), tuple(details))
 
     def _comparisons(self, named: tuple[str, ...]) -> Iterator[tuple[str, str]]:
         """With what is known now, and with the integer-order alternatives."""

@@ -32,7 +32,7 @@ from fracid.estimation.rounding import encoder_noise
 from fracid.experiments.information import Information, Noise, of_samples
 from fracid.experiments.space import SPEED, Candidate, DesignSpace
 from fracid.findings import Words
-from fracid.models import Model
+from fracid.models import Model, Parameter
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.unknowns import Unknown, Value
 from fracid.solver.inputs import Between
@@ -313,15 +313,12 @@ def subject_of_model(
     values = {n: (orders or {}).get(n, float(model.integer_order(n) or 1.0)) for n in model.order_names}
     model.state_orders(values)
     names = tuple(free) or (*model.order_names, *_usually_free(model, driven=any(space.voltages)))
-    for n in names:
-        if n not in model.order_names:
-            model.parameter(n)
+    parameters = [model.parameter(n) for n in names if n not in model.order_names]
     outputs = tuple(space.sensors) or tuple(model.outputs)
     still = Experiment("nothing yet", 0.1, np.zeros((10, len(outputs))), np.zeros((1, max(1, len(model.inputs)))))
-    ranges = {n: _around(model.parameter(n).value, n, model) for n in names if n not in model.order_names}
     problem = Problem(
         model, (still,), {n: Free(q, min(0.5, q / 2), max(1.2, q)) if n in names else q for n, q in values.items()},
-        ranges, outputs=outputs, initial_state="held",
+        {p.name: _around(p) for p in parameters}, outputs=outputs, initial_state="held",
     )  # fmt: skip
     counts = (COUNTS if model.angles else 0.0) if space.counts is None else space.counts
     step = 2 * math.pi / counts if counts else 0.0
@@ -348,10 +345,9 @@ def _usually_free(model: Model, driven: bool) -> tuple[str, ...]:
     return tuple(p.name for p in model.parameters if p.name in wanted and p.value != 0.0)
 
 
-def _around(value: float, name: str, model: Model) -> Free:
-    p = model.parameter(name)
-    ends = sorted((value / WIDE, value * WIDE)) if value else (-1e-3, 1e-3)
-    return Free(value, max(ends[0], p.lower), min(ends[1], p.upper))
+def _around(p: Parameter) -> Free:
+    ends = sorted((p.value / WIDE, p.value * WIDE)) if p.value else (-1e-3, 1e-3)
+    return Free(p.value, max(ends[0], p.lower), min(ends[1], p.upper))
 
 
 def _starting_at(problem: Problem, values: Mapping[str, float], held: Collection[str] = ()) -> Problem:

@@ -170,8 +170,7 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
     if lacking and (functions := [n for n in model.outputs if n not in model.output_states]):
         names = ", ".join(functions)
         yield f"In {' and '.join(lacking)} the model gives its states; {names} is a function of them, which it lacks."
-    channels = {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}
-    if channels:
+    if channels := {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
     if "matlab" in tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
         yield "In MATLAB inputs are straight lines; where one jumps, give it the mean of both values."

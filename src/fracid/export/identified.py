@@ -126,8 +126,7 @@ class Identified:
     @cached_property
     def orders(self) -> tuple[Quantity, ...]:
         """Each order that has a name, once; they are in the tables."""
-        model = self.problem.model
-        named = by_name(model.orders, self.tables.orders)
+        named = by_name(self.problem.model.orders, self.tables.orders)
         about = "order of the derivative, which the tables of the memory are made for"
         return tuple(self._quantity(str(n), "1", q, about) for n, q in named.items() if not isinstance(n, float))
 

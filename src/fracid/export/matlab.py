@@ -106,8 +106,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
         "cost": result["cost"], "recordings": _cell(recordings),
         "options": {"method": p.method, "memory": p.memory.name, "substeps": float(p.substeps),
                     "initial_state": p.initial_state, "weights": p.weights, "cost": p.cost_function.name,
-                    "preset": result.get("preset")},
-        **more,
+                    "preset": result.get("preset")}, **more,
     }  # fmt: skip
     memory = BytesIO()
     savemat(memory, _plain(content), do_compression=True, oned_as="column", long_field_names=True)

@@ -280,9 +280,8 @@ class LinearModel:
         InputError
             Without python-control.
         """
-        states = [f"z{i}" for i in range(len(self.A))]
         return _control().ss(self.A, self.B, self.C, self.D, inputs=list(self.inputs), outputs=list(self.outputs),
-                             states=states, name=self.name)  # fmt: skip
+                             states=[f"z{i}" for i in range(len(self.A))], name=self.name)  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         """Everything, as plain JSON values."""
@@ -324,9 +323,8 @@ class Mode:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values."""
-        exact = None if self.exact is None else [self.exact.real, self.exact.imag]
         return {"pole": [self.pole.real, self.pole.imag], "frequency": self.frequency, "damping": self.damping,
-                "fractional_pole": exact}  # fmt: skip
+                "fractional_pole": None if self.exact is None else [self.exact.real, self.exact.imag]}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -485,14 +483,13 @@ class IntegerModel:
 
     def to_json(self) -> dict[str, Any]:
         """Operators, matrices and linear models as plain JSON values."""
-        operators = dict(zip(self.model.states, self.operators, strict=True))
         return {
             "about": "z' = -decay*z + B f(x, u), x = x0 + C z; linear about x_e (about) and u_e (driven): "
                      "z' = A z + B (u - u_e), y - y_e = C z",
             "operators": {
                 n: {"order": o.order, "poles": o.poles.tolist(), "residues": o.residues.tolist(), "band": list(o.band),
                     "error_decibel": o.errors[0], "error_degrees": o.errors[1]}
-                for n, o in operators.items()
+                for n, o in zip(self.model.states, self.operators, strict=True)
             },
             "decay": self.decay.tolist(), "B": self.B.tolist(), "C": self.C.tolist(),
             "linear": {n: m.to_json() for n, m in self.linear.items()},
@@ -564,8 +561,7 @@ def linear_sentences(system: IntegerModel) -> Iterator[str]:
     without = ["dry friction"] * any(p[n] != smooth[n] for n in dry)
     without += [n for n in p if p[n] != smooth[n] and n not in (*dry, model.drive)]
     if without:
-        have = "has" if len(without) == 1 else "have"
-        yield SAYS("without", names=" and ".join(without), have=have)
+        yield SAYS("without", names=" and ".join(without), have="has" if len(without) == 1 else "have")
     for delta in (name for name in model.relaxing.values() if p[name] > 0):
         yield SAYS("sticks", delta=delta, value=p[delta], unit=model.parameter(delta).unit)
     if p.get(model.drive) == 0:
@@ -583,10 +579,8 @@ def _fidelity(run: SavedRun, system: IntegerModel) -> Iterator[str]:
     p, e = run.problem, run.problem.experiments[0]
     if e.past is not None:
         return
-    case = Case.of(p, run.x, e)
     exact = (replace(p, method="pi2") if METHODS[p.method].convergence_order < 2 else p).simulate(run.x, e).states
-    errors = follows(system, case, exact)
-    if not errors:  # its outputs are functions of the states
+    if not (errors := follows(system, Case.of(p, run.x, e), exact)):  # its outputs are functions of the states
         return
     if not all(map(math.isfinite, errors.values())):
         yield f"Over {e.name} the integer-order model cannot be simulated at the recording's step."

@@ -52,8 +52,7 @@ def _csv(recording: RecordingFit, e: Experiment, model: Model) -> str:
         columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
         columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
     if len(e.inputs) > 1:
-        names = [f"{n} [{model.input_units.get(n, 'SI')}]" for n in model.inputs]
-        columns |= zip(names, e.inputs.T, strict=True)
+        columns |= {f"{n} [{model.input_units.get(n, 'SI')}]": u for n, u in zip(model.inputs, e.inputs.T, strict=True)}
     text = StringIO()
     writer = csv.writer(text)
     writer.writerow(map(csv_cell, columns))  # of a model of one's own a name may be anything

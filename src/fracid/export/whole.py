@@ -66,8 +66,7 @@ def written(model: Model, language: str, taken: Sequence[str] = ()) -> str:
         raise InputError(SAYS("other-rhs", model=model, what=what))
     zero = f"; {model.pendulum} = 0 is {model.zero}" if model.pendulum and model.zero else ""
     name = one_line(model.name).replace("*/", "* /")
-    title = f"Right-hand side of the model {name}{zero}."
-    return LANGUAGES[language](model.program, taken, title).text()
+    return LANGUAGES[language](model.program, taken, f"Right-hand side of the model {name}{zero}.").text()
 
 
 def written_outputs(model: Model, language: str, taken: Sequence[str] = ()) -> str:

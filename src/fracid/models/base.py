@@ -148,8 +148,7 @@ class Parameter:
         if not is_number(self.value) or not math.isfinite(self.value):
             raise InputError(f"parameter {self.name} = {self.value!r}: expected a finite number [{self.unit}]")
         if not self.lower <= self.value <= self.upper:
-            unit = "" if self.unit == "-" else f" {self.unit}"
-            raise InputError(SAYS("beyond-bounds", p=self, unit=unit))
+            raise InputError(SAYS("beyond-bounds", p=self, unit="" if self.unit == "-" else f" {self.unit}"))
 
 
 @dataclass(frozen=True)
@@ -613,8 +612,7 @@ class Model(CardDisplay):
         values = {name.rstrip("_"): order for name, order in orders.items()}
         for name, order in values.items():
             _check_order(self, name, order)
-        missing = [name for name in self.order_names if name not in values]
-        if missing:
+        if missing := [name for name in self.order_names if name not in values]:
             example = ", ".join(f"{name!r}: 1.0" for name in self.order_names)
             raise InputError(f"the order {missing[0]!r} of the {self.name} model is missing: give {{{example}}}")
         p = self.parameter_vector() if parameters is None else parameters
@@ -716,8 +714,7 @@ class Model(CardDisplay):
         ), tuple(values))  # fmt: skip
 
     def _overridden(self, values: Mapping[str, float]) -> tuple[Parameter, ...]:
-        for name in values:
-            self.parameter(name)
+        refuse_unknown(f"{self.name} parameter", self.parameter_names, *values)
         return tuple(replace(p, value=values[p.name]) if p.name in values else p for p in self.parameters)
 
 
@@ -752,8 +749,7 @@ def _check_names(model: Model) -> None:
     """Distinct names, a known zero."""
     for what in ("states", "inputs", "parameter_names"):
         names = getattr(model, what)
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
+        if twice := [name for name in names if names.count(name) > 1]:
             raise InputError(f"model {model.name}: {twice[0]!r} stands twice in {what}; names must differ")
     for order in {*model.orders}.intersection((*model.states, *model.inputs, *model.parameter_names)):
         raise InputError(SAYS("order-taken", model=model, order=order))

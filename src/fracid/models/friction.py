@@ -68,8 +68,7 @@ class Friction:
         True
         """
         whole: dict[str, Any] = {**TABLE["rungs"].get(row["rung"], {}), **row}
-        tuples: dict[str, Any] = {n: tuple(v) for n, v in whole.items() if isinstance(v, list)}
-        return cls(**{**whole, **tuples})
+        return cls(**{**whole, **{n: tuple(v) for n, v in whole.items() if isinstance(v, list)}})
 
     @property
     def dry(self) -> bool:

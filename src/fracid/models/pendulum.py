@@ -137,11 +137,10 @@ def rotary_pendulum(
     if actuation not in ("voltage", "torque"):
         raise InputError(f"actuation = {actuation!r}: expected 'voltage' (input in V) or 'torque' (input in N m)")
     torque: dict[str, float] = {"torque_per_volt": 1.0} if actuation == "torque" else {}
-    model = replace(
+    return replace(
         _of_the_file(zero), inputs=(actuation,), input_units={actuation: {"voltage": "V", "torque": "N m"}[actuation]},
         source=f"{RIGS[rig].title}. {RIGS[rig].source}",
-    )  # fmt: skip
-    return model.with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})
+    ).with_parameters(**{**RIGS[rig].parameters, **torque, **_lumped(overrides)})  # fmt: skip
 
 
 def mass_matrix(alpha: ArrayLike, C1: float, C3: float, C6: float, J_theta: float) -> FloatArray:
@@ -179,8 +178,7 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
     """Turn the paper's C2, C5 and I2xx into C6 and J_theta."""
     values = dict(overrides)
     given = {name: values.pop(name) for name in ("C2", "C5", "I2xx") if name in values}
-    inertias = {name: Parameter(name, "kg m^2", value, "").value for name, value in given.items()}
-    if not inertias:
+    if not (inertias := {name: Parameter(name, "kg m^2", value, "").value for name, value in given.items()}):
         return values
     if len(inertias) < 3:
         raise InputError(SAYS("inertias", names=" and ".join(inertias)))

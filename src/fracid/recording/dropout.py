@@ -124,8 +124,7 @@ def dropout_finding(d: Dropout, time: FloatArray) -> Finding:
 
 def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) -> Iterator[Dropout]:
     x = angles[name]
-    runs = _standstills(x)
-    if not runs:
+    if not (runs := _standstills(x)):
         return
     sound = np.ones(x.size, dtype=bool)
     for a, b in runs:

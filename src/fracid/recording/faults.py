@@ -178,8 +178,7 @@ def signal_faults(
             continue
         findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, x))
         for at, length in clock_jumps(t, x)[:1] if pendulum else ():
-            limit = JUMPED * float(np.median(np.diff(t)))
-            findings.append(SAYS.finding("clock-jump", s.name, length, limit, at=at))
+            findings.append(SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at))
         if not s.resolution or s.range >= FEW_COUNTS * s.resolution:
             findings += sampling if (sampling := list(_sampling(s, t, x))) or not pendulum else _clock(s, t, x)
     pair = {s.name: s for s in reports if s.name in ("theta", "alpha") and s.unit == "rad"}
@@ -296,8 +295,7 @@ def unit_of_time(length: float) -> str:
     >>> unit_of_time(2.3e5), unit_of_time(2.3e11), unit_of_time(181.0)  # frames at 30 Hz are in no unit
     ('ms', 'us', '')
     """
-    units = (u for u in ("ms", "us", "ns") if TYPICAL / UNLIKE < length * SECONDS[u] ** 2 < TYPICAL * UNLIKE)
-    return next(units, "")
+    return next((u for u in ("ms", "us", "ns") if TYPICAL / UNLIKE < length * SECONDS[u] ** 2 < TYPICAL * UNLIKE), "")
 
 
 def other_clock(length: float, column: str | None) -> tuple[str, str]:
@@ -392,8 +390,7 @@ def wraps(x: FloatArray) -> NDArray[np.bool_]:
     """
     far = np.abs(np.diff(x))
     turn = np.abs(far - 2 * math.pi) < 0.1 * 2 * math.pi
-    others = np.where(turn | ~np.isfinite(far), 0.0, far)
-    return turn & bool(np.max(others, initial=0.0) < 0.5 * math.pi)
+    return turn & bool(np.max(np.where(turn | ~np.isfinite(far), 0.0, far), initial=0.0) < 0.5 * math.pi)
 
 
 def _degrees(angle: float) -> str:

@@ -180,8 +180,7 @@ def _first(what: str, names: Mapping[str, Any] | list[str]) -> str | None:
 
 def _column(name: str, header: Sequence[str]) -> int | str:
     """A column's full name; its place, where it has none, or one that is no word."""
-    place = re.fullmatch(r"column (\d+)", name)
-    if place:
+    if place := re.fullmatch(r"column (\d+)", name):
         return int(place[1])
     full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]
     return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
@@ -242,5 +241,4 @@ def jumps(time: FloatArray, x: FloatArray) -> bool:
 
 def _is_command(x: FloatArray) -> bool:
     """Whether a column has a few values alone, and keeps each for long: steps and pulses."""
-    levels = np.unique(x[np.isfinite(x)])
-    return 2 <= levels.size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size
+    return 2 <= np.unique(x[np.isfinite(x)]).size <= LEVELS and int(np.count_nonzero(np.diff(x))) < 0.01 * x.size

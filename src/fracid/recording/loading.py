@@ -172,17 +172,15 @@ def inspect_recording(
     def recording(channels: Mapping[str, Channel], guesses: Mapping[str, str]) -> Recording:
         signals, assumed, said = _signals(table, rows, channels, columns is None, guesses=guesses)
         values, units = {n: x for n, (x, _) in signals.items()}, {n: unit for n, (_, unit) in signals.items()}
-        sentences = (*reading, *(one for one in said if isinstance(one, str)))
-        report = measure(clock, values, units, sentences, uneven=uneven)
+        report = measure(clock, values, units, (*reading, *(s for s in said if isinstance(s, str))), uneven=uneven)
         values |= {n: np.full(clock.size, value) for n, (value, _) in fixed.items()}
         findings = (*source.findings, *dead, *(one for one in said if isinstance(one, Finding)), *report.findings)
-        made = Recording(
+        return Recording(
             name or path.stem, path, digest, read_only(clock), signals={n: read_only(x) for n, x in values.items()},
             units=units | {n: unit for n, (_, unit) in fixed.items()},
             report=replace(report, findings=findings), assumed=assumed | unsaid,
             held=frozenset(n for n, c in channels.items() if c.fill == "hold"),
-        )  # fmt: skip
-        return made.between_edges()
+        ).between_edges()  # fmt: skip
 
     whole = recording(channels, {})
     guessed = _guesses(whole, table, channels, columns is not None) if guess_units else {}
@@ -201,8 +199,7 @@ def _without_repeats(
     values = table.values[rows]
     same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     twice = np.concatenate([[False], np.all(same, axis=1) & (np.diff(clock) == 0)])[: clock.size]
-    count = int(twice.sum())
-    if not count:
+    if not (count := int(twice.sum())):
         return clock, rows, ()
     rows = rows.copy()
     rows[np.flatnonzero(rows)[twice]] = False
@@ -239,8 +236,7 @@ def _left_out(
     dead = [j for j in left if rows.any() and np.ptp(table.values[rows, j]) == 0.0]
     for j in dead:
         channel, name = Channel(j, unit=header_unit(table.units[j]) or "1"), table.names[j]  # a number if nothing says
-        first = channel.convert(table.values[rows, j][:1].copy(), name)
-        yield still(name, float(first[0]), channel.signal_unit)
+        yield still(name, float(channel.convert(table.values[rows, j][:1].copy(), name)[0]), channel.signal_unit)
 
 
 def _guesses(

@@ -69,8 +69,7 @@ class Clock:
     @property
     def uniform(self) -> bool:
         """Whether every difference lies within 1 % of the step."""
-        faults = self.gaps or self.duplicated or self.backward
-        return not faults and self.worst_jitter <= UNIFORM
+        return not (self.gaps or self.duplicated or self.backward) and self.worst_jitter <= UNIFORM
 
 
 @dataclass(frozen=True)

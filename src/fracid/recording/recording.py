@@ -64,12 +64,11 @@ class Recording(CardDisplay):
         every = "" if self.step is None else f", one every {with_time_unit(self.step)}"
         release = report.release_reason if report.release is None else f"{report.release:.3f} s"
         findings = f"{len(report.warnings)}: {report.warnings[0]}" if report.warnings else "none"
-        signals = ((letter(s.name), _extent(s)) for s in report.signals)
         return Card(f"Recording {self.name}: {report.level}", (
             ("samples", f"{clock.samples:,} over {clock.duration:.4g} s{every}"),
             ("release", release),
             ("findings", findings),
-            *signals,
+            *((letter(s.name), _extent(s)) for s in report.signals),
         ), (("file", self.path.name or "none"), ("verdict", report.verdict), ("SHA-256", self.sha256)))  # fmt: skip
 
     def plot(self, *, zero: str = "", style: str | Style = "screen") -> Figure:
@@ -199,8 +198,7 @@ class Recording(CardDisplay):
         >>> sampled.report.clock.uniform, bool(abs(error).max() < 0.5)
         (True, True)
         """
-        counts = {} if self.uneven else counts_at_edges(self.time, self.signals)
-        if not counts:
+        if not (counts := {} if self.uneven else counts_at_edges(self.time, self.signals)):
             return self
         time, signals = between_edges(self.time, self.signals, counts)
         note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),
@@ -296,8 +294,7 @@ class Recording(CardDisplay):
         time = _array(f"{name}: time", time)
         if not hasattr(signals, "items"):
             raise InputError(SAYS("nameless", name=name, kind=type(signals).__name__))
-        arrays = {n: _array(f"{name}: {n}", x) for n, x in signals.items()}
-        if not arrays:
+        if not (arrays := {n: _array(f"{name}: {n}", x) for n, x in signals.items()}):
             raise InputError(f"{name}: no signal; expected e.g. {{'alpha': samples}}.")
         if not np.all(np.isfinite(time)):
             raise InputError(f"{name}: {np.count_nonzero(~np.isfinite(time))} time stamps are not finite.")

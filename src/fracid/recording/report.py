@@ -132,10 +132,9 @@ class Report:
     @property
     def notes(self) -> tuple[str, ...]:
         """Everything worth saying, in sentences, the gravest first."""
-        resampled = (self.resampled,) if self.resampled else ()
         return (
             *dict.fromkeys((*self.faults, *self.unusable, *self.warnings)),
-            *resampled,
+            *((self.resampled,) if self.resampled else ()),
             *chain.from_iterable(map(_signal_notes, self.signals)),
             *self.reading,
         )
@@ -175,14 +174,13 @@ class Report:
         """
         c = self.clock
         jitter = f"{c.jitter * 1e6:.3g} µs standard deviation, at most {100 * c.worst_jitter:.2g} % of a step"
-        gaps = f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all"
         blocks = f"{self.release:.3f} s" if self.release is not None else "none"
         return [
             ("samples", str(c.samples)),
             ("duration", f"{c.duration:.6g} s"),
             ("rate", f"{c.rate:.6g} Hz (step {with_time_unit(c.step)})" if c.step > 0 else "unknown"),
             ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
-            ("gaps", gaps if c.gaps else "none"),
+            ("gaps", f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all" if c.gaps else "none"),
             ("release", f"{blocks}: {self.release_reason}"),
         ]
 

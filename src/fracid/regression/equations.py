@@ -192,14 +192,13 @@ def regress_equations(problem: Problem) -> Regression:
         note.append(f"{', '.join(problem.orders)}: held at the start; fracid fit searches orders.")
     first = problem.experiments[0]
     width = smoothing(first.measured, first.step) * first.step
-    found = estimated(
+    return doubted(estimated(
         system, gauge, scales, v, weights=weights, parameters=wider,
         searched={n: SearchedOrder(value=v, interval95=None) for n, v in problem.order_starts.items()},
         combinations={}, estimator="huber", noise_ratio=math.nan, noise={}, cutoff=0.13 / width,
         cutoff_reason="a Gaussian window from the spectrum", window=width,
         amplitude=float(np.ptp(first.measured[:, 0]) / 2), warnings=tuple(note),
-    )  # fmt: skip
-    return doubted(found, False, "huber")
+    ), False, "huber")  # fmt: skip
 
 
 def _system(equations: Sequence[Equation], index: Sequence[int], at: FloatArray) -> tuple[System, FloatArray]:

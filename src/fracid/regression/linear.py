@@ -186,10 +186,9 @@ class Regression(CardDisplay, Record):
     @property
     def lines(self) -> list[tuple[str, str]]:
         """What stands below the constants: which are only known together, the orders, how well it fits, the filter."""
-        together = [("together", f"{name} = {value:.4g}") for name, value in self.combinations.items()]
         fit = ", ".join(f"{n}'s equation {percent:.1f} %" for n, percent in self.fit_percent.items())
         return [
-            *together,
+            *(("together", f"{name} = {value:.4g}") for name, value in self.combinations.items()),
             ("orders", ", ".join(f"{n} = {order}" for n, order in self.searched.items())),
             ("fit", "; ".join(filter(None, (fit, self.left_over)))),
             ("low-pass", f"{self.cutoff:.3g} Hz: {self.cutoff_reason}"),
@@ -336,8 +335,7 @@ class Asked:
         intervals: dict[str, tuple[float, float]] = {}
         spread = np.zeros(len(names))
         if any(isinstance(v, Free) for v in orders.values()):
-            basic = _independent(data.system(at), gauge, data.own)[0]
-            intervals, at, spread = search_orders(data, basic, orders)
+            intervals, at, spread = search_orders(data, _independent(data.system(at), gauge, data.own)[0], orders)
         searched = {n: SearchedOrder(value=v, interval95=intervals.get(n)) for n, v in at.items()}
         how = {"cutoff": hertz, "cutoff_reason": reason, "window": window, "searched": searched}
         regression = _at(data, gauge, at, estimator, spread=spread, **how)
@@ -367,7 +365,6 @@ def _at(
     v, weights = solve(estimator, system, gauge, scales, instruments=instruments)
     again = (replace(system, W=W) for W in system.noisy)  # the noise added once more
     noisier = np.array([solve(estimator, each, gauge, scales, instruments=instruments)[0] for each in again])
-    bias = bias_of(v, noisier)
     covariance = sandwich(system, gauge, scales, instruments, v=v, weights=weights, lags=overlap(data.rows[0]))
     # an encoder's rounding repeats with the motion, so that the residuals understate what it does
     variance = np.maximum(np.diag(covariance), np.var(noisier, axis=0, ddof=1)) + spread[list(gauge.free)] ** 2
@@ -377,7 +374,7 @@ def _at(
     amplitude = max(0.5 * float(np.ptp(r.swing.angles[:, 1])) for r in data.rows)
     units = {p.name: p.unit for p in data.model.parameters} | {"cable_offset": "N m"}
     own = {n: units[n] for n in data.names}
-    constants = constants_of(own, gauge, v, bias, covariance=covariance, dependent=dependent)
+    constants = constants_of(own, gauge, v, bias_of(v, noisier), covariance=covariance, dependent=dependent)
     return estimated(
         system, gauge, scales, v, weights=weights, parameters=constants,
         combinations=_combinations(data.names, dependent, gauge.beta(v)), estimator=estimator, noise_ratio=ratio,
@@ -530,10 +527,9 @@ def doubted(regression: Regression, late: bool, estimator: str) -> Regression:
     even reproduce the motion: its own bias says too little then.
     """
     wide = {n: i for n, i in regression.intervals.items() if i[1] - i[0] > WIDE}
-    poor = [n for n, percent in regression.fit_percent.items() if percent < POOR]
+    poor = {n: percent for n, percent in regression.fit_percent.items() if percent < POOR}
     messages: list[str] = [SAYS("non-identifiable", n=n, low=low, high=high) for n, (low, high) in wide.items()]
-    fits = ((n, f"{regression.fit_percent[n]:.0f} %") for n in poor)
-    messages += [f"The {n}'s equation fits by {percent} only: the model lacks something." for n, percent in fits]
+    messages += [f"The {n}'s equation fits by {p:.0f} % only: the model lacks something." for n, p in poor.items()]
     why = [f"moves with {' and '.join(wide)}, practically non-identifiable here"] if wide else []
     why += ["moves with the orders, which a start in motion falsifies"] if late else []
     why += [f"the {n}'s equation does not fit" for n in poor]

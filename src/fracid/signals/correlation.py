@@ -21,8 +21,7 @@ def longest_stretch(mask: NDArray[np.bool_]) -> slice:
     >>> longest_stretch(np.array([True, False, True, True, False]))
     slice(2, 4, None)
     """
-    found = stretches(mask).tolist()
-    return slice(*max(found, key=lambda ends: ends[1] - ends[0], default=(0, 0)))
+    return slice(*max(stretches(mask).tolist(), key=lambda ends: ends[1] - ends[0], default=(0, 0)))
 
 
 # --- whiteness -------------------------------------------------------------------------------------

@@ -186,8 +186,7 @@ def _exact(spacings: FloatArray) -> Lattice | None:
 def _octaves(spacings: FloatArray) -> Iterator[float]:
     """The middle of each octave in which spacings lie, the largest first, but of a few small ones."""
     octave, count = np.unique(np.round(np.log2(spacings)), return_counts=True)
-    often = count >= min(3, 0.005 * spacings.size)
-    yield from np.exp2(octave[often])[::-1].tolist()
+    yield from np.exp2(octave[count >= min(3, 0.005 * spacings.size)])[::-1].tolist()
 
 
 def _agreed(values: FloatArray, weights: FloatArray, octave: float) -> float | None:

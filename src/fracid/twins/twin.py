@@ -246,8 +246,7 @@ class Twin(CardDisplay):
         run = simulate(
             self.model, orders=self.model.state_orders(self.orders), initial=self.model.state_vector(self.initial),
             parameters=self.parameters, step=h, start=self.hold, end=self.hold + steps * h, method=self.method,
-            memory=self.memory, inputs=self._driven(steps, h), history=self.history,
-            limit=self.limit,
+            memory=self.memory, inputs=self._driven(steps, h), history=self.history, limit=self.limit,
         )  # fmt: skip
         slack = 1e-6 * self.step
         held, reached = self.time < self.hold - slack, self.time <= run.time[-1] + slack
@@ -321,8 +320,7 @@ class Twin(CardDisplay):
         given, nothing = {n: np.interp(run.time, *v) for n, v in self._inputs.items()}, np.zeros(len(run.time))
         u = np.array([given.get(n, nothing) for n in self.model.inputs]).reshape(-1, len(run.time)).T
         p = self.model.parameter_vector(self.parameters)
-        units: dict[str, str] = {}
-        signals: dict[str, FloatArray] = {}
+        units, signals = dict[str, str](), dict[str, FloatArray]()
         for name, y in self.model.outputs.items():
             clean = run.states[:, y] if isinstance(y, int) else output_along(y, run.time, run.states, u, p=p)
             units[name] = si_unit(self.model.output_unit(name))

@@ -60,8 +60,7 @@ def table_of(name: str) -> Mapping[str, Any]:
     >>> table_of("pendulum")["model"]["inputs"]
     {'torque': 'N m'}
     """
-    folder = "models/library" if name in MODEL else "models"
-    return tomllib.loads(own_text(f"{folder}/{name}.toml"))
+    return tomllib.loads(own_text(f"{'models/library' if name in MODEL else 'models'}/{name}.toml"))
 
 
 def from_library(name: str, *, zero: str | None = None, **parameters: float) -> Model:

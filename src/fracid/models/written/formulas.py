@@ -117,8 +117,7 @@ class _Parser:
                 hint = "; is a * missing after the number?" if self.text[place].isdigit() else hint
                 raise self.wrong(place, f"`{self.text[place]}` means nothing here{hint}.")
             kind = str(match.lastgroup)
-            text = match[kind]
-            if len(text) > SHOWN:
+            if len(text := match[kind]) > SHOWN:
                 raise self.wrong(match.start(kind), f"This has {len(text)} characters; {SHOWN} are read.")
             found.append(_Token("word" if text in WORDS else kind, text, match.start(kind)))
             place = match.end()

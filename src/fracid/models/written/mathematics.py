@@ -148,8 +148,7 @@ class _Read(Flat):
                 rates[i], self.inline[e.name] = self.definitions.pop(e.name), out[i]
         known = [i for i, e in enumerate(rates) if isinstance(e, Entry) and e.array == "x"]
         solved = dict(self._solved(rates))
-        found = [line for i, e in enumerate(rates) if i not in known
-                 for line in solved.get(i, [self._over(out[i], e)])]  # fmt: skip
+        found = [line for i, e in enumerate(rates) if i not in known for line in solved.get(i, [self._over(out[i], e)])]
         found += [Equality(Name(n), self._output(h)) for n, h in self.model.outputs.items() if not isinstance(h, int)]
         self.known.clear()
         left = self._placed(found)
@@ -473,9 +472,8 @@ class Mathematics:
             case Operation("not", (a,)):
                 return self.joined(self.mark("text", "not "), self.expression(a, 1))
             case Operation(sign, (a, b)) if sign in ("%", "//"):
-                what = self.joined(self.expression(a, 1), self.mark("text", {"%": " mod ", "//": " div "}[sign]),
-                                   self.expression(b, 1))  # fmt: skip
-                return self._bracketed(what, level > 0)
+                mark = self.mark("text", {"%": " mod ", "//": " div "}[sign])
+                return self._bracketed(self.joined(self.expression(a, 1), mark, self.expression(b, 1)), level > 0)
             case Operation("/") if level > 1:
                 return self._bracketed(self._inline(e), needed=True)
         written = [self._term(*t) for t in terms(e)]

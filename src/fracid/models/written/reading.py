@@ -155,8 +155,7 @@ def read_outputs(outputs: Sequence[Any], parameters: tuple[str, ...], states: in
     for i, h in enumerate(outputs):
         statements, value = ([], Entry("x", Number(h))) if isinstance(h, int) else unit.body(h, states, inputs)
         body += [*statements, Assign(Entry("out", Number(i)), value)]
-    names = tuple(f"output {i}" for i in range(len(outputs)))
-    return Program(names, (), unit.read, without_unused(tuple(body)))
+    return Program(tuple(f"output {i}" for i in range(len(outputs))), (), unit.read, without_unused(tuple(body)))
 
 
 def read_functions(*functions: Any) -> tuple[Function, ...]:
@@ -188,8 +187,7 @@ def without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
     while True:
         names = mentioned(body)
         targets = [s.target.name for s in parts(body) if isinstance(s, Assign) and isinstance(s.target, Name)]
-        unused = {n for n in targets if names.count(n) == targets.count(n)}
-        if not unused:
+        if not (unused := {n for n in targets if names.count(n) == targets.count(n)}):
             return body
         body = _without(body, lambda s, unused=unused: isinstance(s.target, Name) and s.target.name in unused)  # type: ignore[misc]
 
@@ -317,9 +315,8 @@ class _Unit:
                 scope.statement(s)
             about = (f.__doc__ or "").strip().partition("\n")[0]
             del self.functions[f]
-            made = Function(_new(f.__name__, taken), tuple(scope.names[n] for n in names),
-                            without_unused(tuple(scope.statements)), about)  # fmt: skip
-            self.functions[f] = made
+            self.functions[f] = Function(_new(f.__name__, taken), tuple(scope.names[n] for n in names),
+                                         without_unused(tuple(scope.statements)), about)  # fmt: skip
         found = self.functions[f]
         return found.name if found else ""
 
@@ -437,8 +434,7 @@ class _Scope:
                 if not -of.count <= k.value < of.count:
                     raise self.wrong(at, f"There are {of.count} entries.")
                 place = of.start + k.value % of.count
-                name = self.unit.parameters[place] if of.array == "p" else ""
-                return Entry(of.array, Number(place), name)
+                return Entry(of.array, Number(place), self.unit.parameters[place] if of.array == "p" else "")
             if isinstance(of, tuple | list | np.ndarray):
                 return _as_number(of[k.value])
         elif isinstance(of, View) and of.array in ("x", "u") and of.start == 0:
@@ -677,9 +673,8 @@ class _Scope:
             if k and isinstance(v, Expression) and (not stored.isdisjoint(mentioned(v)) or _reads_out(v)):
                 name = Name(self.fresh("was"))
                 self.statements.append(Assign(name, v))
-                kept.append(name)
-            else:
-                kept.append(v)
+                v = name
+            kept.append(v)
         for k, (t, v) in enumerate(zip(targets, kept, strict=True)):
             self._assign(t, v, note if k == len(kept) - 1 else "")
 
@@ -699,8 +694,7 @@ def _returns(s: ast.AST) -> bool:
 
 def _gives_several(f: Any) -> bool:
     """Whether a function returns a tuple."""
-    node = _source(f)[2]
-    return any(isinstance(s, ast.Return) and isinstance(s.value, ast.Tuple) for s in ast.walk(node))
+    return any(isinstance(s, ast.Return) and isinstance(s.value, ast.Tuple) for s in ast.walk(_source(f)[2]))
 
 
 def _as_number(value: Any) -> Any:

@@ -171,20 +171,17 @@ def is_unit(word: str) -> bool:
 def _nothing(path: Path, left_out: Mapping[str, str]) -> str:
     """Return why there is no recording."""
     start = f"{path.name} holds no arrays of numbers."
-    single = [name for name, why in left_out.items() if why == SINGLE]
-    if single:
+    if single := [name for name, why in left_out.items() if why == SINGLE]:
         names = _shortened([ascii_short(n)[1:-1] for n in single])
         start = f"{path.name} holds single numbers ({names}); a recording needs at least two samples."
-    others = [f"{ascii_short(n)[1:-1]} {why}" for n, why in left_out.items() if n not in single]
-    if others:
+    if others := [f"{ascii_short(n)[1:-1]} {why}" for n, why in left_out.items() if n not in single]:
         return f"{start} What it holds: {'; '.join(others[:3])}{'; and more' * (len(others) > 3)}."
     return start if single else f"{start} Save them as plain arrays: save('f.mat', 't', 'theta', 'alpha')."
 
 
 def _named(flat: Mapping[str, Array | LeftOut], variable: str, path: Path) -> dict[str, Array | LeftOut]:
     """Return the array of that name, or all within the struct or group of that name."""
-    matches = {k: a for k, a in flat.items() if k == variable or k.startswith(f"{variable}.")}
-    if not matches:
+    if not (matches := {k: a for k, a in flat.items() if k == variable or k.startswith(f"{variable}.")}):
         arrays = {k: a for k, a in flat.items() if not isinstance(a, LeftOut)}
         raise InputError(f"{path.name} has no variable {ascii_short(variable)}. It holds: {_list(arrays)}.")
     return {k.removeprefix(f"{variable}."): a for k, a in matches.items()}
@@ -206,8 +203,7 @@ def _shortened(entries: list[str], most: int = LISTED) -> str:
 def _flatten(content: Content) -> dict[str, Array | LeftOut]:
     """Turn structs, groups and named fields into dotted names: ``data.theta``."""
     flat = dict(walk(content, ""))
-    top = {k.split(".")[0] for k in flat}
-    alone = len(top) == 1 and len(flat) > 1  # one struct holds all: its name adds nothing
+    alone = len({k.split(".")[0] for k in flat}) == 1 and len(flat) > 1  # one struct holds all: its name adds nothing
     return {k.split(".", 1)[1]: a for k, a in flat.items()} if alone else flat
 
 

@@ -131,8 +131,7 @@ class _Reader:
                     raise _Damaged("it ends in the middle of a tag")
                 return
             first, size = struct.unpack_from(self.order + "II", self.raw, start)
-            small = first >> 16
-            if small:
+            if small := first >> 16:
                 kind, size, at, after = first & 0xFFFF, small, start + 4, start + 8
                 if size > 4:
                     raise _Damaged(f"a small element of {size} bytes")
