@@ -121,7 +121,7 @@ def test_rivals_are_held_against_the_fit_at_the_step_of_its_search_where_that_co
     (tmp_path / "project.toml").write_text(STEEP.replace("5e-3", f"{slip_speed}"), encoding="utf-8")
     searched = fracid.load_project(tmp_path / "project.toml").problem
     fine = replace(searched, substeps=8)
-    asked = SimpleNamespace(problem=searched, window=None, jobs=1)
+    asked = SimpleNamespace(problem=searched, window=None, alternatives={}, jobs=1)
     found = _Findings(asked, fine, fine.evaluate([0.05]), Outcome.CONVERGED, (), np.inf, None, [], 8)
     where, beside = found._cheaper(fine)
     assert where.substeps == taken
