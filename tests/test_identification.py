@@ -332,7 +332,7 @@ def test_ctrl_c_keeps_the_best_so_far(optimiser):
 
 
 @pytest.mark.few(1)
-@pytest.mark.parametrize("stage", ["uncertainty", "_validate", "discretisation_check", "refined"])
+@pytest.mark.parametrize("stage", ["uncertainty", "_validate", "discretisation_check", "lowest_from"])
 def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     def interrupted(*args, **options):
         raise KeyboardInterrupt

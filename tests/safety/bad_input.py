@@ -308,7 +308,7 @@ SAMPLES = [
     Row("an angle whose count was wrapped", "log.csv", text(columns=(T, THETA, (ALPHA + 2 * np.pi) % (2 * np.pi))),
         "between two samples it jumps by a whole turn, … was its count wrapped? Type unwrap = true in its table.", 0),
     Row("a clock that was set", "log.csv", text(columns=(np.where(T > 2, T + 0.15, T), THETA, ALPHA)),
-        "samples are missing in 1 gap (160 ms after 2 s) … its clock jumps by 0.16 s after 2 s, and the motion goes on as if it had not", 0),
+        "samples are missing in 1 gap (0.16 s after 2 s) … its clock jumps by 0.16 s after 2 s, and the motion goes on as if it had not", 0),
     Row("a clock of 32 bits that begins again", "log.csv", text(head="micros,theta,alpha", columns=((4.293e9 + 1e6 * T) % 2**32, THETA, ALPHA)),
         "'micros' begins again at 2³² once: the clock is continued.", 0),
     Row("infinite time stamps", "log.csv", text(columns=with_column(0, 7, np.inf)),

@@ -273,8 +273,8 @@ def _spread_out(
     seen, n = free[at], len(x)
     (error, white), (limits, rises), covariance = (np.full(s, np.nan) for s in ((2, n), (2, n, 2), (n, n)))
     wider, null_space = np.ones(n), np.zeros((len(directions), n))
-    error[seen] = np.sqrt(np.diag(found.covariance))[at]
-    white[seen] = np.sqrt(np.diag(found.white))[at]
+    error[seen] = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))[at]  # rounding, where nothing is left over
+    white[seen] = np.sqrt(np.maximum(np.diag(found.white), 0.0))[at]
     covariance[np.ix_(seen, seen)] = found.covariance[np.ix_(at, at)]
     wider[free], null_space[:, free] = found.widening, directions
     limits[seen], rises[free] = np.clip(ends[at], space.lower[seen, None], space.upper[seen, None]), rise
