@@ -38,6 +38,15 @@ def test_an_alternative_that_does_as_well_makes_the_claim_integer_whatever_is_le
     assert claim_of(CLEAR, nearest(as_well=True), NOISE).reasons == ("A delay does as well.",)
 
 
+def test_an_alternative_that_does_nearly_as_well_decides_nothing():
+    claim = claim_of(CLEAR, replace(nearest(as_well=True), gain=7.4, settles=False), NOISE)
+    assert claim.claim == "undecided"
+    assert claim.reasons[1:] == (
+        "A BIC that is higher by 2 to 10 speaks for the orders, but not strongly.",
+        "To decide: longer recordings, or larger motions.",
+    )
+
+
 def test_compare_is_named_only_where_the_model_has_what_it_would_look_for():
     for rungs, named in (((), [False, False]), (("branch",), [True, False]), (("springpot",), [True, True])):
         orders = [OrderFound("q", q, 0.01, rungs=frozenset(rungs)) for q in (0.9, 1.0)]

@@ -23,6 +23,9 @@ from fracid.problem.costs import Cost
 STRONG = 10.0
 """A difference above this is strong evidence [2]_."""
 
+EVEN = 2.0
+"""A difference below this is not worth more than a bare mention [2]_."""
+
 
 def schwarz(squares: float, parameters: int, samples: float, cost: Cost) -> float:
     """BIC, up to what all models of the same recordings have in common.

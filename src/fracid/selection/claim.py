@@ -29,7 +29,7 @@ from fracid.estimation.covariance import Uncertainty
 from fracid.findings import Note, Words
 from fracid.models.friction import SPRINGPOT
 from fracid.problem import Problem
-from fracid.selection.bic import STRONG
+from fracid.selection.bic import EVEN, STRONG
 from fracid.selection.fractional_element import FractionalElement
 from fracid.selection.integer_rival import OFF, Alternative, FiniteMemory, claimable, integers_of
 from fracid.signals.left_over import LeftOver
@@ -207,7 +207,9 @@ def claim_of(
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
             return Claim("integer", (alternative.warning, *open_question))
-        return _undecided(alternative.warning, SAYS("unsettled"), *open_question, decides)
+        weak = EVEN < alternative.gain <= STRONG
+        decides = SAYS("decide-longer") if weak and not unexplained else decides
+        return _undecided(alternative.warning, SAYS("weak" if weak else "unsettled"), *open_question, decides)
     if not off:
         claim = _not_off(orders, KNOWN / 2 if unexplained else KNOWN)
         decides = decides if unexplained else SAYS("decide-longer")

@@ -25,7 +25,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from fracid.findings import Note, Words
-from fracid.selection.bic import STRONG
+from fracid.selection.bic import EVEN, STRONG
 from fracid.selection.comparison_records import Comparison, Row, held_out_errors
 from fracid.units import half_of, letter, with_half_width
 
@@ -129,7 +129,7 @@ def as_good_as_integer(comparison: Comparison) -> str:
     integer, fractional = comparison.best(fractional=False), comparison.best(fractional=True)
     if not comparison.held_out:
         gain = integer.bic - fractional.bic
-        return comparison.verdict if math.isfinite(gain) and gain <= STRONG else ""
+        return comparison.verdict if math.isfinite(gain) and gain <= EVEN else ""
     as_good = math.isfinite(integer.error) and ratio_of(fractional, integer) >= 1 - MARGIN
     return comparison.verdict if as_good else ""
 

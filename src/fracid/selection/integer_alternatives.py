@@ -50,7 +50,7 @@ from fracid.optimise import OPTIMISERS, Evaluation
 from fracid.problem import Free, Problem
 from fracid.problem.sensors import Quantity, Sensor
 from fracid.safety.door import own_text
-from fracid.selection.bic import STRONG
+from fracid.selection.bic import EVEN, STRONG
 from fracid.selection.finite_memory import finite_memories
 from fracid.selection.integer_rival import (
     Alternative,
@@ -238,7 +238,7 @@ def integer_alternatives(
     samples, trial = _tried("friction" if here.own else "the same model", here, problem, best)
     others = [*_of_the_project(own or {}, here, problem, best, starts=starts, seed=seed, watch=watch)]
     trials = [trial, *(t for _, _, t in others)]
-    settled, base = any(t.as_well for t in trials), here
+    settled, base = any(t.as_good for t in trials), here
     for change in ELEMENTS:
         for element in () if settled else change(base.problem):
             if not element.possible or (element.slow and not slow) or watch.spent:
@@ -250,14 +250,16 @@ def integer_alternatives(
                 continue
             n, found = _tried(element.name, there, problem, beside)
             trials.append(found)
-            if found.as_well or (element.whole is None and found.gain < trial.gain - STRONG):
+            better = found.as_good or (element.whole is None and found.gain < trial.gain - STRONG)
+            if better or (found.as_well and found.gain < trial.gain):
                 here, samples, trial = there, n, found
-                base = there if element.whole is None else base  # not on a record in parts
-            if found.as_well and not there.limited:
+            if better and element.whole is None:  # not on a record in parts
+                base = there
+            if found.as_good and not there.limited:
                 settled = True
                 break
     for there, n, found in others:
-        if (found.as_well, -found.gain) > (settled and not any(t.as_well for _, _, t in others), -trial.gain):
+        if (found.as_good, -found.gain) > (settled and not any(t.as_good for _, _, t in others), -trial.gain):
             here, samples, trial = there, n, found
     as_well = any(t.as_well for t in trials)
     last = as_well or not slow or watch.spent
@@ -265,8 +267,8 @@ def integer_alternatives(
     orders = (*here.off, *(n for n, to in problem.ties.items() if to in here.off))
     nearest = Alternative(
         here.structure, orders, here.evaluation.cost, here.parameters, gain=trial.gain, effective_samples=samples,
-        trials=tuple(trials), values=here.nested_in(problem), settles=here.settles, memories=memories, cut=watch.spent,
-        judged=judged(here, trial.gain) if as_well else None,
+        trials=tuple(trials), values=here.nested_in(problem), settles=trial.as_good and here.settles, memories=memories,
+        cut=watch.spent, judged=judged(here, trial.gain) if as_well else None,
     )  # fmt: skip
     return beside_fit(nearest, here.off, problem, best.cost, best.cost)
 
@@ -292,7 +294,8 @@ def _tried(name: str, rival: Rival, problem: Problem, best: Evaluation) -> tuple
     """The samples that residuals are worth, and whether a model of integer order does as well as a fractional fit."""
     samples, gain = gain_over(rival, problem, best)
     cost, larger = rival.evaluation.cost, not rival.nested and len(rival.problem.names) > len(problem.names)
-    return samples, Trial(name, cost, gain, gain <= STRONG or (not larger and cost <= (1 + SAME) * best.cost))
+    same = not larger and cost <= (1 + SAME) * best.cost
+    return samples, Trial(name, cost, gain, as_well=gain <= STRONG or same, as_good=gain <= EVEN or same)
 
 
 def fitted_with(element: Element, here: Rival, goal: float, *, watch: Watch | None = None) -> Rival | None:

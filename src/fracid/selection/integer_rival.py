@@ -44,7 +44,7 @@ from fracid.problem import Free, Problem
 from fracid.problem.unknowns import Value
 from fracid.safety.schema import Beside, Infinite, Listed, Record, Unknown
 from fracid.selection import coloured_noise
-from fracid.selection.bic import STRONG, schwarz
+from fracid.selection.bic import EVEN, STRONG, schwarz
 from fracid.selection.residual_noise import leftovers
 from fracid.signals.correlation import effective_samples
 from fracid.units import letter
@@ -80,7 +80,9 @@ class Trial(Record):
     gain: Annotated[Infinite, GAIN]
     """BIC of it minus that of the fractional fit."""
     as_well: bool = False
-    """Whether it explains the recordings as well as the orders do."""
+    """Whether it explains the recordings nearly as well as the orders do: nothing strong speaks for these."""
+    as_good: Beside[bool] = field(default=False, compare=False)
+    """Whether nothing speaks for the orders."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class Alternative(Record):
     values: Beside[Mapping[str, float]] = field(default_factory=dict, compare=False)
     """Its unknowns, and the orders at their integers: from where a fit that costs more goes on."""
     settles: bool = True
-    """Whether it is at no limit of its own, and leaves nothing but noise."""
+    """Whether it is as good, at no limit of its own, and leaves nothing but noise."""
     memories: Listed[FiniteMemory] = ()
     """One relaxation, two, three in the place of the orders, up to the first that does as well; empty where something
     else does, or contradicts the orders."""
@@ -159,7 +161,8 @@ def beside_fit(
         what, follows = nearest.judged
         values = " and ".join(f"{letter(n)} = {orders[n]:.4g}" for n in nearest.orders if n in orders)
         explains = _beside(other, there, nearest.gain)
-        warning = f"{values}: no evidence of fractional dynamics. {what} {explains}.{follows}"
+        strong = "strong " * (nearest.gain > EVEN)
+        warning = f"{values}: no {strong}evidence of fractional dynamics. {what} {explains}.{follows}"
     trials = tuple(replace(t, cost=of_fit(t.cost)) for t in nearest.trials)
     memories = tuple(replace(m, cost=of_fit(m.cost)) for m in nearest.memories)
     return replace(nearest, cost=other, warning=warning, trials=trials, memories=memories)
@@ -509,7 +512,8 @@ def judged(rival: Rival, gain: float) -> tuple[str, str] | None:
     with_what = f" ({', '.join(f'{n} = {v:.3g}' for n, v in parameters.items())})" if parameters else ""
     lacking = "what the model lacks" if rival.elements else "friction that the model lacks or fixes"
     free = f"; free {', '.join(parameters)}" if parameters else ""
-    return f"The integer-order model with {what}{with_what}", f" The orders stand in for {lacking}{free}."
+    stand = "may stand" if gain > EVEN else "stand"
+    return f"The integer-order model with {what}{with_what}", f" The orders {stand} in for {lacking}{free}."
 
 
 def _beside(other: float, cost: float, gain: float) -> str:
