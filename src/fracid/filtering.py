@@ -221,6 +221,8 @@ def observer(
     names, slow = tuple(sensors) or problem.outputs, dict(slow or {})
     refuse_unknown("sensor", model.outputs, *names)
     refuse_unknown("slow constant or order", (*model.parameter_names, *model.order_names), *slow)
+    if wrong := [n for n, drift in slow.items() if not drift >= 0.0]:
+        raise InputError(f"slow: {wrong[0]} drifts by {slow[wrong[0]]:g} in 1 s; expected 0 or more, e.g. 1e-6.")
     if derived := [n for n in names if n in model.derived]:
         raise InputError(SAYS("derivative", name=derived[0]))
     if time_scale(model, problem.unpack(x, e)[1]) != 1.0:

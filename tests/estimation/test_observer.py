@@ -166,6 +166,7 @@ def test_inputs_in_lines_and_held_ones_go_as_fracid_takes_them_at_a_finer_step_t
 REFUSED = {
     "'beta'": {"sensors": ("beta",)},
     "'C9'": {"slow": {"C9": 0.0}},
+    "b_angle drifts by -1 in 1 s; expected 0 or more": {"slow": {"b_angle": -1.0}},
     "coulomb_angle is 0, of which no tenth": {"slow": {"coulomb_angle": 0.0}},
     "slip_speed cannot be observed from angle": {"slow": {"slip_speed": 0.0}},
     "J and gravity and b_angle cannot be distinguished": {"slow": dict.fromkeys(("J", "gravity", "b_angle"), 0.0)},

@@ -120,6 +120,12 @@ def test_a_unit_of_a_header_that_is_not_known_is_told(tmp_path):
     assert any("which is not what its header says" in note and "scale=FACTOR" in note for note in draft.notes)
 
 
+@pytest.mark.parametrize("header", ["displacement / mm", "displacement/mm", "displacement in mm", "displacement_mm"])
+def test_a_unit_behind_a_line_or_in_is_the_header_s(tmp_path, header):
+    draft = draft_of_model("oscillator", mass(tmp_path, f"{header},force [N]"), folder=tmp_path)
+    assert draft.columns["displacement"] == {"column": header}
+
+
 @pytest.mark.parametrize("column", ["displacement", 1, "displacement [mm]"])
 def test_the_unit_of_a_header_holds_however_its_column_is_named(tmp_path, column):
     log = mass(tmp_path, "displacement [mm],force")

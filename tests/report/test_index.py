@@ -252,6 +252,13 @@ def test_studies_stand_in_the_index_and_a_new_one_renews_it(studied):
     assert 'href="first/design/plan.html"' in (studied / INDEX).read_text(encoding="utf-8")
 
 
+def test_only_the_page_of_a_fit_is_followed_by_an_export(studied, capsys):
+    for folder, exported in ((studied / "first", True), (studied / "first" / "design", False)):
+        with pytest.raises(SystemExit):
+            main(["report", str(folder)])
+        assert ("fracid export" in capsys.readouterr().out) == exported
+
+
 @pytest.mark.broad
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
 def test_rows_are_sorted_filtered_and_two_of_them_put_side_by_side(studied):

@@ -20,12 +20,12 @@ def report(run: Path, how: How) -> None:
     them into the folder.
     """
     with shown("page", events=how.json_):
-        from fracid.report import INDEX, write_report  # here: it takes a second to import
+        from fracid.report import write_report  # here: it takes a second to import
 
         path = write_report(run, **how.taken(write_report))
     how.answer({"report": str(path)}, lambda _: typer.echo(printable(f"report   {path}")))
     if how.open_ and not open_page(path, True):
         typer.echo(f"No browser took it here. Open {path.resolve().as_uri()}.", err=True)
     elif not (how.open_ or how.json_):
-        export = () if path.name == INDEX else ((typed("export", run), "for MATLAB, C and control design"),)
+        export = ((typed("export", run), "for MATLAB, C and control design"),) if (run / "result.json").exists() else ()
         say_next(new_console(), (typed("report", run, "--open"), "in the browser"), *export)

@@ -21,8 +21,9 @@ from fracid.safety.text import printable
 def resume(run: Path, how: How) -> None:
     """Resume an interrupted run, without repeating finished work.
 
-    The result is the same as that of an uninterrupted run.  Resumes fit, noise and compare after Ctrl-C, a kill, a
-    crash or a full disk.  Exit codes are those of the command itself, and 0 if the run is finished already.
+    The result is the same as that of an uninterrupted run.  Resumes fit, noise, compare and posterior after
+    Ctrl-C, a kill, a crash or a full disk.  Exit codes are those of the command itself, and 0 if the run is finished
+    already.
     """
     from fracid.workflows.resumption import finished_result, resume_run, state_of
 

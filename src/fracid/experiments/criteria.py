@@ -52,7 +52,7 @@ def objective_named(name: str, scale: FloatArray, of: Sequence[int]) -> Objectiv
     [-1.386, 1.25, -1.386]
     """
     if name == "Ds" and not len(of):
-        raise InputError('criterion = \'Ds\' is about named values: of = ("lambda", "mu").')
+        raise InputError('criterion = \'Ds\' is about named values: of = ("lambda", "mu"), or --for lambda,mu.')
     which = [*of] if name == "Ds" else [*range(len(scale))]
 
     def value(sums: tuple[FloatArray, ...]) -> FloatArray:

@@ -204,16 +204,23 @@ def header_unit(word: str) -> str | None:
 
 
 def unit_in_name(name: str) -> str:
-    """The unit that a column's name ends in, ``force_N``, ``tau/mNm``; "" for none: one small letter is an index.
+    """The unit that a column's name ends in, ``force_N``, ``tau / mNm``, ``phi in deg``; "" for none.
 
     Examples
     --------
-    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "tau/mNm", "theta_m", "phi")]
-    ['mm', 'deg_s', 'mNm', '', '']
+    >>> [unit_in_name(n) for n in ("displacement_mm", "gyro_z_deg_s", "tau / mNm", "phi in deg", "theta_m", "phi")]
+    ['mm', 'deg_s', 'mNm', 'deg', '', '']
     """
-    words = re.split("[_/]", name)[1:]
-    ends = ("_".join(words[k:]) for k in range(len(words)))
-    return next((end for end in ends if header_unit(end) and (len(end) > 1 or end.isupper())), "")
+    return _parted(name)[1]
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """A column's name, and the unit that it ends in: one small letter behind a line is an index."""
+    for gap in re.finditer(r"\s*([_/]|\bin\b)\s*", name):
+        end = name[gap.end() :]
+        if header_unit(end) and not (gap[1] == "_" and len(end) == 1 and end.islower()):
+            return name[: gap.start()], end
+    return name, ""
 
 
 def without_unit(name: str) -> str:
@@ -224,9 +231,7 @@ def without_unit(name: str) -> str:
     >>> [without_unit(n) for n in ("u [V]", "u_V", "q/rad", "theta_m")]
     ['u', 'u', 'q', 'theta_m']
     """
-    name = re.sub(r"\s*[\[(].*", "", name)
-    unit = unit_in_name(name)
-    return name[: -len(unit) - 1] if unit else name
+    return _parted(re.sub(r"\s*[\[(].*", "", name))[0]
 
 
 def _rest(value: NDArray[np.float64], name: str) -> float:
