@@ -356,9 +356,10 @@ class _Page:
         m, spec = self.model, self.table["model"]
         alike = {m.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
         told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
-        rows = [(n, row) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
+        parts = [spec.get(part, {}) for part in ("definitions", "equations", "outputs")]
+        texts = [(n, str(row)) for part in parts for n, row in part.items()]
         units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
-        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", str(row)) for k, row in rows if k != n)]
+        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)]
         return {n: alike.get(units[n], "") for n in sorted(felt)}
 
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:

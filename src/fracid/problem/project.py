@@ -732,7 +732,8 @@ TABLES = EXPECTED | tomllib.loads(own_text("problem/expected.toml"))
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
     found = faults_by_place(error, alternatives=["_Range", "is-instance[_Constant]", "_Equation"])
-    faults = {p: kept for p, of_one in found.items() if (kept := [f for f in of_one if f["type"] != "is_instance_of"])}
+    said = {p: [f for f in of_one if f["type"] != "is_instance_of"] for p, of_one in found.items()}
+    faults = {p: of_one for p, of_one in said.items() if of_one}
     outer = {p[:k] for p in faults for k in range(len(p))}
     inner = [p for p in faults if p not in outer]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first

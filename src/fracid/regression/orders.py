@@ -94,9 +94,10 @@ def _spread(
     for i, (n, path) in enumerate(paths.items()):
         ends = (data.system(at(row[:-1]), draws=1) for row in (path[0], path[-1]))
         first, last = (scaled_by_itself(system, gauge, data.own)[0] for system in ends)
+        half = 0.5 * (interval[n][1] - interval[n][0])
         width = float(path[-1, i] - path[0, i])
         slope = (last - first) / width if width > 0.0 else np.zeros_like(first)
-        moves.append(np.abs(slope) * min(0.5 * (interval[n][1] - interval[n][0]), width) / 1.96)
+        moves.append(np.abs(slope) * min(half, width) / 1.96)
     spread = np.zeros(len(gauge.fixed))
     spread[list(gauge.free)] = np.max(moves, axis=0)
     return spread

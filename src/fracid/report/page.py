@@ -159,7 +159,8 @@ def report_page(material: Material) -> str:
     """
     charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
     unexplored = not_explored(material)
-    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, [] if unexplored else explore_scripts(material))]
+    own = [] if unexplored else explore_scripts(material)
+    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, own)]
     data = {
         "recordings": traces(material), "charts": {name: chart.packed() for name, chart in charts.items()}, "rig": rig,
         "plane": surface and vars(surface) | {

@@ -39,8 +39,11 @@ def state_letter(name: str) -> str:
     >>> state_letter("D^lambda theta"), state_letter("z_theta")
     ('D^λ\xa0θ', 'z_θ')
     """
-    return "\xa0".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
-                    for word in name.split())  # fmt: skip
+
+    def shown(part: str) -> str:
+        return f"D^{letter(part[2:])}" if part.startswith("D^") else letter(part)
+
+    return "\xa0".join("_".join(map(shown, word.split("_"))) for word in name.split())
 
 
 def in_unit(value: float, shown: tuple[str, float], form: str = ".2g") -> str:
@@ -94,7 +97,8 @@ def interval(estimate: Mapping[str, Any]) -> str:
     >>> interval({"value": 0.005, "interval95": [-0.015, 0.025]}), interval({"value": 0.0, "interval95": None})
     ('± 0.020', '–')
     """
-    if (ends := estimate.get("interval95")) is None or estimate.get("value") is None:
+    ends = estimate.get("interval95")
+    if ends is None or estimate.get("value") is None:
         return number(None)
     return typeset(interval_beside(estimate["value"], *ends))
 

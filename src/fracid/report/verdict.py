@@ -53,7 +53,8 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
     """What is claimed of the rig, in one sentence; in order only where nothing on the page contradicts it."""
     claim, against = material.result["claim"], contradictions(material, lines)
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
-    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", f"{letter(n)} = {said(e)}") for n, e in shown.items()])
+    values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
+    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
     inside = {letter(n): e["integer"] for n, e in material.result["orders"].items() if _holds_its_integer(e)}
     if claim == "fractional" and inside:
         orders += f" ({_inside(list(inside), inside)})"
