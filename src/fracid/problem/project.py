@@ -77,7 +77,7 @@ from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.roles import ROTARY
 from fracid.problem.sensors import QUANTITIES, Sensor, with_rates
-from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows, start_of
+from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows, starting_value
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
@@ -533,7 +533,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     if paper:
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
                       if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
-    starts = {n: start_of(v) for n, v in parameters.items() if not isinstance(v, Tied)}
+    starts = {n: starting_value(v) for n, v in parameters.items() if not isinstance(v, Tied)}
     if spec.equations:
         return _of_equations(spec, parameters), parameters
     for key in ("inputs", "input_rates", "definitions", "outputs", "scene"):
@@ -557,7 +557,8 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
             raise InputError(f"[model] {key} means nothing for a model of equations; leave it out.")
     roots = {n: parameters.get(v.to, v) if isinstance(v, Tied) else v for n, v in parameters.items()}
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, Free | _Constant)}
-    constants = [Parameter(n, units.get(n, ""), start_of(v), "") for n, v in roots.items() if not isinstance(v, Tied)]
+    starts = {n: starting_value(v) for n, v in roots.items() if not isinstance(v, Tied)}
+    constants = [Parameter(n, units.get(n, ""), start, "") for n, start in starts.items()]
     written = Equations(spec.equations, spec.outputs, spec.inputs, spec.definitions, scene=spec.scene)
     return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
 

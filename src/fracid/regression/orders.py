@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, by_name
 from fracid.problem import Free
-from fracid.problem.unknowns import start_of
+from fracid.problem.unknowns import starting_value
 from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
 from fracid.regression.rows import Data
 
@@ -33,7 +33,7 @@ def search_orders(
 
     def at(q: ArrayLike) -> dict[str, float]:
         values = by_name(free, np.atleast_1d(q))
-        return {n: values.get(n, start_of(v)) for n, v in orders.items()}
+        return {n: values.get(n, starting_value(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
         return math.log(scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1])

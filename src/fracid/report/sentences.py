@@ -85,7 +85,7 @@ def digits(estimate: Mapping[str, Any]) -> str:
     """
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
-    value, half = estimate.get("value"), half_width(estimate)
+    value, half = estimate.get("value"), half_width_of(estimate)
     return number(value, ".6g") if value is None or not half else typeset(to_second_digit(value, half))
 
 
@@ -105,7 +105,7 @@ def interval(estimate: Mapping[str, Any]) -> str:
 
 def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
-    if half_width(e) is not None:
+    if half_width_of(e) is not None:
         beside = interval(e)
         return f"{digits(e)}{' ' if beside.startswith('±') else ', '}{beside}"
     return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
@@ -124,12 +124,12 @@ def with_error(value: float | None, error: float | None) -> str:
     return typeset(f"{to_second_digit(value, error)} {interval_beside(value, value - error, value + error)}")
 
 
-def half_width(estimate: Mapping[str, Any]) -> float | None:
+def half_width_of(estimate: Mapping[str, Any]) -> float | None:
     """Half of the 95 % interval; None where there is none.
 
     Examples
     --------
-    >>> half_width({"interval95": [0.9, 1.1]})
+    >>> half_width_of({"interval95": [0.9, 1.1]})
     0.1
     """
     ends = estimate.get("interval95")

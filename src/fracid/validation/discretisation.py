@@ -35,8 +35,7 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
-from fracid.units import half_width as shown_half_width
-from fracid.units import letter, to_second_digit
+from fracid.units import letter, shown_half_width, to_second_digit
 
 SAYS = Words("validation/discretisation.toml")
 
