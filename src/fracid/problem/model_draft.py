@@ -83,7 +83,7 @@ def draft_of_model(
     ['k', 'b_displacement']
     """
     source = Source(Path(file), time, variable, Path(folder))
-    return _Page(name, source, more, columns, zero=zero).draft()
+    return _ModelPage(name, source, more, columns, zero=zero).draft()
 
 
 def channel_of(
@@ -115,7 +115,7 @@ def _channels(columns: Columns) -> Columns:
     return {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
 
 
-class _Page:
+class _ModelPage:
     """What the template, ``model.j2``, asks about recordings."""
 
     def __init__(
