@@ -43,7 +43,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, growing, refined
-from fracid.problem.unknowns import start_of
+from fracid.problem.unknowns import starting_value
 from fracid.solver.inputs import BETWEEN, Between
 
 ROOT = Path(__file__).parent.parent
@@ -264,7 +264,7 @@ def repeated(of: Benchmark, problem: Problem, x: FloatArray, lag: int) -> Proble
         y = changed(values).fitted(x, e)
         return np.full(len(e.time) - lag, 1e3) if isinstance(y, Failure) else of.scale * (y[lag:, 0] - y[:-lag, 0])
 
-    start = np.array([start_of(problem.parameters[n]) for n in names])
+    start = np.array([starting_value(problem.parameters[n]) for n in names])
     return changed(least_squares(drift, start, x_scale=of.sizes).x)
 
 

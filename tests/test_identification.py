@@ -14,6 +14,7 @@ from fracid.estimation import horizons
 from fracid.estimation.covariance import METHODS
 from fracid.estimation.search import search
 from fracid.estimation.tangent import tangent
+from fracid.identification import examination
 from fracid.optimise import EvaluationLog, Outcome, Result, optimiser_from_name
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.costs import COSTS, Cost
@@ -69,10 +70,8 @@ def test_a_search_that_ends_above_the_integer_order_model_within_it_goes_on_from
         return Result(problem.evaluate(np.array([0.8, 0.9])), Outcome.CONVERGED, 1), ()
 
     monkeypatch.setattr(identification, "search", stuck)
-    monkeypatch.setattr(identification, "settled", tangent)  # which would leave it, too
-    monkeypatch.setattr(
-        identification, "walked", lambda here, known, *_, **__: replace(known, walked=np.zeros(2, bool))
-    )
+    monkeypatch.setattr(examination, "settled", tangent)  # which would leave it, too
+    monkeypatch.setattr(examination, "walked", lambda here, known, *_, **__: replace(known, walked=np.zeros(2, bool)))
     heard = []
     fit = fracid.identify(problem(swing), observer=fracid.Observer(recordings=heard.append))
     assert fit.cost == pytest.approx(1e-3, rel=0.1)
@@ -332,13 +331,13 @@ def test_ctrl_c_keeps_the_best_so_far(optimiser):
 
 
 @pytest.mark.few(1)
-@pytest.mark.parametrize("stage", ["uncertainty", "_validate", "discretisation_check", "lowest_from"])
+@pytest.mark.parametrize("stage", ["uncertainty", "validation_fit", "discretisation_check", "lowest_from"])
 def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     def interrupted(*args, **options):
         raise KeyboardInterrupt
 
     p, validation = problem(twin(end=1.0)), (twin("other", end=1.0),)
-    monkeypatch.setattr(identification, stage, interrupted)
+    monkeypatch.setattr(examination, stage, interrupted)
     fit = identify(p, optimiser="genetic", validation=validation, options={"generations": 2})
     assert fit.outcome == "interrupted: the best so far is kept"
     assert fit.cost == p.cost(fit.x)

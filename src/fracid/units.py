@@ -153,12 +153,12 @@ def with_half_width(value: float, half: float) -> str:
     """
     if not 0 < half < math.inf:
         return f"{value:.4f}"
-    texts = to_second_digit(value, half), half_width(half, value if abs(value) >= PLAIN else 0.0)
+    texts = to_second_digit(value, half), shown_half_width(half, value if abs(value) >= PLAIN else 0.0)
     if not any("e" in text for text in texts):
         return " ± ".join(texts)
     power = math.floor(math.log10(max(abs(float(text)) for text in texts)))
     scale = 10.0**-power
-    return f"({to_second_digit(scale * value, scale * half)} ± {half_width(scale * half)})e{power:+03d}"
+    return f"({to_second_digit(scale * value, scale * half)} ± {shown_half_width(scale * half)})e{power:+03d}"
 
 
 def interval_beside(value: float, low: float, high: float) -> str:
@@ -173,7 +173,7 @@ def interval_beside(value: float, low: float, high: float) -> str:
     if not half > 0:
         return "± 0"
     if max(high - value, value - low) <= LOPSIDED * half:
-        return f"± {half_width(half, value)}"
+        return f"± {shown_half_width(half, value)}"
     return f"{to_second_digit(low, half)} … {to_second_digit(high, half)}"
 
 
@@ -213,14 +213,14 @@ def half_of(ends: Sequence[float] | None) -> float:
     return 0.0 if ends is None else (ends[1] - ends[0]) / 2
 
 
-def half_width(half: float, value: float = 0.0) -> str:
+def shown_half_width(half: float, value: float = 0.0) -> str:
     """The half-width of an interval, to two digits; without a power of ten where the value beside it has none.
 
     Examples
     --------
-    >>> half_width(0.04), half_width(3.0), half_width(640.0), half_width(8e-5), half_width(5.2e-8)
+    >>> tuple(map(shown_half_width, (0.04, 3.0, 640.0, 8e-5, 5.2e-8)))
     ('0.040', '3.0', '640', '0.000080', '5.2e-08')
-    >>> half_width(9.1e-07, 0.00013361), half_width(9.1e-07, 1.3e-05)
+    >>> shown_half_width(9.1e-07, 0.00013361), shown_half_width(9.1e-07, 1.3e-05)
     ('0.00000091', '9.1e-07')
     """
     place = _last_place(half)

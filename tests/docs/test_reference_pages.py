@@ -16,7 +16,7 @@ from fracid.cli.app import main
 from fracid.estimation.parameter_verdicts import Kind
 from fracid.estimation.records import in_words
 from fracid.findings import Finding
-from fracid.identification import CHANCE, IMITATION
+from fracid.identification.result import CHANCE, IMITATION
 from fracid.models import MODELS, RIGS, model_from_name
 from fracid.optimise import OPTIMISERS, Outcome
 from fracid.problem import Tied, project

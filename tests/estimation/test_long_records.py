@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid import identification
 from fracid.errors import Failure, FailureReason
 from fracid.estimation import long_records
 from fracid.estimation.cost_profile import profile
@@ -14,6 +13,7 @@ from fracid.estimation.covariance import uncertainty
 from fracid.estimation.horizons import Watch, refined
 from fracid.estimation.long_records import as_fitted, coarse_problem, corrected, is_coarse, own_substeps
 from fracid.estimation.windows import in_parts, in_windows
+from fracid.identification import examination
 from fracid.problem import Experiment, Free, Problem
 from fracid.problem.coarse import coarser, means
 from fracid.workflows.profiles import _on_every_sample
@@ -194,7 +194,7 @@ def test_a_long_record_halves_its_step_as_a_short_one_does(swinging):
 
 
 def test_a_long_record_whose_coarse_minimum_no_run_follows_is_searched_on_every_sample(swinging, monkeypatch):
-    monkeypatch.setattr(identification, "corrected", lambda *args, **options: Failure(FailureReason.RUN, "diverged"))
+    monkeypatch.setattr(examination, "corrected", lambda *args, **options: Failure(FailureReason.RUN, "diverged"))
     fit = fracid.identify(swinging, fixed_step=True)
     half = 1.96 * fit.uncertainty.standard_error
     every, coarse = (refined(p, p.start, Watch()).best.point for p in (swinging, coarse_problem(swinging)))

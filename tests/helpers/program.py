@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from fracid import identification
 from fracid.cli.app import main
+from fracid.identification import examination
 from fracid.workflows.drawer import drawer
 
 RELEASE = """
@@ -27,9 +27,9 @@ initial = { theta = 0.0, alpha = 0.35 }
 @contextmanager
 def no_rivals():
     """Fits end before models of integer order are tried beside them, which takes seconds: unless asked for."""
-    kept = tuple(step for step in identification.STEPS if step[1] not in ("alternative", "nested"))
+    kept = tuple(step for step in examination.STEPS if step[1] not in ("alternative", "nested"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(identification, "STEPS", kept)
+        patch.setattr(examination, "STEPS", kept)
         yield
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import fracid
-from fracid.errors import InputError
-from fracid.identification import _Findings
+from fracid.errors import Failure, FailureReason, InputError
+from fracid.estimation.minimum import Minimum
+from fracid.identification.examination import Examination
 from fracid.optimise import Outcome
 from fracid.runs.saved import load_run
 from fracid.validation.discretisation import Discretisation, _costs_differ, _helps
@@ -121,11 +122,11 @@ def test_rivals_are_held_against_the_fit_at_the_step_of_its_search_where_that_co
     (tmp_path / "project.toml").write_text(STEEP.replace("5e-3", f"{slip_speed}"), encoding="utf-8")
     searched = fracid.load_project(tmp_path / "project.toml").problem
     fine = replace(searched, substeps=8)
-    asked = SimpleNamespace(problem=searched, window=None, alternatives={}, jobs=1)
-    found = _Findings(asked, fine, fine.evaluate([0.05]), Outcome.CONVERGED, (), np.inf, None, [], 8)
-    where, beside = found._cheaper(fine)
+    setting = SimpleNamespace(problem=searched, window=None, alternatives={}, jobs=1)
+    at = Minimum(fine, fine.evaluate([0.05]), 8, Failure(FailureReason.INTERRUPTED, ""))
+    where, beside = Examination(setting, at, Outcome.CONVERGED, None)._cheaper(fine)
     assert where.substeps == taken
-    assert beside.cost == pytest.approx(found.best.cost, rel=5e-3)
+    assert beside.cost == pytest.approx(at.best.cost, rel=5e-3)
 
 
 @pytest.mark.parametrize("orders", [{}, {"mu": 0.9}])

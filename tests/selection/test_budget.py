@@ -11,6 +11,7 @@ from fracid.estimation import interval_walk
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.derivatives import jacobian
 from fracid.estimation.minimum import settled
+from fracid.identification import examination
 from fracid.problem.simulator import Simulator
 from fracid.selection import comparison, integer_alternatives
 from fracid.tasks.journal import Journal
@@ -38,7 +39,7 @@ def examined(problem, monkeypatch):
         return found
 
     monkeypatch.setattr(identification, "LEAST", 0.0)
-    monkeypatch.setattr(identification, "integer_alternatives", watched)
+    monkeypatch.setattr(examination, "integer_alternatives", watched)
     fit = identify(problem)
     return fit, *seen[-1]
 
@@ -114,7 +115,7 @@ def test_the_ends_of_intervals_get_twice_the_work_of_the_search_and_those_that_w
         assert found.unwalked == 4
         return found
 
-    monkeypatch.setattr(identification, "walked", watched)
+    monkeypatch.setattr(examination, "walked", watched)
     fit = identify(swings(1, {}), fixed_step=True)
     assert 0 < allowed[0] <= identification.TIMES * fit.evaluations
     assert any("4 may lie elsewhere" in w for w in fit.warnings)

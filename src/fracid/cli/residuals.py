@@ -47,7 +47,8 @@ def _show(analysis: FinishedResiduals, console: Console) -> None:
 
     headings = ("recording", "output", "rms", "steps", "correlated", "count", "PPCC")
     print_table(console, headings, map(_sizes, analysis.all), fold=("recording",))
-    warn(console, *[PARTIAL] * (analysis.run.outcome is Outcome.INTERRUPTED), *analysis.run.notes)
+    partial = [PARTIAL] if analysis.run.outcome is Outcome.INTERRUPTED else []
+    warn(console, *partial, *analysis.run.notes)
     for a in analysis.all:
         aside = "; ".join(["held out"] * (a.use == "validate") + [a.tested] * bool(a.missing))
         heading = f"\n[bold]{escape(a.recording)}, {escape(a.output)}[/bold]{f' ({aside})' if aside else ''}"

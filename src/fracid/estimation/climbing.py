@@ -117,7 +117,8 @@ def entries(problem: Problem, names: Sequence[str]) -> list[dict[str, float]]:
         kind = kinds[name]
         return kind.entries[turn % len(kind.entries)] * own.get(kind.part_of, 1.0) if kind.entries else kind.off
 
-    return [{n: entry(n, turn) for n in names} for turn in range(max([1, *(len(kinds[n].entries) for n in names)]))]
+    turns = max([1, *(len(kinds[n].entries) for n in names)])
+    return [{n: entry(n, turn) for n in names} for turn in range(turns)]
 
 
 def without(problem: Problem, names: Sequence[str]) -> Problem:

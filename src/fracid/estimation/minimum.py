@@ -5,22 +5,25 @@ least, and its tangent is not to be trusted there (:mod:`fracid.estimation.tange
 Gauss and Newton's steps, each to the least of the parabola within the bounds (:mod:`fracid.estimation.bounded`), where
 the cost confirms it.  Each run on the way corrects the derivatives by what it shows of them, so that a step costs one
 run (:mod:`fracid.estimation.linearised`); they are asked anew where the way was long.  An unknown that a bound stops
-ends *on* that bound, all others at the minimum beside it; one that then does nothing, where it began.
+ends *on* that bound, all others at the minimum beside it; one that then does nothing, where it began.  What is then
+known of it is one record, :class:`Minimum`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
+from fracid.estimation.covariance import Uncertainty
 from fracid.estimation.linearised import Linearised, linearised
 from fracid.estimation.side_by_side import Walk, side_by_side
 from fracid.estimation.tangent import Tangent, tangent
+from fracid.optimise import Evaluation
 from fracid.problem import Problem
 
 ROUNDS = 6
@@ -37,6 +40,24 @@ GAIN = 3e-3
 
 WORN = 1.0
 """The same of a way after which derivatives are asked anew."""
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A minimum, and how well the data determine it."""
+
+    problem: Problem
+    best: Evaluation
+    substeps: int
+    """Steps of a sample; of coarser recordings of one of their source."""
+    uncertainty: Uncertainty | Failure
+    near: Tangent | None = None
+    """The tangent there, where its derivatives are known."""
+
+    @property
+    def x(self) -> FloatArray:
+        """The point, shape (n_unknowns,)."""
+        return self.best.point
 
 
 def settled(problem: Problem, x: FloatArray, *, jobs: int = 1) -> Tangent | Failure:

@@ -30,6 +30,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from statistics import median_low
 
 import numpy as np
 
@@ -147,7 +148,7 @@ def prediction(problem: Problem, x: FloatArray) -> Prediction:
     seconds, windows = [], []
     for e in problem.experiments:
         grown = _growths(problem, x, e, PLACES)
-        window, later = (sorted(g[k] for g in grown)[(len(grown) - 1) // 2] if grown else math.inf for k in (0, 1))
+        window, later = (median_low(g[k] for g in grown) if grown else math.inf for k in (0, 1))
         limit = max(LOST, min((g[2] for g in grown), default=math.inf))
         time = window + (later - window) * math.log(limit / GROWTH) / math.log(GROWTH) if later < math.inf else math.inf
         seconds.append(time if time < e.time[-1] else math.inf)

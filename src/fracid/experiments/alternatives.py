@@ -211,7 +211,8 @@ def rivals_of(
 ) -> dict[str, _Rival]:
     """Arm → the integer-order model that fits its experiments best; of an arm without any the one that is known."""
     fitted = {arm: _rival(subject, some) for arm, some in _by_arm([*dict.fromkeys(experiments)]).items()}
-    if not (rivals := {arm: rival for arm, rival in {**(known or {}), **fitted}.items() if rival is not None}):
+    rivals = {arm: rival for arm, rival in {**(known or {}), **fitted}.items() if rival is not None}
+    if not rivals:
         raise InputError("No run of the model reaches the end of a candidate.")
     return {arm: rivals[arm] for arm in ARMS if arm in rivals}
 
@@ -269,7 +270,8 @@ def _square(subject: Subject, rival: Rival, counts: Sequence[int]) -> float:
 
 def _by_arm(candidates: Sequence[Candidate]) -> dict[str, list[Candidate]]:
     """Arm → its candidates, the free one first."""
-    return {arm: own for arm in ARMS if (own := [c for c in candidates if c.arm == arm])}
+    arms = {arm: [c for c in candidates if c.arm == arm] for arm in ARMS}
+    return {arm: own for arm, own in arms.items() if own}
 
 
 def _few(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -265,7 +265,8 @@ def _robust(
     short = sorted({int(i) for i in best})
     drawn = (subject.at(by_name(subject.names, v)) for v in draws)
     tables = [informations(there, [candidates[i] for i in short]) for there in drawn]
-    if not (usable := [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]):
+    usable = [k for k in range(len(short)) if all(isinstance(t[k], Information) for t in tables)]
+    if not usable:
         return chosen
     each = [replace(nominal, parts=_stacked([t[k] for k in usable])) for t in tables]
     return tuple(sorted(short[usable[i]] for i in exchange(each, len(chosen))))

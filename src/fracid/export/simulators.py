@@ -200,8 +200,9 @@ def mjcf(rig: Rig, heading: Sequence[str] = ()) -> str:
     """
     model, case = rig.model.problem.model, rig.model.case
     angles = [model.output_states[link.joint] for link in rig.links]
+    rates = [model.rates.get(i, i + 1) for i in angles]
     at = case.past[-1].tolist()
-    places, speeds = (tuple(at[i] for i in states) for states in (angles, [model.rates.get(i, i + 1) for i in angles]))
+    places, speeds = (tuple(at[i] for i in states) for states in (angles, rates))
     return xml("mujoco.xml.in", rig=rig, heading=heading, step=min(case.step, 2e-3), places=places, speeds=speeds,
                gravity=(0.0, 0.0, -STANDARD_GRAVITY))  # fmt: skip
 

@@ -70,14 +70,9 @@ def model(name: str, **parameters: Any) -> Model:
 
 
 def model_from_name(
-    name: str,
-    rig: str | None = None,
-    zero: str | None = None,
-    actuation: str | None = None,
-    *,
-    parameters: Mapping[str, float] | None = None,
-    folder: str | Path = ".",
-) -> Model:
+    name: str, rig: str | None = None, zero: str | None = None, actuation: str | None = None, *,
+    parameters: Mapping[str, float] | None = None, folder: str | Path = ".",
+) -> Model:  # fmt: skip
     """Return the model that a name stands for: built in, or from a user's own file.
 
     Parameters

@@ -68,7 +68,8 @@ class Friction:
         True
         """
         whole: dict[str, Any] = {**TABLE["rungs"].get(row["rung"], {}), **row}
-        return cls(**{**whole, **{n: tuple(v) for n, v in whole.items() if isinstance(v, list)}})
+        tuples: dict[str, Any] = {n: tuple(v) for n, v in whole.items() if isinstance(v, list)}
+        return cls(**{**whole, **tuples})
 
     @property
     def dry(self) -> bool:

@@ -193,13 +193,9 @@ def _lumped(overrides: Mapping[str, float]) -> dict[str, float]:
 
 
 def _columns(
-    model: Model,
-    theta: FloatArray,
-    alpha: FloatArray,
-    arm_rates: tuple[FloatArray, FloatArray],
-    rates: tuple[FloatArray, FloatArray],
-    drive: FloatArray | None,
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    model: Model, theta: FloatArray, alpha: FloatArray, arm_rates: tuple[FloatArray, FloatArray],
+    rates: tuple[FloatArray, FloatArray], drive: FloatArray | None,
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:  # fmt: skip
     """What each constant is multiplied with in (9) and (10), the sum of which is 0."""
     p = by_name(model.parameter_names, model.parameter_vector())
     (x2, arm_acceleration), (x4, acceleration) = arm_rates, rates

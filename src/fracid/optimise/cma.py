@@ -25,14 +25,9 @@ WORST = 1e300
 
 
 def cma(
-    space: Space,
-    rng: np.random.Generator,
-    *,
-    population: int | None = None,
-    generations: int | None = None,
-    width: float = 0.25,
-    tolerance: float = 1e-6,
-) -> Optimiser:
+    space: Space, rng: np.random.Generator, *, population: int | None = None, generations: int | None = None,
+    width: float = 0.25, tolerance: float = 1e-6,
+) -> Optimiser:  # fmt: skip
     """Evolve a normal distribution from the start of the space.
 
     Parameters

@@ -45,14 +45,9 @@ from fracid.optimise.base import Entry, Optimiser, Outcome, Space
 
 
 def genetic(
-    space: Space,
-    rng: np.random.Generator,
-    *,
-    population: int = 20,
-    crossover: float = 0.5,
-    mutation: float = 0.01,
+    space: Space, rng: np.random.Generator, *, population: int = 20, crossover: float = 0.5, mutation: float = 0.01,
     generations: int = 25,
-) -> Optimiser:
+) -> Optimiser:  # fmt: skip
     """Breed `generations` of `population` points; the defaults are the paper's.
 
     Parameters

@@ -78,7 +78,8 @@ def new(width: float, height: float, style: str | Style = "screen") -> Figure:
     from fracid.plots.notebook import ShownFigure
 
     theme = style_named(style)
-    if (millimetres := theme.column if width <= NARROW else theme.page) is not None:
+    millimetres = theme.column if width <= NARROW else theme.page
+    if millimetres is not None:
         shrunk = millimetres / 25.4 / width
         width, height = shrunk * width, min(shrunk**0.6 * height, TALLEST)  # text does not shrink as much as panels
     figure: Figure = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")

@@ -61,7 +61,8 @@ def noise_levels(study: NoiseStudy, *, style: str | Style = "screen") -> Figure:
     >>> [axes.get_ylabel() for axes in noise_levels(study).axes]
     ['bias of $\\\\mu$ [–]', 'coverage [%]']
     """
-    if not (names := [n for n in study.truth if any(c.unknowns[n].estimates for c in study.cells)]):
+    names = [n for n in study.truth if any(c.unknowns[n].estimates for c in study.cells)]
+    if not names:
         raise InputError("There is nothing to draw: no repetition found a value.")
     rows = names[:MOST]
     figure = new(8.2, 1.1 + 2.1 * len(rows), style)

@@ -66,7 +66,8 @@ def design_landscape(plan: Any, *, style: str | Style = "screen") -> Figure:
     for axes, name in zip(panels, names, strict=True):
         unit, factor = axis_unit(plan.expected[name].unit)
         half = factor * NORMAL_95 * np.array([errors[name] for _, errors in plan.landscape])
-        for k, seconds in enumerate(sorted({c.seconds for c in candidates}) if by_release else [None]):
+        lines = sorted({c.seconds for c in candidates}) if by_release else [None]
+        for k, seconds in enumerate(lines):
             own = [(at(c), h) for c, h in zip(candidates, half.tolist(), strict=True) if seconds in (None, c.seconds)]
             best = {x: min(h for other, h in own if other == x) for x in sorted({x for x, _ in own})}
             (colour, marker), which = SERIES[k % len(SERIES)], "one experiment" if seconds is None else f"{seconds:g} s"

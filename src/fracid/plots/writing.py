@@ -107,7 +107,8 @@ def _hold_labels(figure: Figure) -> None:
     on_figure = figure.transFigure
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            x, y = on_figure.inverted().transform(axis.label.get_transform().transform(axis.label.get_position()))
+            place = axis.label.get_transform().transform(axis.label.get_position())
+            x, y = on_figure.inverted().transform(place)
             axis.set_label_coords(x, y, transform=on_figure)
         axes.set_title("", loc="right", y=1.0)  # no figure has one there: all three stay where they are
 

@@ -15,7 +15,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import Parametrisation
 from fracid.problem.sensors import QUANTITIES
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, Tied, ends_of, root_of, start_of
+from fracid.problem.unknowns import Free, Tied, ends_of, root_of, starting_value
 from fracid.solver.methods import METHODS
 from fracid.solver.right_hand_side import probe
 
@@ -155,7 +155,7 @@ def _check_experiments(p: Parametrisation) -> None:
             raise InputError(SAYS("weight", e=e))
         refuse_beyond(f"{e.name}: weight", e.weight, SMALLEST)
         for name, value in e.initial.items():
-            refuse_beyond(f"{e.name}: initial {name}", start_of(value))
+            refuse_beyond(f"{e.name}: initial {name}", starting_value(value))
         if not np.all(np.isfinite(e.measured)) or not np.all(np.isfinite(e.inputs)):
             raise InputError(f"{e.name}: a sample is not a finite number; leave such samples out or fill them.")
         _check_hidden_start(p, e)

@@ -328,7 +328,7 @@ def draft_project(
     notes += doubts(recording, rotary_pendulum(rig_name))
     if rig is None and not starts:
         notes += (SAYS("no-rig", rig_name=rig_name, rigs=", ".join(n for n in RIGS if n != rig_name)),)
-    page = _Page(recording, rig_name, part, starts=starts or {})
+    page = _PendulumPage(recording, rig_name, part, starts=starts or {})
     text = source.text("rotary-pendulum.j2", [(recording, {}, column_specs)], page=page, columns=column_specs,
                        guessed=rig is None, rigs=RIGS, outputs=[*page.joints], enough=ENOUGH, taken=taken)  # fmt: skip
     return Draft(text, column_specs, notes)
@@ -501,7 +501,7 @@ def _free_from(time: FloatArray, alpha: FloatArray) -> float | None:
 # --- the page ------------------------------------------------------------------------------------------
 
 
-class _Page:
+class _PendulumPage:
     """What the template, ``rotary-pendulum.j2``, asks about a recording."""
 
     sharp = TABLE["model"]["parameters"]["slip_speed"]["between"]

@@ -83,7 +83,7 @@ def draft_of_model(
     ['k', 'b_displacement']
     """
     source = Source(Path(file), time, variable, Path(folder))
-    return _Page(name, source, more, columns, zero=zero).draft()
+    return _ModelPage(name, source, more, columns, zero=zero).draft()
 
 
 def channel_of(
@@ -115,7 +115,7 @@ def _channels(columns: Columns) -> Columns:
     return {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
 
 
-class _Page:
+class _ModelPage:
     """What the template, ``model.j2``, asks about recordings."""
 
     def __init__(
@@ -356,9 +356,10 @@ class _Page:
         m, spec = self.model, self.table["model"]
         alike = {m.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
         told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
-        rows = [(n, row) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
+        parts = [spec.get(part, {}) for part in ("definitions", "equations", "outputs")]
+        texts = [(n, str(row)) for part in parts for n, row in part.items()]
         units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
-        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", str(row)) for k, row in rows if k != n)]
+        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)]
         return {n: alike.get(units[n], "") for n in sorted(felt)}
 
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:

@@ -21,7 +21,7 @@ from fracid.models import Model, rotary_pendulum
 from fracid.problem.experiment import Experiment
 from fracid.problem.problem import Problem
 from fracid.problem.sensors import QUANTITIES, Sensor
-from fracid.problem.unknowns import Free, start_of
+from fracid.problem.unknowns import Free, starting_value
 from fracid.units import letter
 
 SAYS = Words("problem/paper.toml")
@@ -46,11 +46,12 @@ def fixed(experiment: Experiment) -> Experiment:
     >>> fixed(still).release_time
     0.0
     """
-    sensors, actuators = (
-        {n: Sensor(*(start_of(getattr(s, quantity)) for quantity in QUANTITIES)) for n, s in of.items()}
-        for of in (experiment.sensors, experiment.actuators)
-    )
-    return replace(experiment, release_time=start_of(experiment.release_time), sensors=sensors, actuators=actuators)
+
+    def at_starts(channels: Mapping[str, Sensor]) -> dict[str, Sensor]:
+        return {n: Sensor(*(starting_value(getattr(s, q)) for q in QUANTITIES)) for n, s in channels.items()}
+
+    return replace(experiment, release_time=starting_value(experiment.release_time),
+                   sensors=at_starts(experiment.sensors), actuators=at_starts(experiment.actuators))  # fmt: skip
 
 
 def differences(problem: Problem, rig: str | None, given: Mapping[str, float]) -> str:

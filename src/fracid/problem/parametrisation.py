@@ -42,7 +42,7 @@ from fracid.optimise import Space
 from fracid.problem.experiment import Experiment
 from fracid.problem.past import Past
 from fracid.problem.sensors import Reading, Sensor, integrated
-from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, start_of
+from fracid.problem.unknowns import Free, InitialState, Prior, Tied, Unknown, Value, root_of, starting_value
 from fracid.solver.right_hand_side import compile_rhs
 
 SOON = 10
@@ -235,7 +235,7 @@ class Parametrisation:
         """For each recording what :meth:`unpack` starts from: every value at its own start."""
         orders, parameters = self._model_starts
         return {
-            e.name: (orders, parameters, self._initial_guess(e, parameters), np.array([start_of(e.release_time)]))
+            e.name: (orders, parameters, self._initial_guess(e, parameters), np.array([starting_value(e.release_time)]))
             for e in self.experiments
         }
 
@@ -245,15 +245,14 @@ class Parametrisation:
     def order_starts(self) -> dict[str, float]:
         """Every order where the search starts, fixed and tied ones too."""
         roots = {n: root_of("order", n, self.orders) for n in self.orders}
-        return {n: start_of(self.orders[root]) for n, root in roots.items() if root in self.orders}
+        return {n: starting_value(self.orders[root]) for n, root in roots.items() if root in self.orders}
 
     @cached_property
     def parameter_starts(self) -> dict[str, float]:
         """Each of `parameters` where the search starts, fixed and tied ones too [SI]."""
-        own = {p.name: p.value for p in self.model.parameters}
-        return {
-            n: start_of((own | {**self.parameters})[root_of("parameter", n, self.parameters)]) for n in self.parameters
-        }
+        values = {p.name: p.value for p in self.model.parameters} | {**self.parameters}
+        roots = {n: root_of("parameter", n, self.parameters) for n in self.parameters}
+        return {n: starting_value(values[root]) for n, root in roots.items()}
 
     @property
     def _model_starts(self) -> tuple[FloatArray, FloatArray]:
@@ -359,7 +358,7 @@ class Parametrisation:
         if e.past is not None and e.begun is None:  # a window's slopes are fitted already
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
-            x0[self.model.states.index(name)] = start_of(value)
+            x0[self.model.states.index(name)] = starting_value(value)
         if self.initial_state == "estimate":
             for z, delta in self._deflections:
                 if self.model.states[z] not in e.initial:
@@ -377,7 +376,7 @@ class Parametrisation:
     def _integrated(self, e: Experiment) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Such a state and its rate, from the derivative as it was recorded: both swing about 0, shape (n_samples,)."""
         steps = np.diff(e.sampled.time, prepend=e.sampled.time[0])
-        radii = {n: start_of(s.radius) or 1.0 for n, s in e.sensors.items()}
+        radii = {n: starting_value(s.radius) or 1.0 for n, s in e.sensors.items()}
         return {i: integrated(e.sampled.measured[:, self.outputs.index(n)] / radii.get(n, 1.0), steps, k)
                 for i, (_, n, k) in self._derived.items()}  # fmt: skip
 

@@ -41,7 +41,7 @@ from fracid.problem.experiment import Experiment
 from fracid.problem.parametrisation import EVERY, Parametrisation
 from fracid.problem.sensors import with_sensors
 from fracid.problem.simulator import Simulator
-from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, start_of
+from fracid.problem.unknowns import Free, Tied, Value, Weights, Windows, starting_value
 from fracid.safety.kinds import refuse_other_kinds
 from fracid.solver.memory import Memory, compressed
 from fracid.solver.solve import MOST, RUNS, go_together
@@ -285,8 +285,8 @@ class Problem(Parametrisation, CardDisplay):
         """
         shared = {u.target: v for u, v in zip(self.unknowns, x.tolist(), strict=True) if u.experiment is None}
         own_names = (*self.per_recording, *self.ties)
-        orders = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.orders.items()}
-        parameters = {n: v if n in own_names else shared.get(n, start_of(v)) for n, v in self.parameters.items()}
+        orders = {n: v if n in own_names else shared.get(n, starting_value(v)) for n, v in self.orders.items()}
+        parameters = {n: v if n in own_names else shared.get(n, starting_value(v)) for n, v in self.parameters.items()}
         return replace(self.of(*experiments), orders=orders, parameters=parameters)
 
     def of(self, *experiments: Experiment) -> Problem:

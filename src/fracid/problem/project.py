@@ -42,7 +42,7 @@ from __future__ import annotations
 import difflib
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import combinations
@@ -77,7 +77,7 @@ from fracid.problem.presets import PRESETS
 from fracid.problem.problem import Problem, alternative_of
 from fracid.problem.roles import ROTARY
 from fracid.problem.sensors import QUANTITIES, Sensor, with_rates
-from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows, start_of
+from fracid.problem.unknowns import Free, Prior, Tied, Value, Windows, starting_value
 from fracid.recording import Recording, load_recording
 from fracid.recording.channel import UNITS, Channel
 from fracid.recording.loading import resampled
@@ -442,30 +442,20 @@ def _short(message: object) -> str:
 def _project(path: Path, text: str, content: _File, preset: str | None, trust: bool) -> Project:
     if (preset := preset or content.fit.preset) is not None:
         refuse_unknown("preset", PRESETS, preset)
-    fit = content.fit.model_copy(update=PRESETS.get(preset or "", {}))
+    fit, paper = content.fit.model_copy(update=PRESETS.get(preset or "", {})), preset == "paper"
     named = (content.model.name, *(a.model for a in content.alternative), fit.cost)
     own_code = refuse_untrusted(path, named, trust)
     optimiser_from_name(fit.optimiser)
-    paper = preset == "paper"
     model, parameters = _model(content.model, path.parent, paper)
     model = with_rates(model, (n for r in content.recording for n in r.model_extra or {}))
     orders = _orders(content.model.orders, model)
-    pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
     refuse_twins(map(_name, content.recording))  # before any is loaded: a thousand copies of one table are a slip, too
     channels = [_channels(r, model) for r in content.recording]
+    pasts = [not paper and (r.history or fit.history) == "measured" for r in content.recording]
     each = zip(content.recording, channels, pasts, strict=True)
-    pairs = [_load(r, c, model, path.parent, past=past, whence=_whence(text)) for r, c, past in each]
-    recordings = tuple(recording for recording, _ in pairs)
-    outputs = tuple(_common_outputs(model, recordings) if fit.outputs is None else fit.outputs)
-    experiments = [
-        Experiment.of(
-            r, model, outputs, s.initial, before=before, weight=s.weight, release_time=s.release_time,
-            sensors={n: sensor for n, sensor in c.sensors.items() if n in outputs},
-            actuators={n: sensor for n, sensor in c.sensors.items() if n in model.inputs}, between=c.between,
-            mask=s.mask, constants=_constants(r.name, s, model),
-        )
-        for (r, before), s, c in zip(pairs, content.recording, channels, strict=True)
-    ]  # fmt: skip
+    loaded = [_load(r, c, model, path.parent, past=past, whence=_whence(text)) for r, c, past in each]
+    outputs = tuple(_common_outputs(model, loaded) if fit.outputs is None else fit.outputs)
+    experiments = [_experiment(one, model, outputs) for one in loaded]
     if paper:
         experiments = [fixed(e) for e in experiments]
         orders = {n: v if isinstance(v, Free) else ORDER_RANGE for n, v in orders.items()}
@@ -473,33 +463,40 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     fitted, validation = (tuple(e for e, use in used if use == kind) for kind in ("fit", "validate"))
     if not fitted:
         raise InputError('no [[recording]] has use = "fit"; at least one must be fitted.')
-    of_channels = {n for table in ({**e.sensors, **e.actuators} for e in experiments) for c, s in table.items()
-                   for n in s.free(c)}  # fmt: skip
-    parameters |= _freed_by_recording([n for n in fit.per_recording if n not in of_channels], parameters, model)
+    parameters |= _freed_by_recording(fit.per_recording, experiments, parameters, model)
     cost = cost_from_name(str(path.parent / fit.cost) if ".py:" in fit.cost else fit.cost)
     problem = Problem(
         model, fitted, orders, parameters, per_recording=tuple(fit.per_recording), outputs=outputs, cost_function=cost,
         initial_state=fit.initial_state, method=fit.method, memory=memory_from_name(fit.memory, fit.tolerance),  # type: ignore[arg-type]
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
-    columns = [{(r.sha256, s.variable, Channel.of(c.columns[n]).column) for n in outputs}
-               for r, s, c in zip(recordings, content.recording, channels, strict=True)]  # fmt: skip
-    notes = [f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled]
-    notes += _shared(zip(recordings, experiments, columns, strict=True))
-    notes += [f"{r.name}: {note}" for r in recordings for code in ("interpolated", "other-header")
-              for note in with_code(r.report.reading, code)]  # fmt: skip
+    notes = [*_notes(loaded, experiments, outputs)]
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
-    alternatives = {refuse_unseen("the alternative's name", a.name): _alternative(a, problem, path.parent)
-                    for a in content.alternative}  # fmt: skip
-    if len(alternatives) < len(content.alternative):
-        raise InputError("two alternatives have the same name; give each its own.")
     return Project(
-        path, text, problem, validation, recordings=recordings, optimiser=fit.optimiser, starts=fit.starts,
-        seed=fit.seed, preset=preset, notes=tuple(notes), alternatives=alternatives,
+        path, text, problem, validation, recordings=tuple(one.recording for one in loaded), optimiser=fit.optimiser,
+        starts=fit.starts, seed=fit.seed, preset=preset, notes=tuple(notes),
+        alternatives=_alternatives(content.alternative, problem, path.parent),
         fixed_step=fit.substeps is not None or METHODS[problem.method].raw, own_code=own_code,
     )  # fmt: skip
+
+
+def _notes(loaded: list[_Loaded], experiments: list[Experiment], outputs: tuple[str, ...]) -> Iterator[str]:
+    """What reading did to the recordings, and which of them score the same samples."""
+    recordings = [one.recording for one in loaded]
+    yield from (f"{r.name}: {r.report.resampled}" for r in recordings if r.report.resampled)
+    yield from _shared(loaded, experiments, outputs)
+    for r in recordings:
+        for code in ("interpolated", "other-header"):
+            yield from (f"{r.name}: {note}" for note in with_code(r.report.reading, code))
+
+
+def _alternatives(specs: list[_Alternative], problem: Problem, folder: Path) -> dict[str, Problem]:
+    alternatives = {refuse_unseen("the alternative's name", a.name): _alternative(a, problem, folder) for a in specs}
+    if len(alternatives) < len(specs):
+        raise InputError("two alternatives have the same name; give each its own.")
+    return alternatives
 
 
 def _alternative(spec: _Alternative, problem: Problem, folder: Path) -> Problem:
@@ -533,7 +530,7 @@ def _model(spec: _Model, folder: Path, paper: bool) -> tuple[Model, dict[str, Va
     if paper:
         parameters = {n: v.start if isinstance(v, Free) else v for n, v in parameters.items()
                       if not (isinstance(v, Free) and spec.rig is not None)}  # fmt: skip
-    starts = {n: start_of(v) for n, v in parameters.items() if not isinstance(v, Tied)}
+    starts = {n: starting_value(v) for n, v in parameters.items() if not isinstance(v, Tied)}
     if spec.equations:
         return _of_equations(spec, parameters), parameters
     for key in ("inputs", "input_rates", "definitions", "outputs", "scene"):
@@ -557,7 +554,8 @@ def _of_equations(spec: _Model, parameters: Mapping[str, Value]) -> Model:
             raise InputError(f"[model] {key} means nothing for a model of equations; leave it out.")
     roots = {n: parameters.get(v.to, v) if isinstance(v, Tied) else v for n, v in parameters.items()}
     units = {n: v.unit for n, v in spec.parameters.items() if isinstance(v, Free | _Constant)}
-    constants = [Parameter(n, units.get(n, ""), start_of(v), "") for n, v in roots.items() if not isinstance(v, Tied)]
+    starts = {n: starting_value(v) for n, v in roots.items() if not isinstance(v, Tied)}
+    constants = [Parameter(n, units.get(n, ""), start, "") for n, start in starts.items()]
     written = Equations(spec.equations, spec.outputs, spec.inputs, spec.definitions, scene=spec.scene)
     return replace(written.model(spec.name, constants), input_rates=spec.input_rates)
 
@@ -566,9 +564,13 @@ def _plain(values: Mapping[str, _Value]) -> dict[str, Value]:
     return {n: v.value if isinstance(v, _Constant) else v for n, v in values.items()}
 
 
-def _freed_by_recording(names: list[str], parameters: Mapping[str, Value], model: Model) -> dict[str, Value]:
+def _freed_by_recording(
+    per_recording: list[str], experiments: list[Experiment], parameters: Mapping[str, Value], model: Model
+) -> dict[str, Value]:
     """An angle that `per_recording` names is free within a radian of its value, where no range is given for it."""
-    values = {n: parameters.get(n, model.parameter(n).value) for n in names}
+    channels = [pair for e in experiments for pair in {**e.sensors, **e.actuators}.items()]
+    of_channels = {n for channel, sensor in channels for n in sensor.free(channel)}
+    values = {n: parameters.get(n, model.parameter(n).value) for n in per_recording if n not in of_channels}
     numbers = {n: v for n, v in values.items() if not isinstance(v, Free | Tied)}
     return {n: Free(v, v - 1.0, v + 1.0) for n, v in numbers.items() if model.parameter(n).unit == "rad"}
 
@@ -641,10 +643,17 @@ def _whence(text: str) -> str:
     return "" if found is None else printable(found[1].strip())
 
 
-def _load(
-    spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool, whence: str
-) -> tuple[Recording, Recording | None]:
-    """Load a recording and, if asked for, what came before."""
+class _Loaded(NamedTuple):
+    """A ``[[recording]]``, and what is in its file."""
+
+    spec: _Recording
+    channels: _Channels
+    recording: Recording
+    before: Recording | None
+    """What came before its start, where that is asked for."""
+
+
+def _load(spec: _Recording, channels: _Channels, model: Model, folder: Path, past: bool, whence: str) -> _Loaded:
     columns = channels.columns
     signals = (*model.outputs, *model.inputs)
     for name in columns:
@@ -678,9 +687,21 @@ def _load(
     report = replace(recording.report, reading=(*recording.report.reading, *told))
     recording = resampled(replace(recording, held=recording.held | held, report=report), spec.resample)
     if not past:
-        return recording, None
+        return _Loaded(spec, channels, recording, None)
     after = recording.trim(spec.start)
-    return after, recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
+    before = recording.trim(None, after.time[0] - 0.5 * after.report.clock.step)
+    return _Loaded(spec, channels, after, before)
+
+
+def _experiment(loaded: _Loaded, model: Model, outputs: tuple[str, ...]) -> Experiment:
+    """What a problem uses of a recording."""
+    spec, channels, recording, before = loaded
+    return Experiment.of(
+        recording, model, outputs, spec.initial, before=before, weight=spec.weight, release_time=spec.release_time,
+        sensors={n: sensor for n, sensor in channels.sensors.items() if n in outputs},
+        actuators={n: sensor for n, sensor in channels.sensors.items() if n in model.inputs},
+        between=channels.between, mask=spec.mask, constants=_constants(recording.name, spec, model),
+    )  # fmt: skip
 
 
 def _constants(recording: str, spec: _Recording, model: Model) -> dict[str, float]:
@@ -697,9 +718,12 @@ def _name(spec: _Recording) -> str:
     return refuse_unseen("the recording's name", spec.name or Path(spec.file).stem)
 
 
-def _shared(read: Iterable[tuple[Recording, Experiment, set[Any]]]) -> Iterator[str]:
+def _shared(loaded: list[_Loaded], experiments: list[Experiment], outputs: tuple[str, ...]) -> Iterator[str]:
     """Say which recordings score the same samples of a column: these count twice, or judge what was fitted to them."""
-    for (one, e, own), (other, f, others) in combinations(read, 2):
+    columns = [{(r.sha256, spec.variable, Channel.of(channels.columns[n]).column) for n in outputs}
+               for spec, channels, r, _ in loaded]  # fmt: skip
+    each = [(one.recording, e, own) for one, e, own in zip(loaded, experiments, columns, strict=True)]
+    for (one, e, own), (other, f, others) in combinations(each, 2):
         if own.isdisjoint(others):
             continue
         there = np.interp(one.time, other.time, np.ones(len(f.time)) if f.scored is None else f.scored, left=0, right=0)
@@ -715,8 +739,8 @@ def _orders(specs: Mapping[str, _Value], model: Model) -> dict[str, Value]:
     return dict.fromkeys(model.order_names, ORDER_RANGE) | springpots | _plain(specs)
 
 
-def _common_outputs(model: Model, recordings: tuple[Recording, ...]) -> list[str]:
-    outputs = [n for n in model.outputs if all(n in r.signals for r in recordings)]
+def _common_outputs(model: Model, loaded: list[_Loaded]) -> list[str]:
+    outputs = [n for n in model.outputs if all(n in one.recording.signals for one in loaded)]
     if not outputs:
         raise InputError(f"the recordings share none of the outputs {', '.join(model.outputs)}; score at least one.")
     return outputs
@@ -732,7 +756,8 @@ TABLES = EXPECTED | tomllib.loads(own_text("problem/expected.toml"))
 def _explain(error: ValidationError) -> str:
     """Turn the faults into sentences, one for each place in the file."""
     found = faults_by_place(error, alternatives=["_Range", "is-instance[_Constant]", "_Equation"])
-    faults = {p: kept for p, of_one in found.items() if (kept := [f for f in of_one if f["type"] != "is_instance_of"])}
+    said = {p: [f for f in of_one if f["type"] != "is_instance_of"] for p, of_one in found.items()}
+    faults = {p: of_one for p, of_one in said.items() if of_one}
     outer = {p[:k] for p in faults for k in range(len(p))}
     inner = [p for p in faults if p not in outer]
     inner.sort(key=lambda p: all(fault["type"] != "extra_forbidden" for fault in faults[p]))  # unknown keys first

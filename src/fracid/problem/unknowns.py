@@ -130,7 +130,7 @@ class Unknown:
         return self.range.prior or (Prior(middle, width / math.sqrt(12)) if self.complete else None)
 
 
-def start_of(value: Value) -> float:
+def starting_value(value: Value) -> float:
     """Where the search starts: a number's own value."""
     assert not isinstance(value, Tied)
     return value.start if isinstance(value, Free) else float(value)

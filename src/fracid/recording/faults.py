@@ -295,7 +295,8 @@ def unit_of_time(length: float) -> str:
     >>> unit_of_time(2.3e5), unit_of_time(2.3e11), unit_of_time(181.0)  # frames at 30 Hz are in no unit
     ('ms', 'us', '')
     """
-    return next((u for u in ("ms", "us", "ns") if TYPICAL / UNLIKE < length * SECONDS[u] ** 2 < TYPICAL * UNLIKE), "")
+    units = (u for u in ("ms", "us", "ns") if TYPICAL / UNLIKE < length * SECONDS[u] ** 2 < TYPICAL * UNLIKE)
+    return next(units, "")
 
 
 def other_clock(length: float, column: str | None) -> tuple[str, str]:
@@ -390,7 +391,8 @@ def wraps(x: FloatArray) -> NDArray[np.bool_]:
     """
     far = np.abs(np.diff(x))
     turn = np.abs(far - 2 * math.pi) < 0.1 * 2 * math.pi
-    return turn & bool(np.max(np.where(turn | ~np.isfinite(far), 0.0, far), initial=0.0) < 0.5 * math.pi)
+    others = np.where(turn | ~np.isfinite(far), 0.0, far)
+    return turn & bool(np.max(others, initial=0.0) < 0.5 * math.pi)
 
 
 def _degrees(angle: float) -> str:

@@ -125,15 +125,13 @@ def measure_clock(time: FloatArray) -> Clock:
     gap = dt > GAP * step
     even = dt[(dt > 0) & ~gap]
     return Clock(
-        samples=time.size,
-        duration=float(time[-1] - time[0]) if time.size else 0.0,
-        step=step,
+        samples=time.size, duration=float(time[-1] - time[0]) if time.size else 0.0, step=step,
         jitter=float(np.std(even)) if even.size else math.nan,
         worst_jitter=float(np.max(np.abs(even / step - 1))) if even.size else math.nan,
         gaps=tuple((float(t), round(float(d), 9)) for t, d in zip(time[:-1][gap], dt[gap], strict=True)),
         duplicated=tuple(map(float, time[1:][dt == 0])),
         backward=tuple((k + 2, float(time[k + 1]), float(time[k])) for k in np.flatnonzero(dt < 0).tolist()),
-    )
+    )  # fmt: skip
 
 
 def measure_signal(
@@ -157,18 +155,11 @@ def measure_signal(
     q = encoder_lattice(x)
     rest, _, at_rest = tail(x)
     return SignalReport(
-        name=name,
-        unit=unit,
-        minimum=float(x.min()),
-        maximum=float(x.max()),
-        missing=missing,
-        resolution=q and q.step,
-        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None,
-        noise=_noise(time, signal),
-        rest=rest,
-        at_rest=at_rest,
+        name, unit, minimum=float(x.min()), maximum=float(x.max()), missing=missing, resolution=q and q.step,
+        counts_per_turn=_counts_per_turn(q) if q and unit == "rad" else None, noise=_noise(time, signal),
+        rest=rest, at_rest=at_rest,
         rest_offset=rest - math.pi * round(rest / math.pi) if at_rest and unit == "rad" else None,
-    )
+    )  # fmt: skip
 
 
 def _noise(time: FloatArray, signal: FloatArray) -> float:

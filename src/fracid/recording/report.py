@@ -221,15 +221,9 @@ class Report:
 
 
 def measure(
-    time: FloatArray,
-    signals: Mapping[str, FloatArray],
-    units: Mapping[str, str],
-    reading: tuple[str, ...] = (),
-    resampled: str | None = None,
-    bridged: tuple[tuple[float, float], ...] = (),
-    *,
-    uneven: bool = False,
-) -> Report:
+    time: FloatArray, signals: Mapping[str, FloatArray], units: Mapping[str, str], reading: tuple[str, ...] = (),
+    resampled: str | None = None, bridged: tuple[tuple[float, float], ...] = (), *, uneven: bool = False,
+) -> Report:  # fmt: skip
     """Measure a recording.
 
     Parameters

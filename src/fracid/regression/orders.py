@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, by_name
 from fracid.problem import Free
-from fracid.problem.unknowns import start_of
+from fracid.problem.unknowns import starting_value
 from fracid.regression.estimators import Gauge, overlap, scaled_by_itself
 from fracid.regression.rows import Data
 
@@ -33,7 +33,7 @@ def search_orders(
 
     def at(q: ArrayLike) -> dict[str, float]:
         values = by_name(free, np.atleast_1d(q))
-        return {n: values.get(n, start_of(v)) for n, v in orders.items()}
+        return {n: values.get(n, starting_value(v)) for n, v in orders.items()}
 
     def ratio(q: ArrayLike) -> float:
         return math.log(scaled_by_itself(data.system(at(q), draws=1), gauge, data.own)[1])
@@ -94,9 +94,10 @@ def _spread(
     for i, (n, path) in enumerate(paths.items()):
         ends = (data.system(at(row[:-1]), draws=1) for row in (path[0], path[-1]))
         first, last = (scaled_by_itself(system, gauge, data.own)[0] for system in ends)
+        half = 0.5 * (interval[n][1] - interval[n][0])
         width = float(path[-1, i] - path[0, i])
         slope = (last - first) / width if width > 0.0 else np.zeros_like(first)
-        moves.append(np.abs(slope) * min(0.5 * (interval[n][1] - interval[n][0]), width) / 1.96)
+        moves.append(np.abs(slope) * min(half, width) / 1.96)
     spread = np.zeros(len(gauge.fixed))
     spread[list(gauge.free)] = np.max(moves, axis=0)
     return spread

@@ -290,7 +290,8 @@ class Rows:
             rates = ((x[:, i], a[:, i]) for x, a in both_rates)
             both = terms.columns(self.model, theta[:, i], alpha[:, i], *rates, self.drive)
             W = (np.column_stack([columns.get(n, nothing) for n in self.names]) for columns in both)
-            found.append(only((fftconvolve(w, self.hann, mode="same", axes=0) for w in W), self.kept))
+            smooth = (fftconvolve(columns, self.hann, mode="same", axes=0) for columns in W)
+            found.append(only(smooth, self.kept))
         return found
 
 

@@ -115,7 +115,9 @@ def runs_of(folder: Path) -> list[dict[str, Any]]:
     """The cards of the runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
     runs = []
     for path in sorted(folder.glob("*/result.json")):
-        if path.parent.is_symlink() or not (result := read_if_whole(path, SavedRun)):  # a link leads elsewhere
+        if path.parent.is_symlink():  # what is written there would lie elsewhere
+            continue
+        if not (result := read_if_whole(path, SavedRun)):
             continue
         environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
         who, started = identity(path.parent, result, environment), environment.get("started", "")

@@ -33,7 +33,7 @@ from fracid.report.index import (
 from fracid.report.material import Material
 from fracid.report.samples import base64_floats
 from fracid.report.scene import scene_data, scene_script, scene_still
-from fracid.report.sentences import counted, described, half_width, joined, state_letter
+from fracid.report.sentences import counted, described, half_width_of, joined, state_letter
 from fracid.report.study import STUDIES, figures_of, in_script, ladder_of, studies_of
 from fracid.report.surface import Surface, surface_still
 from fracid.report.traces import fit_charts, recorded_charts, residual_charts, traces
@@ -159,7 +159,8 @@ def report_page(material: Material) -> str:
     """
     charts, surface, rig = _charts(material), _cost_surface(material), scene_data(material)
     unexplored = not_explored(material)
-    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, [] if unexplored else explore_scripts(material))]
+    own = [] if unexplored else explore_scripts(material)
+    scripts = [*scene_script(material.model), *SCRIPTS, *map(Markup, own)]
     data = {
         "recordings": traces(material), "charts": {name: chart.packed() for name, chart in charts.items()}, "rig": rig,
         "plane": surface and vars(surface) | {
@@ -300,7 +301,7 @@ def _parameters(material: Material) -> Iterator[dict[str, Any]]:
 
 def _wide(e: Mapping[str, Any]) -> str:
     """How wide the interval of an identifiable constant is, where that is more than half of its value."""
-    half = half_width(e)
+    half = half_width_of(e)
     if half is None or not e["value"] or e["identifiable"] != "identifiable" or "integer" in e or e["unit"] == "rad":
         return ""
     share = half / abs(e["value"])

@@ -25,7 +25,8 @@ SIZE = 400, 300
 def scene_data(material: Material) -> dict[str, Any] | None:
     """Bodies, the outputs that move them and the constants of each recording; None where no such output was fitted."""
     problem, result = material.problem, material.result
-    if (scene := problem.model.scene) is None or not {*scene.moved_by} & {*problem.outputs}:
+    scene = problem.model.scene
+    if scene is None or not {*scene.moved_by} & {*problem.outputs}:
         return None
     known = {p.name: p.value for p in problem.model.parameters} | _values(result["parameters"])
     return {

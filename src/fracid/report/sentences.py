@@ -39,8 +39,11 @@ def state_letter(name: str) -> str:
     >>> state_letter("D^lambda theta"), state_letter("z_theta")
     ('D^λ\xa0θ', 'z_θ')
     """
-    return "\xa0".join("_".join(f"D^{letter(w[2:])}" if w.startswith("D^") else letter(w) for w in word.split("_"))
-                    for word in name.split())  # fmt: skip
+
+    def shown(part: str) -> str:
+        return f"D^{letter(part[2:])}" if part.startswith("D^") else letter(part)
+
+    return "\xa0".join("_".join(map(shown, word.split("_"))) for word in name.split())
 
 
 def in_unit(value: float, shown: tuple[str, float], form: str = ".2g") -> str:
@@ -82,7 +85,7 @@ def digits(estimate: Mapping[str, Any]) -> str:
     """
     if estimate.get("bound") is not None:
         return number(estimate["bound"], ".6g")
-    value, half = estimate.get("value"), half_width(estimate)
+    value, half = estimate.get("value"), half_width_of(estimate)
     return number(value, ".6g") if value is None or not half else typeset(to_second_digit(value, half))
 
 
@@ -94,14 +97,15 @@ def interval(estimate: Mapping[str, Any]) -> str:
     >>> interval({"value": 0.005, "interval95": [-0.015, 0.025]}), interval({"value": 0.0, "interval95": None})
     ('± 0.020', '–')
     """
-    if (ends := estimate.get("interval95")) is None or estimate.get("value") is None:
+    ends = estimate.get("interval95")
+    if ends is None or estimate.get("value") is None:
         return number(None)
     return typeset(interval_beside(estimate["value"], *ends))
 
 
 def said(e: Mapping[str, Any]) -> str:
     """``0.86252 ± 0.00046``; what there is in its place, where there is no interval."""
-    if half_width(e) is not None:
+    if half_width_of(e) is not None:
         beside = interval(e)
         return f"{digits(e)}{' ' if beside.startswith('±') else ', '}{beside}"
     return f"{digits(e)} (given)" if not e["free"] else f"{number(e['value'])} (no interval)"
@@ -120,12 +124,12 @@ def with_error(value: float | None, error: float | None) -> str:
     return typeset(f"{to_second_digit(value, error)} {interval_beside(value, value - error, value + error)}")
 
 
-def half_width(estimate: Mapping[str, Any]) -> float | None:
+def half_width_of(estimate: Mapping[str, Any]) -> float | None:
     """Half of the 95 % interval; None where there is none.
 
     Examples
     --------
-    >>> half_width({"interval95": [0.9, 1.1]})
+    >>> half_width_of({"interval95": [0.9, 1.1]})
     0.1
     """
     ends = estimate.get("interval95")

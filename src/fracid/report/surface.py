@@ -102,7 +102,8 @@ def _colours(surface: Surface, x: Axis, y: Axis) -> Iterator[str]:
     yield f'<rect class="failed" x="{x.start}" y="{y.end}" width="{x.end - x.start}" height="{y.start - y.end}"/>'
     for k in range(BANDS):
         shapes, offsets = contours.filled(k / BANDS if k else -1.0, np.inf)
-        if rings := [shape[a:b] for shape, at in zip(shapes, offsets, strict=True) for a, b in pairwise(at)]:
+        rings = [shape[a:b] for shape, at in zip(shapes, offsets, strict=True) for a, b in pairwise(at)]
+        if rings:
             d = "".join(steps(ring, "z") for ring in rings)
             yield f'<path fill="{_colour((k + 0.5) / BANDS)}" fill-rule="evenodd" transform="scale(.1)" d="{d}"/>'
     for at, _ in surface.scale.levels:

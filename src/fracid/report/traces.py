@@ -47,7 +47,8 @@ def traces(material: Material) -> list[dict[str, Any]]:
 
 
 def _trace(material: Material, r: RecordingFit, points: int) -> dict[str, Any]:
-    at = extremes([np.asarray(y, dtype=float) for n in r.measured for y in (r.measured[n], r.fitted[n])], points)
+    lines = [np.asarray(y, dtype=float) for n in r.measured for y in (r.measured[n], r.fitted[n])]
+    at = extremes(lines, points)
     return {
         "name": r.name, "use": r.use, "samples": r.time.size, "shown": at.size, "start": float(r.time[0]),
         "t": base64_floats((r.time - r.time[0])[at]), "outputs": [_output(material, r, n, at) for n in r.measured],

@@ -10,7 +10,7 @@ from typing import Any
 
 from fracid.optimise.base import Outcome
 from fracid.report.material import Material
-from fracid.report.sentences import counted, digits, half_width, joined, said, search_sentence, state_letter
+from fracid.report.sentences import counted, digits, half_width_of, joined, said, search_sentence, state_letter
 from fracid.safety.door import own_text
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
@@ -53,7 +53,8 @@ def _claim(material: Material, lines: tuple[Line, ...]) -> Line:
     """What is claimed of the rig, in one sentence; in order only where nothing on the page contradicts it."""
     claim, against = material.result["claim"], contradictions(material, lines)
     shown = {n: e for n, e in material.result["orders"].items() if claim != "fractional" or not _holds_its_integer(e)}
-    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", f"{letter(n)} = {said(e)}") for n, e in shown.items()])
+    values = [f"{letter(n)} = {said(e)}" for n, e in shown.items()]
+    orders = joined([re.sub(" (?!=)", "\N{NO-BREAK SPACE}", value) for value in values])
     inside = {letter(n): e["integer"] for n, e in material.result["orders"].items() if _holds_its_integer(e)}
     if claim == "fractional" and inside:
         orders += f" ({_inside(list(inside), inside)})"
@@ -147,7 +148,7 @@ def _errors(material: Material, recordings: Mapping[str, Any]) -> str:
 
 def _orders(material: Material) -> Line:
     orders, rival = material.result["orders"], material.result["alternative"]
-    told = {n: said(e) if half_width(e) is not None else digits(e) for n, e in orders.items()}
+    told = {n: said(e) if half_width_of(e) is not None else digits(e) for n, e in orders.items()}
     sentence = joined([f"{letter(n)} = {text}" for n, text in told.items()]) + "."
     if not (free := {n: e for n, e in orders.items() if e["free"]}):
         return Line("Orders", f"{sentence} They were given, not found.", True)
@@ -259,7 +260,7 @@ def moved_by_the_step(result: Mapping[str, Any]) -> dict[str, float]:
     check = result.get("discretisation") or {}
     if not check.get("warning"):
         return {}
-    halves = {n: half_width(result["orders"].get(n, {"interval95": None})) for n in check["shift"]}
+    halves = {n: half_width_of(result["orders"].get(n, {"interval95": None})) for n in check["shift"]}
     return {n: shift for n, shift in check["shift"].items() if (half := halves[n]) is not None and abs(shift) > half}
 
 

@@ -111,13 +111,9 @@ class Run:
 
 @contextmanager
 def open_run(
-    folder: Path,
-    options: FitOptions,
-    *,
-    inputs: Mapping[str, str] | None = None,
-    resume: bool = False,
+    folder: Path, options: FitOptions, *, inputs: Mapping[str, str] | None = None, resume: bool = False,
     command: Sequence[str] = (),
-) -> Iterator[Run]:
+) -> Iterator[Run]:  # fmt: skip
     """Take a run folder for this process alone, begin or go on there, and let go of it.
 
     Without `resume` an earlier run's files are removed.

@@ -377,7 +377,8 @@ def _window(
     period = _whole_period(measured[:, np.argmax(np.std(measured, axis=0))])
     swings = {o: float(np.mean(envelope(y, period))) for o, y in zip(piece.outputs, measured.T, strict=True)}
     least = {o: COUNTS * (resolution(y) or 0.0) for o, y in zip(piece.outputs, e.measured.T, strict=True)}
-    sizes, stills = ({n: max(of[o] for o in own) for n, own in told.items()} for of in (swings, least))
+    sizes = {n: max(swings[o] for o in own) for n, own in told.items()}
+    stills = {n: max(least[o] for o in own) for n, own in told.items()}
     units = {n: e.units.get(own[0], "rad") for n, own in told.items()}
     known = {n: s for n, s in errors.items() if n in orders and s > 0 and sizes[n] > stills[n]}
     standard_errors = {n: known.get(n, math.inf) for n in orders}
@@ -396,8 +397,8 @@ def _told_by(piece: Problem, order: str) -> list[str]:
 
 
 def _drifts(windows: Sequence[Window]) -> list[Drift]:
-    groups = {name: [w for w in windows if w.recording == name and not w.whole] for name in
-              dict.fromkeys(w.recording for w in windows)}  # fmt: skip
+    names = dict.fromkeys(w.recording for w in windows)
+    groups = {name: [w for w in windows if w.recording == name and not w.whole] for name in names}
     groups |= {RELEASES: [w for w in windows if w.whole]}
     drifts = [_drift(order, over, group) for over, group in groups.items()
               for order in dict.fromkeys(n for w in group for n in w.orders)]  # fmt: skip

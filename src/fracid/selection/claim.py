@@ -147,16 +147,10 @@ def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failu
 
 
 def claim_of(
-    orders: Sequence[OrderFound],
-    alternative: Alternative | None,
-    left_over: Mapping[str, LeftOver],
-    contradictions: Sequence[str] = (),
-    support: Sequence[str] = (),
-    element: FractionalElement | None = None,
-    *,
-    compared: bool = False,
-    restarts: bool = True,
-) -> Claim:
+    orders: Sequence[OrderFound], alternative: Alternative | None, left_over: Mapping[str, LeftOver],
+    contradictions: Sequence[str] = (), support: Sequence[str] = (), element: FractionalElement | None = None,
+    *, compared: bool = False, restarts: bool = True,
+) -> Claim:  # fmt: skip
     """What a fit's orders are evidence of.
 
     Parameters

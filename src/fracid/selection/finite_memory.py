@@ -218,15 +218,11 @@ def with_relaxations(model: Model, groups: Mapping[str, Sequence[int]], count: i
             parameters.append(Parameter(f"share{j}_{name}", "1", 0.0, f"what relaxation {j} forgets"))
             parameters.append(Parameter(f"ln_tau{j}_{name}", "1", 0.0, "ln of its time constant in s"))
     place, n = {p.name: k for k, p in enumerate((*model.parameters, *parameters))}, len(model.states)
-    memories = tuple(
-        FadingState(
-            i,
-            shares=tuple(place[f"share{j}_{name}"] for j in range(count + 1)),
-            times=tuple(place[f"ln_tau{j}_{name}"] for j in range(1, count + 1)),
-            held=tuple(range(n + count * k, n + count * (k + 1))),
-        )
-        for k, (i, name) in enumerate(where)
-    )
+    memories = tuple(FadingState(
+        i, shares=tuple(place[f"share{j}_{name}"] for j in range(count + 1)),
+        times=tuple(place[f"ln_tau{j}_{name}"] for j in range(1, count + 1)),
+        held=tuple(range(n + count * k, n + count * (k + 1))),
+    ) for k, (i, name) in enumerate(where))  # fmt: skip
     return replace(
         model, memories=memories, grown=None,
         states=(*model.states, *states), parameters=(*model.parameters, *parameters),

@@ -365,27 +365,21 @@ def _run(
     """A run as the loops take it, with its own kernels where none are given."""
     past, states, method = initial.known, len(initial.values), METHODS[options.method]
     inputs, after = _at_jumps(equation, method)
+    if kernels is None:
+        length = steps + len(past) - 1
+        kernels = _kernels(options.memory, method.family, equation.orders, length, own=_own(equation, step))
     return Run(
-        orders=equation.orders,
-        gain=step_gain(step, equation.orders, equation.time_scale),
-        u=inputs,
-        p=equation.parameters,
-        past=past,
+        orders=equation.orders, gain=step_gain(step, equation.orders, equation.time_scale),
+        u=inputs, p=equation.parameters, past=past,
         slope=np.zeros(states) if initial.slope is None else initial.slope,
-        start=float(initial.time),
-        h=float(step),
-        steps=int(steps),
-        every=int(options.every),
+        start=float(initial.time), h=float(step), steps=int(steps), every=int(options.every),
         limit=min(float(options.limit), LARGEST),
         bounds=np.tile((-np.inf, np.inf), (states, 1)) if options.bounds is None else options.bounds,
-        kernels=kernels
-        or _kernels(options.memory, method.family, equation.orders, steps + len(past) - 1, own=_own(equation, step)),
-        corrections=int(options.corrections),
-        corrected=bool(options.corrected),
+        kernels=kernels, corrections=int(options.corrections), corrected=bool(options.corrected),
         relaxing=np.array(equation.relaxing, dtype=np.int64),
         fading=np.array([_row(f, step) for f in equation.fading]) if equation.fading else np.zeros((0, 2)),
         after=after,
-    )
+    )  # fmt: skip
 
 
 def _trajectory(

@@ -233,12 +233,9 @@ def _unstable(scaled: FloatArray, orders: FloatArray, steps: int) -> bool:
 
 
 def _growing(
-    symbol: Callable[[NDArray[np.complex128], float], NDArray[np.complex128]],
-    highest: float,
-    rate: float,
-    scaled: FloatArray,
-    orders: FloatArray,
-) -> int:
+    symbol: Callable[[NDArray[np.complex128], float], NDArray[np.complex128]], highest: float, rate: float,
+    scaled: FloatArray, orders: FloatArray,
+) -> int:  # fmt: skip
     """Roots s of det(1 − diag(σ_i(s)) gJ) with Re s > rate, by the turns of its argument along Re s = rate."""
     fastest = math.log(max(1.0, float(np.abs(scaled).sum()))) / float(np.min(orders))  # bounds the equation's roots
     end = highest if math.isfinite(highest) else 1e3 * math.exp(min(fastest, FASTEST))

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from fracid.estimation.covariance import LEAST_SHIFT, Uncertainty, half_width, u
 from fracid.estimation.horizons import Watch, growing, lowest_from, uninterrupted
 from fracid.estimation.linearised import Linearised
 from fracid.estimation.long_records import corrected, is_coarse, on_all_samples, own_substeps
-from fracid.estimation.minimum import beside, settled
+from fracid.estimation.minimum import Minimum, beside, settled
 from fracid.estimation.nearly_equal import nearly_equal_minimum
 from fracid.estimation.tangent import Tangent
 from fracid.findings import Finding, Words
@@ -34,24 +35,16 @@ from fracid.problem.checks import MOST_STEPS
 from fracid.safety.schema import Infinite, Record, Unknown
 from fracid.selection.step import COARSE, HELPS
 from fracid.solver.methods import METHODS
-from fracid.units import half_width as shown_half_width
-from fracid.units import letter, to_second_digit
+from fracid.units import letter, shown_half_width, to_second_digit
 
 SAYS = Words("validation/discretisation.toml")
 
 
-@dataclass(frozen=True)
-class Refined:
-    """A minimum at a finer step, which the fit chose."""
+class Refined(NamedTuple):
+    """A minimum with its discretisation check."""
 
-    problem: Problem
-    substeps: int
-    """Steps of a sample; of coarser recordings of one of their source."""
-    best: Evaluation
-    uncertainty: Uncertainty | Failure
+    at: Minimum
     check: Discretisation
-    near: Tangent | None = None
-    """There, where its derivatives are known."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +199,7 @@ def finer_step(begun: Refined, jobs: int) -> Refined | None:
     What steep friction does is uneven: one half step may not help, and the next one does.
     """
     best, found, held, idle = None, begun, begun.check, False
-    method = begun.problem.method
+    method = begun.at.problem.method
     while found.check.warning or found.check.largest > QUIET:
         finer = halved(found, jobs)
         helps = finer is not None and _helps(method, held, finer.check)
@@ -214,15 +207,16 @@ def finer_step(begun: Refined, jobs: int) -> Refined | None:
             break
         found, idle = finer, not helps
         if helps:
-            sentence = SAYS("halved", finer=finer, begun=begun, complaint=_complaint(method, begun.check))
-            best = found = replace(finer, check=replace(finer.check, refinement=sentence))
+            sentence = SAYS("halved", finer=finer.at, begun=begun.at, complaint=_complaint(method, begun.check))
+            best = found = Refined(finer.at, replace(finer.check, refinement=sentence))
             held = best.check
     return best
 
 
-def halved(at: Refined, jobs: int) -> Refined | None:
+def halved(coarse: Refined, jobs: int) -> Refined | None:
     """The minimum at half the step of another one; None where it is lost, its run fails, or it takes too many steps."""
-    problem, x, substeps = at.problem, at.best.point, 2 * at.substeps
+    at = coarse.at
+    problem, x, substeps = at.problem, at.x, 2 * at.substeps
     other = replace(problem, substeps=own_substeps(problem, substeps))
     if substeps > FINEST or 2 * max(other.simulator.steps(e) for e in other.experiments) > MOST_STEPS:
         return None
@@ -233,16 +227,16 @@ def halved(at: Refined, jobs: int) -> Refined | None:
         (other, minimum), near = exact, None
     else:
         minimum, near = _minimum_of(problem, x, other, jobs, near=at.near)
-    most = LOST * max(at.best.cost, at.check.cost_second_order)
+    most = LOST * max(at.best.cost, coarse.check.cost_second_order)
     if minimum.cost > most and 2 * other.simulator.work <= SOUGHT:  # the check went there from the first swing on
-        moved = x + [at.check.moves.get(u.name, 0.0) for u in problem.unknowns]
+        moved = x + [coarse.check.moves.get(u.name, 0.0) for u in problem.unknowns]
         minimum, near = lowest_from(other, moved, Watch(jobs)), None
     problem.last_derivatives.clear()
     if minimum.reason or minimum.cost > most:
         return None
     known = uncertainty(other, minimum.point, jobs=jobs, near=near)
     check = discretisation_check(other, minimum.point, known, jobs, substeps=substeps, near=near)
-    return Refined(other, substeps, minimum, known, check, near=near)
+    return Refined(Minimum(other, minimum, substeps, known, near), check)
 
 
 def is_rough(near: Tangent, known: Uncertainty | Failure) -> bool:

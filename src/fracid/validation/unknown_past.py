@@ -118,7 +118,8 @@ class CutCheck(CardDisplay, Record):
     def range(self) -> dict[str, tuple[float, float]]:
         """Order → its least and its greatest value over the fit and its alternatives."""
         rows = [self.as_fitted.orders, *(self.treatments[name].orders for name in self.rivals)]
-        return {n: (min(r[n] for r in rows), max(r[n] for r in rows)) for n in self.as_fitted.orders}
+        values = {n: [r[n] for r in rows] for n in self.as_fitted.orders}
+        return {n: (min(v), max(v)) for n, v in values.items()}
 
     @computed
     def warnings(self) -> tuple[str, ...]:

@@ -60,7 +60,8 @@ def table_of(name: str) -> Mapping[str, Any]:
     >>> table_of("pendulum")["model"]["inputs"]
     {'torque': 'N m'}
     """
-    return tomllib.loads(own_text(f"{'models/library' if name in MODEL else 'models'}/{name}.toml"))
+    folder = "models/library" if name in MODEL else "models"
+    return tomllib.loads(own_text(f"{folder}/{name}.toml"))
 
 
 def from_library(name: str, *, zero: str | None = None, **parameters: float) -> Model:

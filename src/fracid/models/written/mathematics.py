@@ -370,11 +370,9 @@ class Mathematics:
     trigonometric: ClassVar[tuple[str, ...]] = ("sin", "cos", "tan", "sinh", "cosh", "tanh")
 
     def __init__(
-        self,
-        model: Model,
-        constant: Callable[[str], str | None] = lambda _: None,
+        self, model: Model, constant: Callable[[str], str | None] = lambda _: None,
         order: Callable[[str], str | None] = lambda _: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Take what a constant and an order is written as; None for their symbols."""
         self.model, self.constant, self.order = model, constant, order
         self.letters = {p.name: p.symbol for p in model.parameters if p.symbol} | dict(model.symbols)
