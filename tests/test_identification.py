@@ -344,6 +344,16 @@ def test_ctrl_c_after_the_search_keeps_its_result(monkeypatch, stage):
     assert (fit.uncertainty is None) == (stage == "uncertainty")
 
 
+def test_ctrl_c_after_a_lower_minimum_leaves_no_claim_of_the_former_one(monkeypatch):
+    def interrupted(found):
+        if found.restarts:
+            raise KeyboardInterrupt
+
+    steps = interrupted, examination.Examination.make_claim, lambda found: found.at.best
+    monkeypatch.setattr(examination, "STEPS", tuple(("", "claim", step) for step in steps))
+    assert fracid.identify(problem(twin(end=1.0))).claim_reasons == examination.NO_CLAIM.reasons
+
+
 def test_ctrl_c_inside_a_refinement_counts_too(monkeypatch):
     minimise, searches = horizons.minimise, []
 

@@ -182,7 +182,8 @@ class Examination:
                 lower, done = step(self), done + 1
                 if lower is not None and self.restarts < RESTARTS:  # what was said of the former one is forgotten
                     self.at = replace(self.at, best=lower)
-                    self.findings, self.warnings, self.validated = [], [], {}
+                    self.findings, self.warnings, self.verdicts, self.validated = [], [], {}, {}
+                    self.spread, self.residuals, self.alternative, self.claim = None, {}, None, NO_CLAIM
                     self.restarts, done = self.restarts + 1, 0
         except KeyboardInterrupt:
             self.outcome = Outcome.INTERRUPTED
