@@ -11,6 +11,7 @@ import pytest
 
 import fracid
 from fracid.export.equations import toml_model
+from fracid.export.whole import written_outputs
 from fracid.models import Parameter
 from fracid.models.written.equations import Equation, Equations
 from fracid.models.written.formulas import ARGUMENTS, DEEPEST, KNOWN, LONGEST, FormulaError, formula
@@ -172,6 +173,15 @@ def test_a_model_of_equations_is_the_same_model_in_another_process():
     other.rhs(0.0, x, u, other.parameter_vector(), out)
     np.testing.assert_array_equal(out, [0.2, (3.0 - 2 * 0.2 - 2 * math.tanh(0.2 / 1e-3) - 2.0) / 2])
     assert other.outputs["power"](0.0, x, u, other.parameter_vector()) == 3.0 * 0.2
+
+
+@pytest.mark.parametrize("root", ["sqrt(position)", "log(position)", "exp(100*position)", "gamma(position)"])
+def test_an_output_has_no_definition_that_it_does_not_read(root):
+    twice = {"twice": Equation("2*speed"), "position": Equation("position")}
+    rates = {"position": Equation("speed"), "speed": Equation("-root")}
+    model = Equations(rates, twice, definitions={"root": Equation(root)}).model("root", [])
+    assert model.outputs["twice"](0.0, [-10.0, 3.0], [], []) == 6.0
+    assert "f[0] = 2.0 * x[1];" in written_outputs(model, "c")
 
 
 WRITABLE = {"two bodies, springpot": fracid.rotary_pendulum(play_theta=0.01, springpot_alpha=1e-3, tilt_x=0.01),

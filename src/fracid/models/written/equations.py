@@ -224,7 +224,7 @@ def _output(
             return int(i)
     units.check(Assign(Name(name), value), e.equals, where, dimension(e.unit))
     definitions = [s for s in body if isinstance(s.target, Name)]
-    return Formula(Function(name, ("t", "x", "u", "p"), (*definitions, Return(value))))
+    return Formula(Function(name, ("t", "x", "u", "p"), without_unused((*definitions, Return(value)))))
 
 
 # --- units ---------------------------------------------------------------------------------------------
