@@ -13,10 +13,11 @@ import fracid
 from fracid.export.equations import toml_model
 from fracid.export.whole import written_outputs
 from fracid.models import Parameter
-from fracid.models.written.equations import Equation, Equations
+from fracid.models.written.equations import OTHERS, Equation, Equations
 from fracid.models.written.formulas import ARGUMENTS, DEEPEST, KNOWN, LONGEST, FormulaError, formula
 from fracid.models.written.tree import Entry, Number
 from fracid.problem.project import project_from_text
+from fracid.recording.channel import UNITS as RECORDED
 from fracid.solver.right_hand_side import compile_rhs
 from own_models import own_models
 
@@ -152,11 +153,56 @@ def test_where_an_order_is_free_the_unit_says_what_to_type():
     def tank(rate, *parameters):
         return Equations({"x": Equation(rate, "q", "1")}, {}, {"u": "1"}).model("tank", parameters)
 
-    with pytest.raises(FormulaError, match=r"This is a plain number; expected s\^-1. Its order q is free") as told:
+    with pytest.raises(
+        FormulaError, match=r"This is a plain number; expected s\^-1. Its order q may be other than 1"
+    ) as told:
         tank("u - x")
     told.match('divide it by a time in s, or multiply it by a parameter with unit = "s\\^-q"')
     assert tank("(u - x)/T", Parameter("T", "s", 1.0, "")).states == ("x",)
     assert tank("k*(u - x)", Parameter("k", "s^-q", 1.0, "")).states == ("x",)
+
+
+@pytest.mark.parametrize("unit", ["s^-0.5", "1/s^0.5", "1/s"])
+def test_a_derivative_of_fixed_order_has_the_unit_of_that_order_or_the_papers(unit):
+    heat = Equations({"x": Equation("-a*x", 0.5, "K")})
+    assert heat.model("heat", [Parameter("a", unit, 1.0, "")]).orders == (0.5,)
+    with pytest.raises(FormulaError, match=r"This is in s\^-2 K; expected s\^-0.5 K\.$"):
+        heat.model("heat", [Parameter("a", "1/s^2", 1.0, "")])
+
+
+def test_a_power_whose_exponent_is_a_name_may_have_any_unit_and_the_exponent_has_none():
+    spring = Equations({"x": Equation("k*x**n", unit="m")})
+    k, exponents = Parameter("k", "m^-0.5/s", 1.0, ""), [Parameter("n", unit, 1.5, "") for unit in ("1", "", "m")]
+    assert [spring.model("spring", [k, n]).states for n in exponents[:2]] == [("x",), ("x",)]
+    with pytest.raises(FormulaError, match=r"\n       \^ An exponent is a plain number, not m\."):
+        spring.model("spring", [k, exponents[2]])
+
+
+@pytest.mark.parametrize(("unit", "factor", "si"), [
+    ("mN/m", "0.001", "N/m"), ("g", "0.001", "kg"), ("kN/m", "1000", "N/m"), ("N/mm", "1000", "N/m"),
+    ("deg", "0.0174533", "rad"), ("uF", "1e-06", "F"), ("h", "3600", "s"), ("mNm/rpm", "0.0095493", "N m/rad s"),
+    ("kN s^q/m", "1000", "N s^q/m"),
+])  # fmt: skip
+def test_a_value_whose_unit_is_not_si_is_told_what_to_type(unit, factor, si):
+    line = Equations({"x": Equation("-k*x")})
+    with pytest.raises(fracid.InputError, match=f"multiply those of k by {factor} and type unit = ") as told:
+        line.model("line", [Parameter("k", unit, 1.0, "")])
+    assert f'unit = "{si}"' in str(told.value)
+    for same in (si, "mN/mm", "s^-q", "lb/s", "mg/ml"):
+        assert line.model("line", [Parameter("k", same, 1.0, "")]).parameters[0].unit == same
+
+
+@pytest.mark.parametrize("unit", ["ohm", "Ω", "Ohm"])
+def test_other_spellings_of_a_unit_are_checked_as_it_is(unit):
+    with pytest.raises(FormulaError, match="It adds"):
+        Equations({"x": Equation("R + C")}).model("rc", [Parameter("R", unit, 1.0, ""), Parameter("C", "F", 1.0, "")])
+
+
+def test_units_of_models_and_of_recordings_have_the_same_factors():
+    shared = {n: RECORDED[n] for n in RECORDED if n in OTHERS and n not in ("g", "mg")}  # of acceleration there
+    assert shared.keys() >= {"deg", "rpm", "bar", "mN", "kPa"}
+    for n, (factor, of) in shared.items():
+        assert (pytest.approx(factor), of) == tuple(OTHERS[n])
 
 
 def test_what_has_no_unit_may_have_any():
@@ -248,6 +294,12 @@ def project(tmp_path):
     columns = np.column_stack([t, np.sin(t), 0.01 * np.sin(t) ** 2])
     np.savetxt(tmp_path / "axis.csv", columns, delimiter=",", header="time,force,position", comments="")
     return lambda text: project_from_text(text, tmp_path / "axis.toml").problem
+
+
+def test_a_unit_that_nobody_knows_is_noted(tmp_path, project):
+    project(PROJECT)
+    noted = project_from_text(PROJECT.replace('"N s/m"', '"lb s"'), tmp_path / "axis.toml").notes
+    assert "The unit of b has 'lb', which is unknown: equations with b are not checked" in " ".join(noted)
 
 
 def test_a_project_of_equations_needs_no_trust(project):

@@ -66,7 +66,7 @@ from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
 from fracid.findings import Note, Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
-from fracid.models.written.equations import Equation, Equations, equations_in
+from fracid.models.written.equations import Equation, Equations, equations_in, unknown_units
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.checks import refuse_twins
@@ -488,6 +488,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     notes += _shared(zip(recordings, experiments, columns, strict=True))
     notes += [f"{r.name}: {note}" for r in recordings for code in ("interpolated", "other-header")
               for note in with_code(r.report.reading, code)]  # fmt: skip
+    if content.model.equations:
+        notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))

@@ -5,9 +5,10 @@ Units are checked as far as they are given: what has none, and a number, may be 
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import Any
@@ -139,6 +140,10 @@ class Equations:
         names |= {p.name: Number(0.0) if p.name in off else Entry("p", Number(k), p.name)
                   for k, p in enumerate(parameters)}  # fmt: skip
         own = {p.name: p.unit for p in parameters} | {n: e.unit for n, e in there.items()}
+        for n, unit in own.items():
+            factor, si = in_si(unit)
+            if abs(factor - 1.0) > 1e-9 and all(part in UNITS for _, part, _ in _parts(si)):
+                raise InputError(SAYS("not-si", name=n, unit=unit, factor=factor, si=si))
         units = _Units(names, {**self.inputs} | own)
         for e in self.outputs.values():
             if e.unit and e.equals.strip() in there:
@@ -159,7 +164,7 @@ class Equations:
                 value = body[-1].value
                 names[target.name] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
-        units.orders |= {Entry("out", Number(i)): e.order for i, e in enumerate(there.values())}
+        units.orders |= {Entry("x", Number(i)): e.order for i, e in enumerate(there.values())}
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (_, where, text, _) in zip(body, rows, strict=True):
             units.check(s, text, where)
@@ -232,7 +237,15 @@ def _output(
 Dimension = tuple[float, ...]
 """Powers of kg, m, s, A, K and mol; an angle has none."""
 
-UNITS: dict[str, Dimension] = {n: tuple(d) for n, d in tomllib.loads(own_text("models/written/units.toml")).items()}
+_TABLE = tomllib.loads(own_text("models/written/units.toml"))
+
+UNITS: dict[str, Dimension] = {n: tuple(powers) for n, powers in _TABLE["si"].items()}
+
+_PLAIN: dict[str, tuple[float, str]] = _TABLE["others"] | {n: (1.0, n) for n in UNITS}
+
+OTHERS = {f"{prefix}{n}": (size * factor, of) for prefix, size in _TABLE["prefixes"].items()
+          for n, (factor, of) in _PLAIN.items() if n.isalpha()} | _PLAIN  # fmt: skip
+"""Unit → the factor to SI, and the unit there."""
 
 NONE = UNITS["1"]
 SECOND = UNITS["s"]
@@ -246,13 +259,52 @@ def dimension(unit: str) -> Dimension | None:
     >>> dimension("N s/m") == dimension("kg/s"), dimension("F s^(q-1)")
     (True, None)
     """
-    total = NONE if unit else None
+    factor, text = in_si(unit)
+    total = NONE if text and factor == 1.0 else None
+    for sign, name, power in _parts(text):
+        total = _times(total, UNITS[name], sign * _number(power)) if total and name in UNITS else None
+    return None if total is None or math.isnan(sum(total)) else total
+
+
+def in_si(unit: str) -> tuple[float, str]:
+    """The factor to SI, NaN where a prefix has a power that is no number, and the unit there.
+
+    Examples
+    --------
+    >>> in_si("mN/m"), in_si("s^-q")
+    ((0.001, 'N/m'), (1.0, 's^-q'))
+    """
+    factor, text = 1.0, ""
+    for sign, name, power in _parts(unit):
+        size, of = OTHERS.get(name, (1.0, name))
+        factor *= size ** (sign * _number(power))
+        for own, n, _ in _parts(of):
+            text += f"{' ' if sign * own > 0 else '/'}{n}{'' if power == '1' else f'^{power}'}"
+    return factor, f"1{text}" if text[:1] == "/" else text.strip()
+
+
+def _parts(unit: str) -> Iterator[tuple[int, str, str]]:
+    """The units of a product: 1, or -1 where it is divided by it, its name, and its power as it is written."""
     for part in re.sub(r"\s*([/*·])\s*", r" \1", unit).split():
         name, _, power = part.lstrip("/*·").partition("^")
-        if name not in UNITS or not re.fullmatch(r"-?\d+(\.\d+)?|", power):
-            return None
-        total = _times(total or NONE, UNITS[name], (-1 if part[0] == "/" else 1) * float(power or 1))
-    return total
+        yield -1 if part[0] == "/" else 1, name, power or "1"
+
+
+def _number(power: str) -> float:
+    return float(power) if re.fullmatch(r"-?\d+(\.\d+)?", power) else math.nan
+
+
+def unknown_units(units: Mapping[str, str]) -> Iterator[str]:
+    """Say which units have a part that is not known, so that equations with them are not checked.
+
+    Examples
+    --------
+    >>> [*unknown_units({"k": "lb/s", "c": "N s^q/m"})]
+    ["The unit of k has 'lb', ... not checked for units; expected SI, as in N m s/rad."]
+    """
+    for name, unit in units.items():
+        for part in (n for _, n, _ in _parts(in_si(unit)[1]) if n not in UNITS and not {*n} & {*"()"}):
+            yield SAYS("unknown-unit", name=name, part=part)
 
 
 def _times(a: Dimension, b: Dimension, power: float = 1.0) -> Dimension:
@@ -279,7 +331,8 @@ class _Units:
 
     def spread(self, rates: Mapping[str, Expression]) -> None:
         """Where a state is the derivative of another, the unit of one says the other's."""
-        pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"]
+        pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"
+                 and (isinstance(order := self.orders[self.names[n]], str) or order == 1)]  # fmt: skip
         for _ in pairs:
             for state, rate in pairs:
                 if (unit := self.known.get(state)) and not self.known.get(rate):
@@ -289,15 +342,14 @@ class _Units:
 
     def check(self, s: Assign, text: str, where: str, expected: Dimension | None = None) -> None:
         """One equation: its parts among each other, and with what it is to be."""
-        self.text, self.where = text, where
+        self.text, self.where, order, per_second = text, where, None, expected
         unit = self.of(s.value)
         if isinstance(s.target, Name):
             self.known[s.target] = unit
-        else:
-            state = self.known.get(Entry("x", s.target.index))
-            expected = _times(state, SECOND, -1) if state else None
-        if unit and expected and unit != expected:
-            order = self.orders.get(s.target)
+        elif state := self.known.get(entry := Entry("x", s.target.index)):
+            order, per_second = self.orders[entry], _times(state, SECOND, -1)  # which the paper has at any order
+            expected = per_second if isinstance(order, str) else _times(state, SECOND, -order)
+        if unit and expected and unit not in (expected, per_second):
             free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
             inside = "in " * (unit != NONE)
             raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
@@ -318,6 +370,10 @@ class _Units:
             case Operation("**", (a, Number(power))):
                 base = self.of(a)
                 return _times(NONE, base, power) if base else None
+            case Operation("**", (a, n)):
+                if (unit := self.of(n)) not in (None, NONE):
+                    self._wrong(e, f"An exponent is a plain number, not {_shown(unit)}.")
+                return NONE if self.of(a) == NONE else None
             case Operation(sign, operands):
                 unit = self._same(e, {"+": "adds", "-": "subtracts", "%": "divides"}.get(sign, "compares"), *operands)
                 return NONE if sign in (*COMPARISONS, "and", "or", "not") else unit
