@@ -3,6 +3,7 @@
 import math
 import pickle
 import random
+import re
 import time
 from contextlib import suppress
 
@@ -11,9 +12,9 @@ import pytest
 
 import fracid
 from fracid.export.equations import toml_model
-from fracid.export.whole import written_outputs
+from fracid.export.whole import written, written_outputs
 from fracid.models import Parameter
-from fracid.models.written.equations import OTHERS, Equation, Equations
+from fracid.models.written.equations import ARRAYS, OTHERS, Equation, Equations
 from fracid.models.written.formulas import ARGUMENTS, DEEPEST, KNOWN, LONGEST, FormulaError, formula
 from fracid.models.written.tree import Entry, Number
 from fracid.problem.project import project_from_text
@@ -81,7 +82,23 @@ def test_sign_is_a_function():
     ("__import__('os')", 11, "means nothing here"),
     ("a.real", 1, "means nothing here"),
     ("a[0]", 1, "only \\( \\) are brackets"),
-    ("λ", 0, "means nothing here"),
+    ("λ", 0, "means nothing here; names have letters a to z"),
+    ("(a b)", 3, "`b` is one too many here; is a sign missing before it"),
+    ("(1,5*a)", 2, "`,` is one too many here; is it a decimal point"),
+    ("a²", 1, "a square is \\*\\*2"),
+    ("a*1_000", 2, "a number is as 1000"),
+    ("a*1j", 2, "is a \\* missing after the number\\?$"),
+    ("a − b", 2, "`−` means nothing here; type -"),
+    ("a && b", 2, "type and"),
+    ("a>b ? a : b", 4, "a choice is `a if test else b`"),
+    ("if(a>b, a, b)", 0, "a choice is `a if test else b`"),
+    ("ln(a)", 0, "`ln` is no function; type log"),
+    ("zeta(a)", 0, "`zeta` is no function; .* sqrt, .* sign\\.$"),
+    ("sin(t)", 4, "`t` is no state, input or parameter; equations have no time: record it, as an input"),
+    ("a*1e999", 2, "This is no finite number"),
+    ("a + (-1)**0.5", 8, "This is no finite number"),
+    ("a + 1/0", 5, "This is no finite number"),
+    ("sqrt(-2)*a", 0, "This is no finite number"),
     ("", 0, "A value is missing here"),
 ])  # fmt: skip
 def test_what_is_no_equation_is_said_under_the_place(text, column, why):
@@ -127,6 +144,40 @@ def test_random_text_ends_soon_in_a_tree_or_a_sentence():
             formula(text, NAMES)
         slowest = max(slowest, time.process_time() - began)
     assert slowest < 0.05
+
+
+@pytest.mark.parametrize("definitions", [{"a": "2*b", "b": "x"}, {"a": "b + 1", "b": "a + 1"}, {"a": "a + 1"}])
+def test_a_definition_that_is_used_before_it_stands_is_told_so(definitions):
+    written = {n: Equation(text) for n, text in definitions.items()}
+    with pytest.raises(FormulaError, match=r"`[ab]` is defined further down, or by itself"):
+        Equations({"x": Equation("-a*x")}, definitions=written).model("one", [])
+
+
+@pytest.mark.parametrize("name", ["x", "u", "p", "t", "f", "out", "math", "np", "rhs", "lambda", "class", "int", "_x0"])
+def test_a_definition_or_an_output_may_have_any_name(name):
+    rates = {"speed": Equation(f"-{name} - speed**2"), "level": Equation("speed")}
+    outputs = {name: Equation(f"{name} + speed + speed")}
+    model = Equations(rates, outputs, {"force": ""}, {name: Equation("min(speed, level)")}).model("one", [])
+    place = np.array([3.0, 2.0]), np.zeros(1), np.zeros(0)
+    np.testing.assert_array_equal(model.derivatives(*place), [-11.0, 3.0])
+    assert model.outputs[name](0.0, *place) == 8.0
+    for language in ("c", "javascript"):
+        assert not re.search(rf"const (double )?({'|'.join(ARRAYS)}) =", written(model, language))
+
+
+@pytest.mark.parametrize(("one", "other"), [("q", "_q"), ("lambda", "lambda_"), ("_x0", "x0")])
+def test_two_names_stay_two_in_every_language(one, other):
+    definitions = {one: Equation("speed*10"), other: Equation("level*1000")}
+    rates = {"speed": Equation(f"{one} + {other} + speed**2"), "level": Equation("0")}
+    model = Equations(rates, definitions=definitions).model("one", [])
+    assert model.derivatives(np.array([3.0, 2.0]), np.zeros(0), np.zeros(0))[0] == 2039.0
+    for language in ("c", "javascript", "matlab"):
+        assert len(set(re.findall(r"(\w+) = x.[012]. \*", written(model, language)))) == 2
+
+
+def test_a_letter_that_equations_do_not_have_is_refused_where_it_is_named():
+    with pytest.raises(fracid.InputError, match="'μ' cannot be a name in equations; expected letters a to z"):
+        Equations({"x": Equation("-x")}).model("one", [Parameter("μ", "", 1.0, "")])
 
 
 def test_what_is_too_long_or_too_deep_is_refused():

@@ -10,7 +10,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, count
+from itertools import zip_longest
 from typing import Any
 
 from fracid.errors import InputError, refuse_unknown
@@ -20,7 +20,7 @@ from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import Untranslatable, choice, operation, without_unused
+from fracid.models.written.reading import Untranslatable, choice, new_name, operation, without_unused
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -41,6 +41,9 @@ from fracid.models.written.tree import (
 from fracid.safety.door import own_text
 
 SAYS = Words("models/written/refusals.toml")
+
+ARRAYS = ("t", "x", "u", "p", "f", "out")
+"""What a right-hand side has by these names in some language, so that none of its variables has."""
 
 
 @dataclass(frozen=True)
@@ -150,19 +153,20 @@ class Equations:
                 units.given(e.equals.strip(), e.unit)
         relaxing = [n for n, e in there.items() if e.forgets]
         states = tuple(there)
+        variables = {n: new_name(n, {*ARRAYS, *self.definitions}) if n in ARRAYS else n for n in self.definitions}
         rows: list[tuple[Name | Entry, str, str, str]] = [
-            *((Name(n), f"[model.definitions] {n}", e.equals, e.note) for n, e in self.definitions.items()),
+            *((Name(variables[n]), f"[model.definitions] {n}", e.equals, e.note) for n, e in self.definitions.items()),
             *((Entry("out", Number(i)), f"[model.equations] {n}", e.equals, e.note)
               for i, (n, e) in enumerate(there.items())),
             *((Entry("out", Number(len(states) + states.index(n))), f"[model.equations] {n}: forgets",
                there[n].forgets, "") for n in relaxing),
         ]  # fmt: skip
         body: list[Assign] = []
-        for target, where, text, note in rows:
-            body.append(Assign(target, formula(text, names, where, units.columns), note))
-            if isinstance(target, Name):
-                value = body[-1].value
-                names[target.name] = value if isinstance(value, Number | Name | Entry) else target
+        for n, (target, where, text, note) in zip_longest(variables, rows):
+            value = formula(text, names, where, units.columns, self.definitions)
+            body.append(Assign(target, value, note))
+            if n is not None:
+                names[n] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
         units.orders |= {Entry("x", Number(i)): e.order for i, e in enumerate(there.values())}
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
@@ -196,7 +200,7 @@ def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
     seen: dict[str, str] = {}
     for kind, names in kinds.items():
         for n in names:
-            if not n.isidentifier() or n in (*KNOWN, *CONSTANTS, *WORDS):
+            if not (n.isascii() and n.isidentifier()) or n in (*KNOWN, *CONSTANTS, *WORDS):
                 raise InputError(SAYS("no-name", kind=kind, name=n))
             if n in seen:
                 raise InputError(f"{n} stands in {seen[n]} and in {kind}; give each its own name.")
@@ -490,10 +494,9 @@ class Flat:
         return _Text(self.program, names).expression
 
     def _new(self, name: str) -> str:
-        plain = re.sub(r"\W+", "_", name).strip("_") or "v"
+        plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "v"
         plain = plain if plain[0].isalpha() else f"v{plain}"
-        found = next(n for n in chain([plain], (f"{plain}_{k}" for k in count(2))) if n not in self.taken)
-        self.taken.add(found)
+        self.taken.add(found := new_name(plain, self.taken))
         return found
 
     def _named(self) -> list[str]:

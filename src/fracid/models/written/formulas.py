@@ -10,7 +10,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Mapping
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,9 +21,13 @@ from fracid.findings import Words
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
 from fracid.models.written.tree import COMPARISONS, Expression, Function, Number, Program
+from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
 SAYS = Words("models/written/refusals.toml")
+
+INSTEAD = tomllib.loads(own_text("models/written/instead.toml"))
+"""What is no part of an equation → what to type."""
 
 LONGEST = 2000
 """Characters of an equation."""
@@ -32,6 +37,9 @@ DEEPEST = 60
 
 SHOWN = 100
 """Characters of an equation in a message, about the place that is wrong; of a name or a number at all."""
+
+MOST_NAMES = 40
+"""That are listed where none is close; of functions all."""
 
 KNOWN = (*FUNCTIONS, "abs", "min", "max", "sign")
 
@@ -65,8 +73,9 @@ class _Token:
 
 
 def formula(
-    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None
-) -> Expression:
+    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None,
+    later: Collection[str] = (),
+) -> Expression:  # fmt: skip
     """Read an expression.
 
     Parameters
@@ -78,6 +87,8 @@ def formula(
         Its place in a file, for messages.
     columns : dict, optional
         Takes id(operation) → the column of its sign, for messages.
+    later : collection of str
+        Names that are defined further down.
 
     Raises
     ------
@@ -92,14 +103,17 @@ def formula(
     Traceback (most recent call last):
     fracid.models.written.formulas.FormulaError: ...tahn(v)... ^ `tahn` is no function; did you mean `tanh`?
     """
-    return _Parser(text, names, where, {} if columns is None else columns).whole()
+    return _Parser(text, names, where, {} if columns is None else columns, later).whole()
 
 
 class _Parser:
     """Precedence climbing over the tokens."""
 
-    def __init__(self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int]) -> None:
-        self.text, self.names, self.where, self.columns, self.depth, self.at = text, names, where, columns, 0, 0
+    def __init__(
+        self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int], later: Collection[str]
+    ) -> None:
+        self.text, self.names, self.where, self.columns, self.later = text, names, where, columns, later
+        self.depth = self.at = 0
         if len(text) > LONGEST:
             raise self.wrong(0, SAYS("too-long", count=len(text), most=LONGEST))
         self.tokens = self._tokens()
@@ -113,9 +127,9 @@ class _Parser:
             match = TOKEN.match(self.text, place)
             if match is None:
                 place += len(self.text[place:]) - len(self.text[place:].lstrip())
-                hint = {"^": "; a power is **", "[": "; only ( ) are brackets"}.get(self.text[place], "")
-                hint = "; is a * missing after the number?" if self.text[place].isdigit() else hint
-                raise self.wrong(place, f"`{self.text[place]}` means nothing here{hint}.")
+                sign = self.text[place]
+                hint = INSTEAD["number" if sign.isdecimal() else "other"]
+                raise self.wrong(place, SAYS("no-sign", sign=sign, hint=INSTEAD["signs"].get(sign, hint)))
             kind = str(match.lastgroup)
             if len(text := match[kind]) > SHOWN:
                 raise self.wrong(match.start(kind), f"This has {len(text)} characters; {SHOWN} are read.")
@@ -128,19 +142,22 @@ class _Parser:
         return self.tokens[self.at]
 
     def take(self, text: str) -> bool:
-        if self.now.kind in ("sign", "word") and self.now.text == text:
+        if self.now.kind in ("sign", "word", "end") and self.now.text == text:
             self.at += 1
             return True
         return False
 
-    def need(self, text: str, why: str) -> None:
-        if not self.take(text):
-            raise self.wrong(self.now.column, why)
+    def need(self, text: str, why: str = "") -> None:
+        if self.take(text):
+            return
+        if not why or self.now.kind in ("number", "name") or self.now.text in (",", "("):
+            hint = INSTEAD["signs"].get(self.now.text, INSTEAD["more"])
+            why = SAYS("too-many", text=self.now.text, hint=hint)
+        raise self.wrong(self.now.column, why)
 
     def whole(self) -> Expression:
         result = self.choice()
-        if self.now.kind != "end":
-            raise self.wrong(self.now.column, f"`{self.now.text}` is one too many here; is a sign missing before it?")
+        self.need("")
         return result
 
     def choice(self) -> Expression:
@@ -177,7 +194,13 @@ class _Parser:
         return result
 
     def _made(self, token: _Token, *operands: Expression) -> Expression:
-        result = operation(token.text, *operands)
+        return self._kept(token, operands, operation(token.text, *operands))
+
+    def _kept(self, token: _Token, operands: Sequence[Expression], result: Expression) -> Expression:
+        """With its place; numbers make a number, and a finite one."""
+        constant = all(isinstance(e, Number) for e in operands)
+        if constant and not (isinstance(result, Number) and math.isfinite(result.value)):
+            raise self.wrong(token.column, SAYS("no-value"))
         self.columns[id(result)] = token.column
         return result
 
@@ -201,7 +224,7 @@ class _Parser:
         token = self.now
         self.at += 1
         if token.kind == "number":
-            return Number(float(token.text))
+            return self._kept(token, (), Number(float(token.text)))
         if token.kind == "sign" and token.text == "(":
             inner = self.choice()
             self.need(")", "A bracket is not closed here.")
@@ -211,7 +234,9 @@ class _Parser:
         if token.kind == "name":
             return self._named(token)
         self.at -= 1
-        raise self.wrong(token.column, "A value is missing here: a number, a name or a bracket.")
+        raise self.wrong(
+            token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"]))
+        )
 
     def _named(self, token: _Token) -> Expression:
         if token.text in self.names:
@@ -220,6 +245,8 @@ class _Parser:
             return Number(CONSTANTS[token.text])
         if token.text in KNOWN:
             raise self.wrong(token.column, f"`{token.text}` is a function: {token.text}(…).")
+        if token.text in self.later:
+            raise self.wrong(token.column, SAYS("defined-later", name=token.text))
         raise self.wrong(token.column, SAYS("unknown", name=token.text, close=_close(token.text, self.names)))
 
     def _called(self, token: _Token) -> Expression:
@@ -237,15 +264,16 @@ class _Parser:
         if len(arguments) < 2 if several else alone:
             takes = "two values or more" if several else wanted
             raise self.wrong(token.column, f"`{token.text}` takes {takes}, not {len(arguments)}.")
-        result = call(token.text, arguments)
-        self.columns[id(result)] = token.column
-        return result
+        return self._kept(token, arguments, call(token.text, arguments))
 
 
 def _close(name: str, known: Collection[str]) -> str:
+    if name in INSTEAD["names"]:
+        return str(INSTEAD["names"][name])
     same_letters = [k for k in known if sorted(k) == sorted(name)]
     close = same_letters or difflib.get_close_matches(name, known, 1)
-    return f"did you mean `{close[0]}`?" if close else f"the known ones are {', '.join([*known][:20])}."
+    more = " …" * (len(known) > MOST_NAMES)
+    return f"did you mean `{close[0]}`?" if close else f"the known ones are {', '.join([*known][:MOST_NAMES])}{more}."
 
 
 # --- what is compiled ----------------------------------------------------------------------------------
@@ -271,7 +299,7 @@ class Formula:
     def py_func(self) -> Any:
         """The function, in Numba's language."""
         writer = Python(self.tree if isinstance(self.tree, Program) else Program((), (), (self.tree,), ()))
-        return writer.made("rhs" if isinstance(self.tree, Program) else self.tree.name, self.module)
+        return writer.made("" if isinstance(self.tree, Program) else self.tree.name, self.module)
 
     @property
     def __name__(self) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import keyword
 import math
+import re
 import sys
 import tomllib
 from collections import Counter
@@ -142,8 +143,8 @@ class Writer:
 
     def name(self, name: str) -> str:
         """As the language takes it."""
-        plain = "".join(c if c.isascii() else f"u{ord(c):x}" for c in name).lstrip("_") or "v"
-        return f"{plain}_" if plain in self.reserved else plain
+        plain = re.sub(r"^_+|^\d|\W", lambda m: "".join(f"u{ord(c):x}" for c in m[0]), name, flags=re.ASCII)
+        return f"{plain}_" if plain.rstrip("_") in self.reserved else plain
 
     def expression(self, e: Expression, level: int = 0) -> str:
         """In brackets where it binds less tightly than asked for."""
@@ -369,7 +370,7 @@ class Python(Writer):
 
     functions: ClassVar[dict[str, str]] = {n: f"{'np' if n in ('cbrt', 'fmod') else 'math'}.{n}" for n in FUNCTIONS}
     """Numba has two of NumPy's alone."""
-    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math np range"))
+    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math np range rhs"))
     once: Mapping[Entry, str] = {}
     """What a right-hand side reads more than once has a name in it: that is less to compile."""
 
@@ -405,15 +406,15 @@ class Python(Writer):
         return "\n".join(["def rhs(t, x, u, p, out):", *first, *(line for line in lines if line not in rates), *room,
                           *([] if lines else ["    pass"]), ""])  # fmt: skip
 
-    def made(self, name: str = "rhs", module: str = "") -> Callable[..., Any]:
-        """The right-hand side, or one of the functions, to be called.
+    def made(self, name: str = "", module: str = "") -> Callable[..., Any]:
+        """The right-hand side, or the function of that name, to be called.
 
         One of a module of fracid's is called by its text: what is compiled of it is kept under that name.
         """
         text, there = self.text(), dict[str, Any](math=math, np=np, **({"__name__": module} if module else {}))
         file = sys.modules[module].__file__ if module else "<equations>"
         exec(compile(text, str(file), "exec"), there)  # of a tree: numbers, its names and functions of mathematics
-        function: Callable[..., Any] = there[name]
+        function: Callable[..., Any] = there[own := self._called(name) if name else "rhs"]
         if module:
-            function.__name__ = function.__qualname__ = f"{name}_{sha256(text.encode()).hexdigest()[:16]}"
+            function.__name__ = function.__qualname__ = f"{own}_{sha256(text.encode()).hexdigest()[:16]}"
         return function

@@ -543,7 +543,7 @@ class Mathematics:
         """One that the equations have: so many times π, and as a factor a half."""
         for power in (1, 2):
             times = v ** (1 / power) / math.pi
-            if times >= 1 and abs(times - round(times)) < 1e-12 * times:
+            if 1 <= times < math.inf and abs(times - round(times)) < 1e-12 * times:
                 pi = self.mark("i", "π") if round(times) == 1 else self.joined(
                     self.mark("n", f"{round(times)}"), self.mark("i", "π"))  # fmt: skip
                 return pi if power == 1 else self.mark("power", self._bracketed(pi, needed=True), self.mark("n", "2"))

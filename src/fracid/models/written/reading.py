@@ -14,7 +14,7 @@ import operator
 import textwrap
 import tokenize
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
@@ -269,7 +269,9 @@ def call(name: str, arguments: Sequence[Expression]) -> Expression:
     return Call(name, tuple(arguments))
 
 
-_EVALUATED = {n: getattr(math, n) for n in FUNCTIONS} | {"abs": abs, "min": min, "max": max}
+_EVALUATED: dict[str, Callable[..., Any]] = {n: getattr(math, n) for n in FUNCTIONS} | {
+    "abs": abs, "min": min, "max": max, "sign": lambda v: math.copysign(1.0, v) if v else 0.0,
+}  # fmt: skip
 
 
 # --- functions -----------------------------------------------------------------------------------------
@@ -306,7 +308,7 @@ class _Unit:
     def function(self, f: Any, stack: tuple[Any, ...] = ()) -> str:
         """The name of a function of numbers, which is read where it is new; none where it calls itself."""
         if f not in self.functions:
-            taken = {g.name for g in self.functions.values() if g is not None} | {*_EVALUATED, "sign"}
+            taken = {g.name for g in self.functions.values() if g is not None} | {*_EVALUATED}
             self.functions[f] = None  # while it is being read
             scope = _Scope(self, f, set(), [], stack=(*stack, f))
             names = [a.arg for a in scope.node.args.args]
@@ -315,13 +317,20 @@ class _Unit:
                 scope.statement(s)
             about = (f.__doc__ or "").strip().partition("\n")[0]
             del self.functions[f]
-            self.functions[f] = Function(_new(f.__name__, taken), tuple(scope.names[n] for n in names),
+            self.functions[f] = Function(new_name(f.__name__, taken), tuple(scope.names[n] for n in names),
                                          without_unused(tuple(scope.statements)), about)  # fmt: skip
         found = self.functions[f]
         return found.name if found else ""
 
 
-def _new(name: str, taken: set[str]) -> str:
+def new_name(name: str, taken: Collection[str]) -> str:
+    """The name, or with a number behind it where it is taken.
+
+    Examples
+    --------
+    >>> new_name("x", {"x", "x_2"})
+    'x_3'
+    """
     return next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in taken)
 
 
@@ -347,7 +356,7 @@ class _Scope:
         return Untranslatable(f"{self.file}, line {line}: fracid does not translate `{text[:80]}`. {why}")
 
     def fresh(self, name: str) -> str:
-        name = _new(name, self.taken)
+        name = new_name(name, self.taken)
         self.taken.add(name)
         return name
 
