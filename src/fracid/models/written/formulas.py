@@ -234,9 +234,7 @@ class _Parser:
         if token.kind == "name":
             return self._named(token)
         self.at -= 1
-        raise self.wrong(
-            token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"]))
-        )
+        raise self.wrong(token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"])))
 
     def _named(self, token: _Token) -> Expression:
         if token.text in self.names:
