@@ -347,6 +347,11 @@ def project(tmp_path):
     return lambda text: project_from_text(text, tmp_path / "axis.toml").problem
 
 
+def test_a_fixed_value_needs_no_unit(project):
+    fixed = project(PROJECT.replace("{ value = 3.0, unit", "{ value = 3.0 } # unit")).model.parameter("b")
+    assert (fixed.value, fixed.unit) == (3.0, "")
+
+
 def test_a_unit_that_nobody_knows_is_noted(tmp_path, project):
     project(PROJECT)
     noted = project_from_text(PROJECT.replace('"N s/m"', '"lb s"'), tmp_path / "axis.toml").notes
@@ -371,6 +376,11 @@ def test_a_project_of_equations_needs_no_trust(project):
     ('"mu" }', '"mu", only = ["d"] }', "unknown parameter in .model.equations. speed 'd'"),
     ('"mu" }', '"mu", follows = "speedy" }', "'speedy': did you mean speed"),
     ('"mu" }', '"mu", forgets = "b/m" }', "unknown parameter in .model.equations. speed ''"),
+    ('speed = { equals', 'speed = { equal', "equal is unknown; did you mean 'equals'"),
+    ('position", unit', 'position", units', "units is unknown; did you mean 'unit'"),
+    ('value = 3.0, unit', 'value = 3.0, units', "a fixed value is . value = ..., unit"),
+    ('force = "N"', 'weight = "N"', "weight is a key of ..recording.. and cannot be an input or an output too"),
+    ('position = { equals', 'time = { equals', "time is a key of ..recording.. and cannot be an input or an output"),
 ])  # fmt: skip
 def test_what_is_wrong_in_the_file_is_said_with_its_place(project, old, new, why):
     with pytest.raises(fracid.InputError, match=r"axis.toml: (?s:.*)" + why):

@@ -47,7 +47,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
@@ -59,6 +59,7 @@ from pydantic import (
     InstanceOf,
     TypeAdapter,
     ValidationError,
+    model_validator,
 )
 from pydantic_core import core_schema
 
@@ -157,7 +158,7 @@ class _Constant(_Table):
     """Of a model of equations."""
 
     value: float
-    unit: str
+    unit: str = ""
 
 
 def _untied(table: Any) -> Any:
@@ -165,7 +166,11 @@ def _untied(table: Any) -> Any:
     if not isinstance(table, dict):
         return table
     ties = {n: v["tie"] for n, v in table.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
-    fixed = {n: _Constant(**v) for n, v in table.items() if isinstance(v, dict) and v.keys() == {"value", "unit"}}
+    fixed = {
+        n: _Constant(**v)
+        for n, v in table.items()
+        if isinstance(v, dict) and {"value"} <= v.keys() <= {"value", "unit"}
+    }
     return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 
@@ -209,6 +214,14 @@ class _Model(_Equations):
     input_rates: dict[str, str] = {}
     """And the input of which it is the rate."""
     scene: dict[str, dict[str, str | float | list[str | float]]] = {}
+
+    @model_validator(mode="after")
+    def _has_other_names(self) -> Self:
+        """Signals are keys of a recording, beside its own."""
+        keys = {field.alias or n for n, field in _Recording.model_fields.items()}
+        for name in sorted(keys.intersection((*self.inputs, *(self.outputs or self.equations)))):
+            raise ValueError(SAYS("key-of-recording", name=name))
+        return self
 
 
 _History = Literal["measured", "none"]
@@ -778,6 +791,9 @@ def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
     tables |= {path[:2]: _Alternative} if path[0] == "alternative" else {}
+    tables |= {path[:-1]: _Equation} if {"equations", "outputs"}.intersection(path[-3:-2]) else {}
+    if path[-1] == "value":
+        return SAYS("value-beside")
     table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
     keys = [*table.model_fields]
     match = difflib.get_close_matches(str(path[-1]), keys, 1)
