@@ -18,7 +18,7 @@ from fracid.findings import Words
 from fracid.models.base import Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
-from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
+from fracid.models.written.formulas import CONSTANTS, KNOWN, LATER, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import Untranslatable, choice, new_name, operation, without_unused
 from fracid.models.written.tree import (
@@ -137,7 +137,8 @@ class Equations:
         there = self._there(on)
         off = {n for e in self.equations.values() for n in e.only} - {n for e in there.values() for n in e.only}
         numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
-        names: dict[str, Expression] = {n: Number(v) for n, v in numbers.items()}
+        names: dict[str, Expression] = dict.fromkeys(self.definitions, LATER)
+        names |= {n: Number(v) for n, v in numbers.items()}
         names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
         names |= {n: Entry("u", Number(i)) for i, n in enumerate(self.inputs)}
         names |= {p.name: Number(0.0) if p.name in off else Entry("p", Number(k), p.name)
@@ -145,7 +146,7 @@ class Equations:
         own = {p.name: p.unit for p in parameters} | {n: e.unit for n, e in there.items()}
         for n, unit in own.items():
             factor, si = in_si(unit)
-            if abs(factor - 1.0) > 1e-9 and all(part in UNITS for _, part, _ in _parts(si)):
+            if abs(factor - 1.0) > 1e-9 and all(part in UNITS for part, *_ in _parts(si)):
                 raise InputError(SAYS("not-si", name=n, unit=unit, factor=factor, si=si))
         units = _Units(names, {**self.inputs} | own)
         for e in self.outputs.values():
@@ -163,7 +164,7 @@ class Equations:
         ]  # fmt: skip
         body: list[Assign] = []
         for n, (target, where, text, note) in zip_longest(variables, rows):
-            value = formula(text, names, where, units.columns, self.definitions)
+            value = formula(text, names, where, units.columns)
             body.append(Assign(target, value, note))
             if n is not None:
                 names[n] = value if isinstance(value, Number | Name | Entry) else target
@@ -265,8 +266,8 @@ def dimension(unit: str) -> Dimension | None:
     """
     factor, text = in_si(unit)
     total = NONE if text and factor == 1.0 else None
-    for sign, name, power in _parts(text):
-        total = _times(total, UNITS[name], sign * _number(power)) if total and name in UNITS else None
+    for name, power, _ in _parts(text):
+        total = _times(total, UNITS[name], power) if total and name in UNITS else None
     return None if total is None or math.isnan(sum(total)) else total
 
 
@@ -279,23 +280,20 @@ def in_si(unit: str) -> tuple[float, str]:
     ((0.001, 'N/m'), (1.0, 's^-q'))
     """
     factor, text = 1.0, ""
-    for sign, name, power in _parts(unit):
+    for name, power, written in _parts(unit):
         size, of = OTHERS.get(name, (1.0, name))
-        factor *= size ** (sign * _number(power))
-        for own, n, _ in _parts(of):
-            text += f"{' ' if sign * own > 0 else '/'}{n}{'' if power == '1' else f'^{power}'}"
+        factor *= size**power
+        for n, own, _ in _parts(of):
+            text += f"{' ' if (written[0] == '/') == (own < 0) else '/'}{n}{written[1:]}"
     return factor, f"1{text}" if text[:1] == "/" else text.strip()
 
 
-def _parts(unit: str) -> Iterator[tuple[int, str, str]]:
-    """The units of a product: 1, or -1 where it is divided by it, its name, and its power as it is written."""
+def _parts(unit: str) -> Iterator[tuple[str, float, str]]:
+    """The units of a product, each with its power, NaN where that is no number, and with that as it is written."""
     for part in re.sub(r"\s*([/*·])\s*", r" \1", unit).split():
-        name, _, power = part.lstrip("/*·").partition("^")
-        yield -1 if part[0] == "/" else 1, name, power or "1"
-
-
-def _number(power: str) -> float:
-    return float(power) if re.fullmatch(r"-?\d+(\.\d+)?", power) else math.nan
+        name, raised, text = part.lstrip("/*·").partition("^")
+        power = float(text or 1) if re.fullmatch(r"-?\d+(\.\d+)?|", text) else math.nan
+        yield name, -power if part[0] == "/" else power, f"{part[0]}{raised}{text}"
 
 
 def unknown_units(units: Mapping[str, str]) -> Iterator[str]:
@@ -307,7 +305,7 @@ def unknown_units(units: Mapping[str, str]) -> Iterator[str]:
     ["The unit of k has 'lb', ... not checked for units; expected SI, as in N m s/rad."]
     """
     for name, unit in units.items():
-        for part in (n for _, n, _ in _parts(in_si(unit)[1]) if n not in UNITS and not {*n} & {*"()"}):
+        for part in (n for n, *_ in _parts(in_si(unit)[1]) if n not in UNITS and not {*n} & {*"()"}):
             yield SAYS("unknown-unit", name=name, part=part)
 
 
@@ -385,8 +383,7 @@ class _Units:
                 unit = self._same(e, f"takes for {f}", *arguments)
                 return NONE if f == "atan2" else unit
             case Call("sqrt" | "cbrt" as f, (a,)):
-                base = self.of(a)
-                return _times(NONE, base, 1 / 2 if f == "sqrt" else 1 / 3) if base else None
+                return self.of(Operation("**", (a, Number(1 / 2 if f == "sqrt" else 1 / 3))))
             case Call("sign" | "copysign" as f, (a, *_)):
                 unit = self.of(a)
                 return NONE if f == "sign" else unit

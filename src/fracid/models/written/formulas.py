@@ -20,7 +20,7 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
-from fracid.models.written.tree import COMPARISONS, Expression, Function, Number, Program
+from fracid.models.written.tree import COMPARISONS, Expression, Function, Name, Number, Program
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
@@ -40,6 +40,8 @@ SHOWN = 100
 
 MOST_NAMES = 40
 """That are listed where none is close; of functions all."""
+
+LATER = Name("")
 
 KNOWN = (*FUNCTIONS, "abs", "min", "max", "sign")
 
@@ -73,22 +75,19 @@ class _Token:
 
 
 def formula(
-    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None,
-    later: Collection[str] = (),
-) -> Expression:  # fmt: skip
+    text: str, names: Mapping[str, Expression], where: str = "", columns: dict[int, int] | None = None
+) -> Expression:
     """Read an expression.
 
     Parameters
     ----------
     text : str
     names : mapping
-        What each name stands for.
+        What each name stands for; :data:`LATER` where that is defined further down.
     where : str
         Its place in a file, for messages.
     columns : dict, optional
         Takes id(operation) → the column of its sign, for messages.
-    later : collection of str
-        Names that are defined further down.
 
     Raises
     ------
@@ -103,17 +102,14 @@ def formula(
     Traceback (most recent call last):
     fracid.models.written.formulas.FormulaError: ...tahn(v)... ^ `tahn` is no function; did you mean `tanh`?
     """
-    return _Parser(text, names, where, {} if columns is None else columns, later).whole()
+    return _Parser(text, names, where, {} if columns is None else columns).whole()
 
 
 class _Parser:
     """Precedence climbing over the tokens."""
 
-    def __init__(
-        self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int], later: Collection[str]
-    ) -> None:
-        self.text, self.names, self.where, self.columns, self.later = text, names, where, columns, later
-        self.depth = self.at = 0
+    def __init__(self, text: str, names: Mapping[str, Expression], where: str, columns: dict[int, int]) -> None:
+        self.text, self.names, self.where, self.columns, self.depth, self.at = text, names, where, columns, 0, 0
         if len(text) > LONGEST:
             raise self.wrong(0, SAYS("too-long", count=len(text), most=LONGEST))
         self.tokens = self._tokens()
@@ -237,14 +233,14 @@ class _Parser:
         raise self.wrong(token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"])))
 
     def _named(self, token: _Token) -> Expression:
+        if self.names.get(token.text) == LATER:
+            raise self.wrong(token.column, SAYS("defined-later", name=token.text))
         if token.text in self.names:
             return self.names[token.text]
         if token.text in CONSTANTS:
             return Number(CONSTANTS[token.text])
         if token.text in KNOWN:
             raise self.wrong(token.column, f"`{token.text}` is a function: {token.text}(…).")
-        if token.text in self.later:
-            raise self.wrong(token.column, SAYS("defined-later", name=token.text))
         raise self.wrong(token.column, SAYS("unknown", name=token.text, close=_close(token.text, self.names)))
 
     def _called(self, token: _Token) -> Expression:
@@ -266,12 +262,10 @@ class _Parser:
 
 
 def _close(name: str, known: Collection[str]) -> str:
-    if name in INSTEAD["names"]:
-        return str(INSTEAD["names"][name])
     same_letters = [k for k in known if sorted(k) == sorted(name)]
     close = same_letters or difflib.get_close_matches(name, known, 1)
-    more = " …" * (len(known) > MOST_NAMES)
-    return f"did you mean `{close[0]}`?" if close else f"the known ones are {', '.join([*known][:MOST_NAMES])}{more}."
+    listed = f"the known ones are {', '.join([*known][:MOST_NAMES])}{' …' * (len(known) > MOST_NAMES)}."
+    return str(INSTEAD["names"].get(name, f"did you mean `{close[0]}`?" if close else listed))
 
 
 # --- what is compiled ----------------------------------------------------------------------------------
