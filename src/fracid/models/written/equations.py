@@ -136,9 +136,8 @@ class Equations:
             refuse_unknown(f"state in [model.equations] {n}", called, *filter(None, (e.follows,)))
         there = self._there(on)
         off = {n for e in self.equations.values() for n in e.only} - {n for e in there.values() for n in e.only}
-        numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
         names: dict[str, Expression] = dict.fromkeys(self.definitions, LATER)
-        names |= {n: Number(v) for n, v in numbers.items()}
+        names |= {n: Number(v) for n, v in self.numbers.items()} | dict.fromkeys(self.equations, Number(0.0))
         names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
         names |= {n: Entry("u", Number(i)) for i, n in enumerate(self.inputs)}
         names |= {p.name: Number(0.0) if p.name in off else Entry("p", Number(k), p.name)

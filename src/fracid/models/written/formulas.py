@@ -245,9 +245,8 @@ class _Parser:
 
     def _called(self, token: _Token) -> Expression:
         if token.text not in KNOWN:
-            if token.text in self.names:
-                raise self.wrong(token.column, f"`{token.text}` is no function; is a * missing after it?")
-            raise self.wrong(token.column, f"`{token.text}` is no function; {_close(token.text, KNOWN)}")
+            hint = "is a * missing after it?" if token.text in self.names else _close(token.text, KNOWN)
+            raise self.wrong(token.column, f"`{token.text}` is no function; {hint}")
         arguments = [self.choice()]
         while self.take(","):
             arguments.append(self.choice())

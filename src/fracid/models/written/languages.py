@@ -45,9 +45,6 @@ from fracid.safety.door import own_text
 
 SAYS = Words("models/written/refusals.toml")
 
-PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
-"""Function or operation → what stands for it where a language has none of the same meaning."""
-
 LANGUAGES = tomllib.loads(own_text("models/written/languages.toml"))
 """Language → what it has otherwise than C; of ``Writer`` what C has."""
 
@@ -68,7 +65,8 @@ class Writer:
     signs: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["signs"]
     functions: ClassVar[dict[str, str]] = {}
     """Function → its name in the language, where that is another."""
-    lacks: ClassVar[dict[str, str]] = PORTABLE
+    lacks: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["lacks"]
+    """Function or operation → what stands for it, where the language has none of the same meaning."""
     never: ClassVar[Sequence[str]] = ()
     """Functions that the language has not and that are not portable."""
     words: ClassVar[str] = ""
@@ -180,10 +178,8 @@ class Writer:
         if len(operands) == 1:
             return f"{word}{self.expression(operands[0], 8)}", level
         a, b = operands
-        if sign in ("and", "or"):
-            return f"{self.expression(a, 3)} {word} {self.expression(b, 3)}", level
-        if sign in COMPARISONS:
-            return f"{self.expression(a, 5)} {word} {self.expression(b, 5)}", level
+        if sign in ("and", "or", *COMPARISONS):
+            return " ".join((self.expression(a, level + 2), word, self.expression(b, level + 2))), level
         return f"{self.quantity(a, level)} {word} {self.expression(b, level + 1)}", level
 
     def quantity(self, e: Expression, level: int) -> str:
