@@ -232,13 +232,19 @@ def operation(sign: str, *operands: Expression) -> Expression:
         return operands[1] if bool(operands[0].value) == (sign == "and") else operands[0]
     if sign in ("and", "or") and isinstance(operands[1], Number) and bool(operands[1].value) == (sign == "and"):
         return operands[0]
-    return _known(sign, operands) or Operation(sign, operands)
+    return known(sign, operands) or Operation(sign, operands)
 
 
-def _known(what: str, operands: Sequence[Expression]) -> Number | None:
-    """The value of an operation or a function of numbers, where it has one."""
+def known(what: str, operands: Sequence[Expression]) -> Number | None:
+    """The value of an operation or a function of numbers, where it has one.
+
+    Examples
+    --------
+    >>> known("sqrt", [Number(4.0)]), known("/", [Number(1.0), Number(0.0)])
+    (Number(value=2.0), None)
+    """
     values = [e.value for e in operands if isinstance(e, Number)]
-    if len(values) == len(operands):
+    if what in _VALUES and len(values) == len(operands):
         with suppress(ArithmeticError, ValueError):
             value = _VALUES[what](*values)
             return Number(value) if isinstance(value, int | float) else None
@@ -268,7 +274,7 @@ def call(name: str, arguments: Sequence[Expression]) -> Expression:
         return call(name, [call(name, arguments[:-1]), arguments[-1]])
     if name == "log" and more:
         return operation("/", call(name, [first]), call(name, more))
-    return _known(name, arguments) or Call(name, tuple(arguments))
+    return known(name, arguments) or Call(name, tuple(arguments))
 
 
 # --- functions -----------------------------------------------------------------------------------------
