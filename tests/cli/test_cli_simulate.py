@@ -56,6 +56,18 @@ def test_every_format_is_read_again_to_the_last_digit_and_says_that_nothing_was_
         assert file.read_text().startswith("# SIMULATED, not measured: rotary-pendulum of srv02-rotpen, zero = hanging")
 
 
+def test_a_model_whose_orders_have_no_names_says_that_they_are_fixed(capsys, tmp_path):
+    np.savetxt(tmp_path / "decay.csv", np.c_[0:1:0.01, 1:0:100j], delimiter=",", header="t,x", comments="")
+    (tmp_path / "decay.toml").write_text("""
+        model = { name = "decay", equations = { x = "-a*x" }, parameters = { a = 2.0 } }
+        recording = [{ file = "decay.csv", x = { column = "x", unit = "1" } }]
+        """)
+    code, out, err = run(capsys, "simulate", tmp_path / "decay.toml", "--to", tmp_path / "twin.csv")
+    assert (code, err) == (0, "")
+    assert "decay; fixed orders; pi2" in out
+    assert "fixed orders; at the start" in (tmp_path / "twin.csv").read_text()
+
+
 def test_a_full_disk_is_nobodys_mistake(capsys, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fracid.safety.door.write_whole", lambda *_: os.write(os.open("/dev/full", os.O_WRONLY), b"0"))

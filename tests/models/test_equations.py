@@ -3,6 +3,7 @@
 import math
 import pickle
 import random
+import re
 import time
 from contextlib import suppress
 
@@ -11,11 +12,13 @@ import pytest
 
 import fracid
 from fracid.export.equations import toml_model
+from fracid.export.whole import written, written_outputs
 from fracid.models import Parameter
-from fracid.models.written.equations import Equation, Equations
+from fracid.models.written.equations import ARRAYS, OTHERS, Equation, Equations
 from fracid.models.written.formulas import ARGUMENTS, DEEPEST, KNOWN, LONGEST, FormulaError, formula
 from fracid.models.written.tree import Entry, Number
 from fracid.problem.project import project_from_text
+from fracid.recording.channel import UNITS as RECORDED
 from fracid.solver.right_hand_side import compile_rhs
 from own_models import own_models
 
@@ -79,7 +82,23 @@ def test_sign_is_a_function():
     ("__import__('os')", 11, "means nothing here"),
     ("a.real", 1, "means nothing here"),
     ("a[0]", 1, "only \\( \\) are brackets"),
-    ("λ", 0, "means nothing here"),
+    ("λ", 0, "means nothing here; names have letters a to z"),
+    ("(a b)", 3, "`b` is one too many here; is a sign missing before it"),
+    ("(1,5*a)", 2, "`,` is one too many here; is it a decimal point"),
+    ("a²", 1, "a square is \\*\\*2"),
+    ("a*1_000", 2, "a number is as 1000"),
+    ("a*1j", 2, "is a \\* missing after the number\\?$"),
+    ("a − b", 2, "`−` means nothing here; type -"),
+    ("a && b", 2, "type and"),
+    ("a>b ? a : b", 4, "a choice is `a if test else b`"),
+    ("if(a>b, a, b)", 0, "a choice is `a if test else b`"),
+    ("ln(a)", 0, "`ln` is no function; type log"),
+    ("zeta(a)", 0, "`zeta` is no function; .* sqrt, .* sign\\.$"),
+    ("sin(t)", 4, "`t` is no state, input or parameter; equations have no time: record it, as an input"),
+    ("a*1e999", 2, "This is no finite number"),
+    ("a + (-1)**0.5", 8, "This is no finite number"),
+    ("a + 1/0", 5, "This is no finite number"),
+    ("sqrt(-2)*a", 0, "This is no finite number"),
     ("", 0, "A value is missing here"),
 ])  # fmt: skip
 def test_what_is_no_equation_is_said_under_the_place(text, column, why):
@@ -127,6 +146,40 @@ def test_random_text_ends_soon_in_a_tree_or_a_sentence():
     assert slowest < 0.05
 
 
+@pytest.mark.parametrize("definitions", [{"a": "2*b", "b": "x"}, {"a": "b + 1", "b": "a + 1"}, {"a": "a + 1"}])
+def test_a_definition_that_is_used_before_it_stands_is_told_so(definitions):
+    written = {n: Equation(text) for n, text in definitions.items()}
+    with pytest.raises(FormulaError, match=r"`[ab]` is defined further down, or by itself"):
+        Equations({"x": Equation("-a*x")}, definitions=written).model("one", [])
+
+
+@pytest.mark.parametrize("name", ["x", "u", "p", "t", "f", "out", "math", "np", "rhs", "lambda", "class", "int", "_x0"])
+def test_a_definition_or_an_output_may_have_any_name(name):
+    rates = {"speed": Equation(f"-{name} - speed**2"), "level": Equation("speed")}
+    outputs = {name: Equation(f"{name} + speed + speed")}
+    model = Equations(rates, outputs, {"force": ""}, {name: Equation("min(speed, level)")}).model("one", [])
+    place = np.array([3.0, 2.0]), np.zeros(1), np.zeros(0)
+    np.testing.assert_array_equal(model.derivatives(*place), [-11.0, 3.0])
+    assert model.outputs[name](0.0, *place) == 8.0
+    for language in ("c", "javascript"):
+        assert not re.search(rf"const (double )?({'|'.join(ARRAYS)}) =", written(model, language))
+
+
+@pytest.mark.parametrize(("one", "other"), [("q", "_q"), ("lambda", "lambda_"), ("_x0", "x0")])
+def test_two_names_stay_two_in_every_language(one, other):
+    definitions = {one: Equation("speed*10"), other: Equation("level*1000")}
+    rates = {"speed": Equation(f"{one} + {other} + speed**2"), "level": Equation("0")}
+    model = Equations(rates, definitions=definitions).model("one", [])
+    assert model.derivatives(np.array([3.0, 2.0]), np.zeros(0), np.zeros(0))[0] == 2039.0
+    for language in ("c", "javascript", "matlab"):
+        assert len(set(re.findall(r"(\w+) = x.[012]. \*", written(model, language)))) == 2
+
+
+def test_a_letter_that_equations_do_not_have_is_refused_where_it_is_named():
+    with pytest.raises(fracid.InputError, match="'μ' cannot be a name in equations; expected letters a to z"):
+        Equations({"x": Equation("-x")}).model("one", [Parameter("μ", "", 1.0, "")])
+
+
 def test_what_is_too_long_or_too_deep_is_refused():
     with pytest.raises(FormulaError, match=f"{LONGEST:,} are read"):
         formula("a" * (LONGEST + 1), NAMES)
@@ -151,11 +204,56 @@ def test_where_an_order_is_free_the_unit_says_what_to_type():
     def tank(rate, *parameters):
         return Equations({"x": Equation(rate, "q", "1")}, {}, {"u": "1"}).model("tank", parameters)
 
-    with pytest.raises(FormulaError, match=r"This is a plain number; expected s\^-1. Its order q is free") as told:
+    with pytest.raises(
+        FormulaError, match=r"This is a plain number; expected s\^-1. Its order q may be other than 1"
+    ) as told:
         tank("u - x")
     told.match('divide it by a time in s, or multiply it by a parameter with unit = "s\\^-q"')
     assert tank("(u - x)/T", Parameter("T", "s", 1.0, "")).states == ("x",)
     assert tank("k*(u - x)", Parameter("k", "s^-q", 1.0, "")).states == ("x",)
+
+
+@pytest.mark.parametrize("unit", ["s^-0.5", "1/s^0.5", "1/s"])
+def test_a_derivative_of_fixed_order_has_the_unit_of_that_order_or_the_papers(unit):
+    heat = Equations({"x": Equation("-a*x", 0.5, "K")})
+    assert heat.model("heat", [Parameter("a", unit, 1.0, "")]).orders == (0.5,)
+    with pytest.raises(FormulaError, match=r"This is in s\^-2 K; expected s\^-0.5 K\.$"):
+        heat.model("heat", [Parameter("a", "1/s^2", 1.0, "")])
+
+
+def test_a_power_whose_exponent_is_a_name_may_have_any_unit_and_the_exponent_has_none():
+    spring = Equations({"x": Equation("k*x**n", unit="m")})
+    k, exponents = Parameter("k", "m^-0.5/s", 1.0, ""), [Parameter("n", unit, 1.5, "") for unit in ("1", "", "m")]
+    assert [spring.model("spring", [k, n]).states for n in exponents[:2]] == [("x",), ("x",)]
+    with pytest.raises(FormulaError, match=r"\n       \^ An exponent is a plain number, not m\."):
+        spring.model("spring", [k, exponents[2]])
+
+
+@pytest.mark.parametrize(("unit", "factor", "si"), [
+    ("mN/m", "0.001", "N/m"), ("g", "0.001", "kg"), ("kN/m", "1000", "N/m"), ("N/mm", "1000", "N/m"),
+    ("deg", "0.0174533", "rad"), ("uF", "1e-06", "F"), ("h", "3600", "s"), ("mNm/rpm", "0.0095493", "N m/rad s"),
+    ("kN s^q/m", "1000", "N s^q/m"),
+])  # fmt: skip
+def test_a_value_whose_unit_is_not_si_is_told_what_to_type(unit, factor, si):
+    line = Equations({"x": Equation("-k*x")})
+    with pytest.raises(fracid.InputError, match=f"multiply those of k by {factor} and type unit = ") as told:
+        line.model("line", [Parameter("k", unit, 1.0, "")])
+    assert f'unit = "{si}"' in str(told.value)
+    for same in (si, "mN/mm", "s^-q", "lb/s", "mg/ml"):
+        assert line.model("line", [Parameter("k", same, 1.0, "")]).parameters[0].unit == same
+
+
+@pytest.mark.parametrize("unit", ["ohm", "Ω", "Ohm"])
+def test_other_spellings_of_a_unit_are_checked_as_it_is(unit):
+    with pytest.raises(FormulaError, match="It adds"):
+        Equations({"x": Equation("R + C")}).model("rc", [Parameter("R", unit, 1.0, ""), Parameter("C", "F", 1.0, "")])
+
+
+def test_units_of_models_and_of_recordings_have_the_same_factors():
+    shared = {n: RECORDED[n] for n in RECORDED if n in OTHERS and n not in ("g", "mg")}  # of acceleration there
+    assert shared.keys() >= {"deg", "rpm", "bar", "mN", "kPa"}
+    for n, (factor, of) in shared.items():
+        assert (pytest.approx(factor), of) == tuple(OTHERS[n])
 
 
 def test_what_has_no_unit_may_have_any():
@@ -172,6 +270,15 @@ def test_a_model_of_equations_is_the_same_model_in_another_process():
     other.rhs(0.0, x, u, other.parameter_vector(), out)
     np.testing.assert_array_equal(out, [0.2, (3.0 - 2 * 0.2 - 2 * math.tanh(0.2 / 1e-3) - 2.0) / 2])
     assert other.outputs["power"](0.0, x, u, other.parameter_vector()) == 3.0 * 0.2
+
+
+@pytest.mark.parametrize("root", ["sqrt(position)", "log(position)", "exp(100*position)", "gamma(position)"])
+def test_an_output_has_no_definition_that_it_does_not_read(root):
+    twice = {"twice": Equation("2*speed"), "position": Equation("position")}
+    rates = {"position": Equation("speed"), "speed": Equation("-root")}
+    model = Equations(rates, twice, definitions={"root": Equation(root)}).model("root", [])
+    assert model.outputs["twice"](0.0, [-10.0, 3.0], [], []) == 6.0
+    assert "f[0] = 2.0 * x[1];" in written_outputs(model, "c")
 
 
 WRITABLE = {"two bodies, springpot": fracid.rotary_pendulum(play_theta=0.01, springpot_alpha=1e-3, tilt_x=0.01),
@@ -240,6 +347,17 @@ def project(tmp_path):
     return lambda text: project_from_text(text, tmp_path / "axis.toml").problem
 
 
+def test_a_fixed_value_needs_no_unit(project):
+    fixed = project(PROJECT.replace("{ value = 3.0, unit", "{ value = 3.0 } # unit")).model.parameter("b")
+    assert (fixed.value, fixed.unit) == (3.0, "")
+
+
+def test_a_unit_that_nobody_knows_is_noted(tmp_path, project):
+    project(PROJECT)
+    noted = project_from_text(PROJECT.replace('"N s/m"', '"lb s"'), tmp_path / "axis.toml").notes
+    assert "The unit of b has 'lb', which is unknown: equations with b are not checked" in " ".join(noted)
+
+
 def test_a_project_of_equations_needs_no_trust(project):
     problem = project(PROJECT)
     assert (problem.model.name, problem.outputs, problem.model.inputs) == ("linear-axis", ("position",), ("force",))
@@ -258,6 +376,11 @@ def test_a_project_of_equations_needs_no_trust(project):
     ('"mu" }', '"mu", only = ["d"] }', "unknown parameter in .model.equations. speed 'd'"),
     ('"mu" }', '"mu", follows = "speedy" }', "'speedy': did you mean speed"),
     ('"mu" }', '"mu", forgets = "b/m" }', "unknown parameter in .model.equations. speed ''"),
+    ('speed = { equals', 'speed = { equal', "equal is unknown; did you mean 'equals'"),
+    ('position", unit', 'position", units', "units is unknown; did you mean 'unit'"),
+    ('value = 3.0, unit', 'value = 3.0, units', "a fixed value is . value = ..., unit"),
+    ('force = "N"', 'weight = "N"', "weight is a key of ..recording.. and cannot be an input or an output too"),
+    ('position = { equals', 'time = { equals', "time is a key of ..recording.. and cannot be an input or an output"),
 ])  # fmt: skip
 def test_what_is_wrong_in_the_file_is_said_with_its_place(project, old, new, why):
     with pytest.raises(fracid.InputError, match=r"axis.toml: (?s:.*)" + why):

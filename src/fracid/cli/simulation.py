@@ -136,7 +136,7 @@ def _show(source: str, simulated: SimulatedRecording, console: Console) -> None:
     from fracid.cli.check import print_signals, print_sketches
 
     twin, run, data, files = simulated.twin, simulated.run, simulated.recording, simulated.files
-    orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items())
+    orders = ", ".join(f"{n} {v:g}" for n, v in twin.orders.items()) or "fixed orders"
     zero = f", {twin.model.zero}" if twin.model.zero else ""
     said = SAYS("simulated", source=escape(source), model=escape(twin.model.name), zero=zero, orders=escape(orders),
                 run=run, step=with_time_unit(run.step), samples=data.time.size, end=data.time[-1])  # fmt: skip

@@ -47,7 +47,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
@@ -59,6 +59,7 @@ from pydantic import (
     InstanceOf,
     TypeAdapter,
     ValidationError,
+    model_validator,
 )
 from pydantic_core import core_schema
 
@@ -66,7 +67,7 @@ from fracid.cards import Card, CardDisplay, brief, listed
 from fracid.errors import InputError, NotTrusted, refuse_unknown, unknown_name
 from fracid.findings import Note, Words, with_code
 from fracid.models import MODELS, Model, Parameter, model_from_name
-from fracid.models.written.equations import Equation, Equations, equations_in
+from fracid.models.written.equations import Equation, Equations, equations_in, unknown_units
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
 from fracid.problem.checks import refuse_twins
@@ -157,7 +158,7 @@ class _Constant(_Table):
     """Of a model of equations."""
 
     value: float
-    unit: str
+    unit: str = ""
 
 
 def _untied(table: Any) -> Any:
@@ -165,7 +166,11 @@ def _untied(table: Any) -> Any:
     if not isinstance(table, dict):
         return table
     ties = {n: v["tie"] for n, v in table.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
-    fixed = {n: _Constant(**v) for n, v in table.items() if isinstance(v, dict) and v.keys() == {"value", "unit"}}
+    fixed = {
+        n: _Constant(**v)
+        for n, v in table.items()
+        if isinstance(v, dict) and {"value"} <= v.keys() <= {"value", "unit"}
+    }
     return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 
@@ -209,6 +214,14 @@ class _Model(_Equations):
     input_rates: dict[str, str] = {}
     """And the input of which it is the rate."""
     scene: dict[str, dict[str, str | float | list[str | float]]] = {}
+
+    @model_validator(mode="after")
+    def _has_other_names(self) -> Self:
+        """Signals are keys of a recording, beside its own."""
+        keys = {field.alias or n for n, field in _Recording.model_fields.items()}
+        for name in sorted(keys.intersection((*self.inputs, *(self.outputs or self.equations)))):
+            raise ValueError(SAYS("key-of-recording", name=name))
+        return self
 
 
 _History = Literal["measured", "none"]
@@ -471,6 +484,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
     notes = [*_notes(loaded, experiments, outputs)]
+    if content.model.equations:
+        notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
@@ -801,6 +816,9 @@ def _close(path: tuple[Any, ...]) -> str:
     """The nearest known key, or all of them."""
     tables: dict[tuple[Any, ...], type[_Table]] = {(): _File, ("model",): _Model, ("fit",): _Fit}
     tables |= {path[:2]: _Alternative} if path[0] == "alternative" else {}
+    tables |= {path[:-1]: _Equation} if {"equations", "outputs"}.intersection(path[-3:-2]) else {}
+    if path[-1] == "value":
+        return SAYS("value-beside")
     table = _Prior if path[-2:-1] == ("prior",) else tables.get(path[:-1], _Range)
     keys = [*table.model_fields]
     match = difflib.get_close_matches(str(path[-1]), keys, 1)

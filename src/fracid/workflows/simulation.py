@@ -278,7 +278,7 @@ def _note(record: Mapping[str, Any], *, secret: bool) -> str:
 
 
 def _values(record: Mapping[str, Any]) -> str:
-    orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items())
+    orders = ", ".join(f"{n} = {v:.6g}" for n, v in record["orders"].items()) or "fixed orders"
     initial = ", ".join(f"{n} = {v:.6g}" for n, v in record["initial"].items() if v)
     levels = ", ".join(f"{n} {v:.3g}" for n, v in record["noise"].items() if v)
     read = [f"noise {levels}" if levels else "no noise"]

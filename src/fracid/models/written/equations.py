@@ -5,11 +5,12 @@ Units are checked as far as they are given: what has none, and a number, may be 
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, count
+from itertools import zip_longest
 from typing import Any
 
 from fracid.errors import InputError, refuse_unknown
@@ -17,9 +18,9 @@ from fracid.findings import Words
 from fracid.models.base import Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
-from fracid.models.written.formulas import CONSTANTS, KNOWN, WORDS, Formula, FormulaError, formula
+from fracid.models.written.formulas import CONSTANTS, KNOWN, LATER, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import Untranslatable, choice, operation, without_unused
+from fracid.models.written.reading import Untranslatable, choice, new_name, operation, without_unused
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -40,6 +41,9 @@ from fracid.models.written.tree import (
 from fracid.safety.door import own_text
 
 SAYS = Words("models/written/refusals.toml")
+
+ARRAYS = ("t", "x", "u", "p", "f", "out")
+"""What a right-hand side has by these names in some language, so that none of its variables has."""
 
 
 @dataclass(frozen=True)
@@ -132,34 +136,39 @@ class Equations:
             refuse_unknown(f"state in [model.equations] {n}", called, *filter(None, (e.follows,)))
         there = self._there(on)
         off = {n for e in self.equations.values() for n in e.only} - {n for e in there.values() for n in e.only}
-        numbers = {**self.numbers} | dict.fromkeys(self.equations, 0.0)
-        names: dict[str, Expression] = {n: Number(v) for n, v in numbers.items()}
+        names: dict[str, Expression] = dict.fromkeys(self.definitions, LATER)
+        names |= {n: Number(v) for n, v in self.numbers.items()} | dict.fromkeys(self.equations, Number(0.0))
         names |= {n: Entry("x", Number(i)) for i, n in enumerate(there)}
         names |= {n: Entry("u", Number(i)) for i, n in enumerate(self.inputs)}
         names |= {p.name: Number(0.0) if p.name in off else Entry("p", Number(k), p.name)
                   for k, p in enumerate(parameters)}  # fmt: skip
         own = {p.name: p.unit for p in parameters} | {n: e.unit for n, e in there.items()}
+        for n, unit in own.items():
+            factor, si = in_si(unit)
+            if abs(factor - 1.0) > 1e-9 and all(part in UNITS for part, *_ in _parts(si)):
+                raise InputError(SAYS("not-si", name=n, unit=unit, factor=factor, si=si))
         units = _Units(names, {**self.inputs} | own)
         for e in self.outputs.values():
             if e.unit and e.equals.strip() in there:
                 units.given(e.equals.strip(), e.unit)
         relaxing = [n for n, e in there.items() if e.forgets]
         states = tuple(there)
+        variables = {n: new_name(n, {*ARRAYS, *self.definitions}) if n in ARRAYS else n for n in self.definitions}
         rows: list[tuple[Name | Entry, str, str, str]] = [
-            *((Name(n), f"[model.definitions] {n}", e.equals, e.note) for n, e in self.definitions.items()),
+            *((Name(variables[n]), f"[model.definitions] {n}", e.equals, e.note) for n, e in self.definitions.items()),
             *((Entry("out", Number(i)), f"[model.equations] {n}", e.equals, e.note)
               for i, (n, e) in enumerate(there.items())),
             *((Entry("out", Number(len(states) + states.index(n))), f"[model.equations] {n}: forgets",
                there[n].forgets, "") for n in relaxing),
         ]  # fmt: skip
         body: list[Assign] = []
-        for target, where, text, note in rows:
-            body.append(Assign(target, formula(text, names, where, units.columns), note))
-            if isinstance(target, Name):
-                value = body[-1].value
-                names[target.name] = value if isinstance(value, Number | Name | Entry) else target
+        for n, (target, where, text, note) in zip_longest(variables, rows):
+            value = formula(text, names, where, units.columns)
+            body.append(Assign(target, value, note))
+            if n is not None:
+                names[n] = value if isinstance(value, Number | Name | Entry) else target
         rates = body[len(self.definitions) : len(self.definitions) + len(states)]
-        units.orders |= {Entry("out", Number(i)): e.order for i, e in enumerate(there.values())}
+        units.orders |= {Entry("x", Number(i)): e.order for i, e in enumerate(there.values())}
         units.spread(dict(zip(states, (s.value for s in rates), strict=True)))
         for s, (_, where, text, _) in zip(body, rows, strict=True):
             units.check(s, text, where)
@@ -191,7 +200,7 @@ def _check_names(kinds: Mapping[str, Iterable[str]]) -> None:
     seen: dict[str, str] = {}
     for kind, names in kinds.items():
         for n in names:
-            if not n.isidentifier() or n in (*KNOWN, *CONSTANTS, *WORDS):
+            if not (n.isascii() and n.isidentifier()) or n in (*KNOWN, *CONSTANTS, *WORDS):
                 raise InputError(SAYS("no-name", kind=kind, name=n))
             if n in seen:
                 raise InputError(f"{n} stands in {seen[n]} and in {kind}; give each its own name.")
@@ -224,7 +233,7 @@ def _output(
             return int(i)
     units.check(Assign(Name(name), value), e.equals, where, dimension(e.unit))
     definitions = [s for s in body if isinstance(s.target, Name)]
-    return Formula(Function(name, ("t", "x", "u", "p"), (*definitions, Return(value))))
+    return Formula(Function(name, ("t", "x", "u", "p"), without_unused((*definitions, Return(value)))))
 
 
 # --- units ---------------------------------------------------------------------------------------------
@@ -232,7 +241,15 @@ def _output(
 Dimension = tuple[float, ...]
 """Powers of kg, m, s, A, K and mol; an angle has none."""
 
-UNITS: dict[str, Dimension] = {n: tuple(d) for n, d in tomllib.loads(own_text("models/written/units.toml")).items()}
+_TABLE = tomllib.loads(own_text("models/written/units.toml"))
+
+UNITS: dict[str, Dimension] = {n: tuple(powers) for n, powers in _TABLE["si"].items()}
+
+_PLAIN: dict[str, tuple[float, str]] = _TABLE["others"] | {n: (1.0, n) for n in UNITS}
+
+OTHERS = {f"{prefix}{n}": (size * factor, of) for prefix, size in _TABLE["prefixes"].items()
+          for n, (factor, of) in _PLAIN.items() if n.isalpha()} | _PLAIN  # fmt: skip
+"""Unit → the factor to SI, and the unit there."""
 
 NONE = UNITS["1"]
 SECOND = UNITS["s"]
@@ -246,13 +263,49 @@ def dimension(unit: str) -> Dimension | None:
     >>> dimension("N s/m") == dimension("kg/s"), dimension("F s^(q-1)")
     (True, None)
     """
-    total = NONE if unit else None
+    factor, text = in_si(unit)
+    total = NONE if text and factor == 1.0 else None
+    for name, power, _ in _parts(text):
+        total = _times(total, UNITS[name], power) if total and name in UNITS else None
+    return None if total is None or math.isnan(sum(total)) else total
+
+
+def in_si(unit: str) -> tuple[float, str]:
+    """The factor to SI, NaN where a prefix has a power that is no number, and the unit there.
+
+    Examples
+    --------
+    >>> in_si("mN/m"), in_si("s^-q")
+    ((0.001, 'N/m'), (1.0, 's^-q'))
+    """
+    factor, text = 1.0, ""
+    for name, power, written in _parts(unit):
+        size, of = OTHERS.get(name, (1.0, name))
+        factor *= size**power
+        for n, own, _ in _parts(of):
+            text += f"{' ' if (written[0] == '/') == (own < 0) else '/'}{n}{written[1:]}"
+    return factor, f"1{text}" if text[:1] == "/" else text.strip()
+
+
+def _parts(unit: str) -> Iterator[tuple[str, float, str]]:
+    """The units of a product, each with its power, NaN where that is no number, and with that as it is written."""
     for part in re.sub(r"\s*([/*·])\s*", r" \1", unit).split():
-        name, _, power = part.lstrip("/*·").partition("^")
-        if name not in UNITS or not re.fullmatch(r"-?\d+(\.\d+)?|", power):
-            return None
-        total = _times(total or NONE, UNITS[name], (-1 if part[0] == "/" else 1) * float(power or 1))
-    return total
+        name, raised, text = part.lstrip("/*·").partition("^")
+        power = float(text or 1) if re.fullmatch(r"-?\d+(\.\d+)?|", text) else math.nan
+        yield name, -power if part[0] == "/" else power, f"{part[0]}{raised}{text}"
+
+
+def unknown_units(units: Mapping[str, str]) -> Iterator[str]:
+    """Say which units have a part that is not known, so that equations with them are not checked.
+
+    Examples
+    --------
+    >>> [*unknown_units({"k": "lb/s", "c": "N s^q/m"})]
+    ["The unit of k has 'lb', ... not checked for units; expected SI, as in N m s/rad."]
+    """
+    for name, unit in units.items():
+        for part in (n for n, *_ in _parts(in_si(unit)[1]) if n not in UNITS and not {*n} & {*"()"}):
+            yield SAYS("unknown-unit", name=name, part=part)
 
 
 def _times(a: Dimension, b: Dimension, power: float = 1.0) -> Dimension:
@@ -279,7 +332,8 @@ class _Units:
 
     def spread(self, rates: Mapping[str, Expression]) -> None:
         """Where a state is the derivative of another, the unit of one says the other's."""
-        pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"]
+        pairs = [(self.names[n], e) for n, e in rates.items() if isinstance(e, Entry) and e.array == "x"
+                 and (isinstance(order := self.orders[self.names[n]], str) or order == 1)]  # fmt: skip
         for _ in pairs:
             for state, rate in pairs:
                 if (unit := self.known.get(state)) and not self.known.get(rate):
@@ -289,15 +343,14 @@ class _Units:
 
     def check(self, s: Assign, text: str, where: str, expected: Dimension | None = None) -> None:
         """One equation: its parts among each other, and with what it is to be."""
-        self.text, self.where = text, where
+        self.text, self.where, order, per_second = text, where, None, expected
         unit = self.of(s.value)
         if isinstance(s.target, Name):
             self.known[s.target] = unit
-        else:
-            state = self.known.get(Entry("x", s.target.index))
-            expected = _times(state, SECOND, -1) if state else None
-        if unit and expected and unit != expected:
-            order = self.orders.get(s.target)
+        elif state := self.known.get(entry := Entry("x", s.target.index)):
+            order, per_second = self.orders[entry], _times(state, SECOND, -1)  # which the paper has at any order
+            expected = per_second if isinstance(order, str) else _times(state, SECOND, -order)
+        if unit and expected and unit not in (expected, per_second):
             free = f" {SAYS('free-order', order=order)}" if isinstance(order, str) else ""
             inside = "in " * (unit != NONE)
             raise FormulaError(text, 0, f"This is {inside}{_shown(unit)}; expected {_shown(expected)}.{free}", where)
@@ -318,6 +371,10 @@ class _Units:
             case Operation("**", (a, Number(power))):
                 base = self.of(a)
                 return _times(NONE, base, power) if base else None
+            case Operation("**", (a, n)):
+                if (unit := self.of(n)) not in (None, NONE):
+                    self._wrong(e, f"An exponent is a plain number, not {_shown(unit)}.")
+                return NONE if self.of(a) == NONE else None
             case Operation(sign, operands):
                 unit = self._same(e, {"+": "adds", "-": "subtracts", "%": "divides"}.get(sign, "compares"), *operands)
                 return NONE if sign in (*COMPARISONS, "and", "or", "not") else unit
@@ -325,8 +382,7 @@ class _Units:
                 unit = self._same(e, f"takes for {f}", *arguments)
                 return NONE if f == "atan2" else unit
             case Call("sqrt" | "cbrt" as f, (a,)):
-                base = self.of(a)
-                return _times(NONE, base, 1 / 2 if f == "sqrt" else 1 / 3) if base else None
+                return self.of(Operation("**", (a, Number(1 / 2 if f == "sqrt" else 1 / 3))))
             case Call("sign" | "copysign" as f, (a, *_)):
                 unit = self.of(a)
                 return NONE if f == "sign" else unit
@@ -434,10 +490,9 @@ class Flat:
         return _Text(self.program, names).expression
 
     def _new(self, name: str) -> str:
-        plain = re.sub(r"\W+", "_", name).strip("_") or "v"
+        plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "v"
         plain = plain if plain[0].isalpha() else f"v{plain}"
-        found = next(n for n in chain([plain], (f"{plain}_{k}" for k in count(2))) if n not in self.taken)
-        self.taken.add(found)
+        self.taken.add(found := new_name(plain, self.taken))
         return found
 
     def _named(self) -> list[str]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Mapping
+import tomllib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,10 +20,14 @@ from fracid.errors import InputError
 from fracid.findings import Words
 from fracid.models.written.languages import Python
 from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
-from fracid.models.written.tree import COMPARISONS, Expression, Function, Number, Program
+from fracid.models.written.tree import COMPARISONS, Expression, Function, Name, Number, Program
+from fracid.safety.door import own_text
 from fracid.safety.text import printable
 
 SAYS = Words("models/written/refusals.toml")
+
+INSTEAD = tomllib.loads(own_text("models/written/instead.toml"))
+"""What is no part of an equation → what to type."""
 
 LONGEST = 2000
 """Characters of an equation."""
@@ -32,6 +37,11 @@ DEEPEST = 60
 
 SHOWN = 100
 """Characters of an equation in a message, about the place that is wrong; of a name or a number at all."""
+
+MOST_NAMES = 40
+"""That are listed where none is close; of functions all."""
+
+LATER = Name("")
 
 KNOWN = (*FUNCTIONS, "abs", "min", "max", "sign")
 
@@ -73,7 +83,7 @@ def formula(
     ----------
     text : str
     names : mapping
-        What each name stands for.
+        What each name stands for; :data:`LATER` where that is defined further down.
     where : str
         Its place in a file, for messages.
     columns : dict, optional
@@ -113,9 +123,9 @@ class _Parser:
             match = TOKEN.match(self.text, place)
             if match is None:
                 place += len(self.text[place:]) - len(self.text[place:].lstrip())
-                hint = {"^": "; a power is **", "[": "; only ( ) are brackets"}.get(self.text[place], "")
-                hint = "; is a * missing after the number?" if self.text[place].isdigit() else hint
-                raise self.wrong(place, f"`{self.text[place]}` means nothing here{hint}.")
+                sign = self.text[place]
+                hint = INSTEAD["number" if sign.isdecimal() else "other"]
+                raise self.wrong(place, SAYS("no-sign", sign=sign, hint=INSTEAD["signs"].get(sign, hint)))
             kind = str(match.lastgroup)
             if len(text := match[kind]) > SHOWN:
                 raise self.wrong(match.start(kind), f"This has {len(text)} characters; {SHOWN} are read.")
@@ -128,19 +138,22 @@ class _Parser:
         return self.tokens[self.at]
 
     def take(self, text: str) -> bool:
-        if self.now.kind in ("sign", "word") and self.now.text == text:
+        if self.now.kind in ("sign", "word", "end") and self.now.text == text:
             self.at += 1
             return True
         return False
 
-    def need(self, text: str, why: str) -> None:
-        if not self.take(text):
-            raise self.wrong(self.now.column, why)
+    def need(self, text: str, why: str = "") -> None:
+        if self.take(text):
+            return
+        if not why or self.now.kind in ("number", "name") or self.now.text in (",", "("):
+            hint = INSTEAD["signs"].get(self.now.text, INSTEAD["more"])
+            why = SAYS("too-many", text=self.now.text, hint=hint)
+        raise self.wrong(self.now.column, why)
 
     def whole(self) -> Expression:
         result = self.choice()
-        if self.now.kind != "end":
-            raise self.wrong(self.now.column, f"`{self.now.text}` is one too many here; is a sign missing before it?")
+        self.need("")
         return result
 
     def choice(self) -> Expression:
@@ -177,7 +190,13 @@ class _Parser:
         return result
 
     def _made(self, token: _Token, *operands: Expression) -> Expression:
-        result = operation(token.text, *operands)
+        return self._kept(token, operands, operation(token.text, *operands))
+
+    def _kept(self, token: _Token, operands: Sequence[Expression], result: Expression) -> Expression:
+        """With its place; numbers make a number, and a finite one."""
+        constant = all(isinstance(e, Number) for e in operands)
+        if constant and not (isinstance(result, Number) and math.isfinite(result.value)):
+            raise self.wrong(token.column, SAYS("no-value"))
         self.columns[id(result)] = token.column
         return result
 
@@ -201,7 +220,7 @@ class _Parser:
         token = self.now
         self.at += 1
         if token.kind == "number":
-            return Number(float(token.text))
+            return self._kept(token, (), Number(float(token.text)))
         if token.kind == "sign" and token.text == "(":
             inner = self.choice()
             self.need(")", "A bracket is not closed here.")
@@ -211,9 +230,11 @@ class _Parser:
         if token.kind == "name":
             return self._named(token)
         self.at -= 1
-        raise self.wrong(token.column, "A value is missing here: a number, a name or a bracket.")
+        raise self.wrong(token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"])))
 
     def _named(self, token: _Token) -> Expression:
+        if self.names.get(token.text) == LATER:
+            raise self.wrong(token.column, SAYS("defined-later", name=token.text))
         if token.text in self.names:
             return self.names[token.text]
         if token.text in CONSTANTS:
@@ -224,9 +245,8 @@ class _Parser:
 
     def _called(self, token: _Token) -> Expression:
         if token.text not in KNOWN:
-            if token.text in self.names:
-                raise self.wrong(token.column, f"`{token.text}` is no function; is a * missing after it?")
-            raise self.wrong(token.column, f"`{token.text}` is no function; {_close(token.text, KNOWN)}")
+            hint = "is a * missing after it?" if token.text in self.names else _close(token.text, KNOWN)
+            raise self.wrong(token.column, f"`{token.text}` is no function; {hint}")
         arguments = [self.choice()]
         while self.take(","):
             arguments.append(self.choice())
@@ -237,15 +257,14 @@ class _Parser:
         if len(arguments) < 2 if several else alone:
             takes = "two values or more" if several else wanted
             raise self.wrong(token.column, f"`{token.text}` takes {takes}, not {len(arguments)}.")
-        result = call(token.text, arguments)
-        self.columns[id(result)] = token.column
-        return result
+        return self._kept(token, arguments, call(token.text, arguments))
 
 
 def _close(name: str, known: Collection[str]) -> str:
     same_letters = [k for k in known if sorted(k) == sorted(name)]
     close = same_letters or difflib.get_close_matches(name, known, 1)
-    return f"did you mean `{close[0]}`?" if close else f"the known ones are {', '.join([*known][:20])}."
+    listed = f"the known ones are {', '.join([*known][:MOST_NAMES])}{' …' * (len(known) > MOST_NAMES)}."
+    return str(INSTEAD["names"].get(name, f"did you mean `{close[0]}`?" if close else listed))
 
 
 # --- what is compiled ----------------------------------------------------------------------------------
@@ -271,7 +290,7 @@ class Formula:
     def py_func(self) -> Any:
         """The function, in Numba's language."""
         writer = Python(self.tree if isinstance(self.tree, Program) else Program((), (), (self.tree,), ()))
-        return writer.made("rhs" if isinstance(self.tree, Program) else self.tree.name, self.module)
+        return writer.made("" if isinstance(self.tree, Program) else self.tree.name, self.module)
 
     @property
     def __name__(self) -> str:

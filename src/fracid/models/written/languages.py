@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import keyword
 import math
+import re
 import sys
 import tomllib
 from collections import Counter
@@ -44,9 +45,6 @@ from fracid.safety.door import own_text
 
 SAYS = Words("models/written/refusals.toml")
 
-PORTABLE = {"min": "lesser", "max": "greater", "sign": "signum", "copysign": "signed", "%": "modulo", "//": "floored"}
-"""Function or operation → what stands for it where a language has none of the same meaning."""
-
 LANGUAGES = tomllib.loads(own_text("models/written/languages.toml"))
 """Language → what it has otherwise than C; of ``Writer`` what C has."""
 
@@ -67,7 +65,8 @@ class Writer:
     signs: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["signs"]
     functions: ClassVar[dict[str, str]] = {}
     """Function → its name in the language, where that is another."""
-    lacks: ClassVar[dict[str, str]] = PORTABLE
+    lacks: ClassVar[dict[str, str]] = LANGUAGES["Writer"]["lacks"]
+    """Function or operation → what stands for it, where the language has none of the same meaning."""
     never: ClassVar[Sequence[str]] = ()
     """Functions that the language has not and that are not portable."""
     words: ClassVar[str] = ""
@@ -142,8 +141,8 @@ class Writer:
 
     def name(self, name: str) -> str:
         """As the language takes it."""
-        plain = "".join(c if c.isascii() else f"u{ord(c):x}" for c in name).lstrip("_") or "v"
-        return f"{plain}_" if plain in self.reserved else plain
+        plain = re.sub(r"^_+|^\d|\W", lambda m: "".join(f"u{ord(c):x}" for c in m[0]), name, flags=re.ASCII)
+        return f"{plain}_" if plain.rstrip("_") in self.reserved else plain
 
     def expression(self, e: Expression, level: int = 0) -> str:
         """In brackets where it binds less tightly than asked for."""
@@ -179,10 +178,8 @@ class Writer:
         if len(operands) == 1:
             return f"{word}{self.expression(operands[0], 8)}", level
         a, b = operands
-        if sign in ("and", "or"):
-            return f"{self.expression(a, 3)} {word} {self.expression(b, 3)}", level
-        if sign in COMPARISONS:
-            return f"{self.expression(a, 5)} {word} {self.expression(b, 5)}", level
+        if sign in ("and", "or", *COMPARISONS):
+            return " ".join((self.expression(a, level + 2), word, self.expression(b, level + 2))), level
         return f"{self.quantity(a, level)} {word} {self.expression(b, level + 1)}", level
 
     def quantity(self, e: Expression, level: int) -> str:
@@ -369,7 +366,7 @@ class Python(Writer):
 
     functions: ClassVar[dict[str, str]] = {n: f"{'np' if n in ('cbrt', 'fmod') else 'math'}.{n}" for n in FUNCTIONS}
     """Numba has two of NumPy's alone."""
-    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math np range"))
+    words: ClassVar[str] = " ".join((*keyword.kwlist, "abs min max math np range rhs"))
     once: Mapping[Entry, str] = {}
     """What a right-hand side reads more than once has a name in it: that is less to compile."""
 
@@ -405,15 +402,15 @@ class Python(Writer):
         return "\n".join(["def rhs(t, x, u, p, out):", *first, *(line for line in lines if line not in rates), *room,
                           *([] if lines else ["    pass"]), ""])  # fmt: skip
 
-    def made(self, name: str = "rhs", module: str = "") -> Callable[..., Any]:
-        """The right-hand side, or one of the functions, to be called.
+    def made(self, name: str = "", module: str = "") -> Callable[..., Any]:
+        """The right-hand side, or the function of that name, to be called.
 
         One of a module of fracid's is called by its text: what is compiled of it is kept under that name.
         """
         text, there = self.text(), dict[str, Any](math=math, np=np, **({"__name__": module} if module else {}))
         file = sys.modules[module].__file__ if module else "<equations>"
         exec(compile(text, str(file), "exec"), there)  # of a tree: numbers, its names and functions of mathematics
-        function: Callable[..., Any] = there[name]
+        function: Callable[..., Any] = there[own := self._called(name) if name else "rhs"]
         if module:
-            function.__name__ = function.__qualname__ = f"{name}_{sha256(text.encode()).hexdigest()[:16]}"
+            function.__name__ = function.__qualname__ = f"{own}_{sha256(text.encode()).hexdigest()[:16]}"
         return function

@@ -29,7 +29,7 @@ from markupsafe import Markup
 from fracid.models.base import Model
 from fracid.models.joints import Complement
 from fracid.models.written.equations import Flat
-from fracid.models.written.reading import call, operation, read_output
+from fracid.models.written.reading import call, known, read_output
 from fracid.models.written.tree import (
     COMPARISONS,
     Call,
@@ -240,10 +240,8 @@ class _Read(Flat):
                 return v
             case Entry("p", _, name):
                 return float(self.constants[name] or 1.0)
-            case Operation(sign, operands) if None not in (vs := [self._value(a) for a in operands]):
-                return getattr(operation(sign, *(Number(v) for v in vs if v is not None)), "value", None)
-            case Call(f, operands) if None not in (vs := [self._value(a) for a in operands]):
-                return getattr(call(f, [Number(v) for v in vs if v is not None]), "value", None)
+            case Operation(what, operands) | Call(what, operands) if None not in (vs := [*map(self._value, operands)]):
+                return getattr(known(what, [Number(v) for v in vs if v is not None]), "value", None)
         return None
 
     def _simple(self, e: Expression) -> Expression:
@@ -541,7 +539,7 @@ class Mathematics:
         """One that the equations have: so many times π, and as a factor a half."""
         for power in (1, 2):
             times = v ** (1 / power) / math.pi
-            if times >= 1 and abs(times - round(times)) < 1e-12 * times:
+            if 1 <= times < math.inf and abs(times - round(times)) < 1e-12 * times:
                 pi = self.mark("i", "π") if round(times) == 1 else self.joined(
                     self.mark("n", f"{round(times)}"), self.mark("i", "π"))  # fmt: skip
                 return pi if power == 1 else self.mark("power", self._bracketed(pi, needed=True), self.mark("n", "2"))

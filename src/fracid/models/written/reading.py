@@ -14,7 +14,7 @@ import operator
 import textwrap
 import tokenize
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
@@ -64,8 +64,11 @@ _SIGNS: dict[type, str] = {getattr(ast, node): sign for sign, (node, _) in _TABL
 
 _VALUES: dict[str, Callable[..., Any]] = {
     **{sign: getattr(operator, name) for sign, (_, name) in _TABLE["signs"].items()},
+    **{n: getattr(math, n) for n in FUNCTIONS}, "sign": lambda v: math.copysign(1.0, v) if v else 0.0,
     "neg": operator.neg, "not": operator.not_, "and": lambda a, b: a and b, "or": lambda a, b: a or b,
+    "abs": abs, "min": min, "max": max,
 }  # fmt: skip
+"""Of operations and functions, by their names in a tree."""
 
 UNROLLED = 100
 """Rounds of a loop whose number is known that are written out; more stay a loop."""
@@ -225,19 +228,27 @@ def operation(sign: str, *operands: Expression) -> Expression:
     >>> operation("*", Number(2.0), Number(3.0))
     Number(value=6.0)
     """
-    values = [e.value for e in operands if isinstance(e, Number)]
     if sign in ("and", "or") and isinstance(operands[0], Number):
         return operands[1] if bool(operands[0].value) == (sign == "and") else operands[0]
     if sign in ("and", "or") and isinstance(operands[1], Number) and bool(operands[1].value) == (sign == "and"):
         return operands[0]
-    if len(values) == len(operands):
-        try:
-            value = _VALUES[sign](*values)
-        except ArithmeticError:
-            return Operation(sign, operands)
-        if isinstance(value, int | float):
-            return Number(value)
-    return Operation(sign, operands)
+    return known(sign, operands) or Operation(sign, operands)
+
+
+def known(what: str, operands: Sequence[Expression]) -> Number | None:
+    """The value of an operation or a function of numbers, where it has one.
+
+    Examples
+    --------
+    >>> known("sqrt", [Number(4.0)]), known("/", [Number(1.0), Number(0.0)])
+    (Number(value=2.0), None)
+    """
+    values = [e.value for e in operands if isinstance(e, Number)]
+    if what in _VALUES and len(values) == len(operands):
+        with suppress(ArithmeticError, ValueError):
+            value = _VALUES[what](*values)
+            return Number(value) if isinstance(value, int | float) else None
+    return None
 
 
 def truth(e: Expression) -> Expression:
@@ -263,13 +274,7 @@ def call(name: str, arguments: Sequence[Expression]) -> Expression:
         return call(name, [call(name, arguments[:-1]), arguments[-1]])
     if name == "log" and more:
         return operation("/", call(name, [first]), call(name, more))
-    if name in _EVALUATED and all(isinstance(e, Number) for e in arguments):
-        with suppress(ArithmeticError, ValueError):
-            return Number(_EVALUATED[name](*(e.value for e in arguments if isinstance(e, Number))))
-    return Call(name, tuple(arguments))
-
-
-_EVALUATED = {n: getattr(math, n) for n in FUNCTIONS} | {"abs": abs, "min": min, "max": max}
+    return known(name, arguments) or Call(name, tuple(arguments))
 
 
 # --- functions -----------------------------------------------------------------------------------------
@@ -306,7 +311,7 @@ class _Unit:
     def function(self, f: Any, stack: tuple[Any, ...] = ()) -> str:
         """The name of a function of numbers, which is read where it is new; none where it calls itself."""
         if f not in self.functions:
-            taken = {g.name for g in self.functions.values() if g is not None} | {*_EVALUATED, "sign"}
+            taken = {g.name for g in self.functions.values() if g is not None} | {*_VALUES}
             self.functions[f] = None  # while it is being read
             scope = _Scope(self, f, set(), [], stack=(*stack, f))
             names = [a.arg for a in scope.node.args.args]
@@ -315,13 +320,20 @@ class _Unit:
                 scope.statement(s)
             about = (f.__doc__ or "").strip().partition("\n")[0]
             del self.functions[f]
-            self.functions[f] = Function(_new(f.__name__, taken), tuple(scope.names[n] for n in names),
+            self.functions[f] = Function(new_name(f.__name__, taken), tuple(scope.names[n] for n in names),
                                          without_unused(tuple(scope.statements)), about)  # fmt: skip
         found = self.functions[f]
         return found.name if found else ""
 
 
-def _new(name: str, taken: set[str]) -> str:
+def new_name(name: str, taken: Collection[str]) -> str:
+    """The name, or with a number behind it where it is taken.
+
+    Examples
+    --------
+    >>> new_name("x", {"x", "x_2"})
+    'x_3'
+    """
     return next(n for n in chain([name], (f"{name}_{k}" for k in count(2))) if n not in taken)
 
 
@@ -347,7 +359,7 @@ class _Scope:
         return Untranslatable(f"{self.file}, line {line}: fracid does not translate `{text[:80]}`. {why}")
 
     def fresh(self, name: str) -> str:
-        name = _new(name, self.taken)
+        name = new_name(name, self.taken)
         self.taken.add(name)
         return name
 
