@@ -69,10 +69,10 @@ def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Col
         return {}, []
 
     from fracid.models import model
-    from fracid.problem.model_draft import channel_of
+    from fracid.problem.model_draft import channels_of
 
     ((name, roles),) = likely.items()
-    found = {signal: channel_of(model(name), signal, raw, column) for signal, column in roles.items()}
+    found = channels_of(model(name), roles, raw)
     notes = [str(note) for note in raw.report.notes if isinstance(note, Note) and note.code == "left-out"]
     notes += [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
     return {signal: fields for signal, (fields, _) in found.items()}, notes

@@ -37,6 +37,9 @@ from fracid.safety.door import own_text
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
 
+Guess = tuple[str, dict[str, Any], str]
+"""A signal of a recording, the fields of its unit, and what these are guessed from."""
+
 NAMES: dict[str, str] = tomllib.loads(own_text("models/rotary-pendulum.toml"))["columns"]
 """How the columns of angles and inputs are called, in words of a header."""
 
@@ -186,14 +189,29 @@ def _column(name: str, header: Sequence[str]) -> int | str:
     return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
 
 
-def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tuple[str, dict[str, Any], str]]:
-    """``alpha``, ``theta``, ``voltage`` → the signal, the fields of its unit, and what these are guessed from."""
-    units = {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()}
-    for angle, other in (("alpha", "theta"), ("theta", "alpha")):
-        if {angle, other} <= units.keys() and units[angle][2] == NOTHING and units[other][1]:
-            why = NOTHING if units[other][2] == NOTHING else f"as {other} is"
-            units[angle] = (units[angle][0], units[other][1], why)
-    return units
+def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, Guess]:
+    """``alpha``, ``theta``, ``voltage`` → what is guessed of its unit."""
+    return in_one_unit(recording, {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()})
+
+
+def in_one_unit(recording: Recording, guesses: Mapping[str, Guess]) -> dict[str, Guess]:
+    """Take the unit of another angle where nothing says one, and counts for whole numbers beside counts.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> log = Recording.of("log", t, {"goal": 5.0 * np.sin(t), "q": 0.087890625 * np.round(50 * np.sin(t))})
+    >>> in_one_unit(log, {name: (name, *unit_of(log, name, "angle")) for name in log.signals})["goal"]
+    ('goal', {'unit': 'deg'}, 'as q is')
+    """
+    angles = {what: one for what, one in guesses.items() if one[1].get("unit") in ("rad", "deg", "counts")}
+    sure, found = {what: fields for what, (_, fields, why) in angles.items() if why != NOTHING}, dict(guesses)
+    for what, (name, fields, why) in angles.items():
+        whole = not np.any(np.nan_to_num(recording.signals[name]) % 1.0)
+        alike = (n for n, f in sure.items() if n != what and (whole if f["unit"] == "counts" else why == NOTHING))
+        if fields["unit"] != "counts" and (other := next(alike, None)):
+            found[what] = name, sure[other], f"as {other} is"
+    return found
 
 
 def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
