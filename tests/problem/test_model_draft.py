@@ -92,6 +92,19 @@ def test_a_guessed_unit_is_that_of_the_recordings_whose_header_says_none(tmp_pat
     assert not any("May be wrong" in note for note in draft.notes)
 
 
+def test_a_goal_that_is_held_and_jumps_is_no_sensor_that_answers_slowly(tmp_path, capsys):
+    t, rng = np.arange(0, 20, 0.01), np.random.default_rng(1)
+    goal = np.repeat(rng.uniform(-1.0, 1.0, 25), 80)
+    samples = np.c_[t, goal, np.sin(3 * t), np.sin(3 * t)]
+    for names in ("goal [rad],angle [rad]", "motor [rad],load [rad]"):
+        np.savetxt(tmp_path / "log.csv", samples[:, :3], delimiter=",", header=f"t,{names}", comments="")
+        slowly = "answer more slowly" in run(capsys, "check", str(tmp_path / "log.csv"))[1]
+        assert slowly == names.startswith("motor")
+        draft = draft_of_model("joint" if not slowly else "two-mass", tmp_path / "log.csv", folder=tmp_path)
+        assert any("answer more slowly" in note for note in draft.notes) == slowly
+        assert ("repeated" in draft.text) == slowly
+
+
 LATTICE = np.round(80 * np.sin(np.arange(0, 20, 0.02)))
 
 

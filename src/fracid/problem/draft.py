@@ -180,9 +180,8 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
 
 
 def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
-    """What may be wrong with a recording, with its name where it is one of several; an input may jump, and drive it."""
-    of_inputs = [*(("jump", n) for n in model.inputs), *[("short-window", "")] * bool(moving_inputs(recording, model))]
-    findings = (f for f in recording.report.findings if (f.code, f.where) not in of_inputs)
+    """What may be wrong with a recording, with its name where it is one of several."""
+    findings = recording.report.of_model(model.inputs).findings
     return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 

@@ -179,7 +179,8 @@ class _Page:
         taken, why = let_go_again(recording, self.model)
         self.notes += why
         self.taken |= {recording.name: taken} if taken else {}
-        return recording.trim(None, taken) if taken else recording
+        recording = recording.trim(None, taken) if taken else recording
+        return replace(recording, report=recording.report.of_model(self.model.inputs))
 
     @property
     def unsaid(self) -> list[str]:
