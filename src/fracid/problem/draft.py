@@ -224,7 +224,7 @@ def why_uneven(recording: Recording) -> str:
     steps = [np.median(part) for part in np.array_split(dt, 4)]
     if max(steps) > CROWDED * min(steps):
         return "its samples crowd where much happens"
-    jitters = len(dt) < FEW and np.median(np.abs(dt / np.median(dt) - 1.0)) > JITTER
+    jitters = len(dt) < FEW and np.median(np.abs(dt - np.median(dt))) > JITTER * np.median(dt)
     return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
 
 

@@ -252,7 +252,8 @@ def jumps(time: FloatArray, x: FloatArray) -> bool:
     >>> jumps(t, np.sign(np.sin(t))), jumps(t, np.round(20 * np.sin(t)) / 20)
     (True, False)
     """
-    steps = np.abs(np.diff(x) / np.diff(time)) * np.median(np.diff(time))
+    dt = np.diff(time)
+    steps = np.abs(np.diff(x)) * np.divide(np.median(dt), dt, out=np.ones(dt.shape), where=dt > 0)
     least = np.maximum(JUMP * np.ptp(x), EVEN * np.maximum(steps[:-2], steps[2:]))
     return bool(np.sum(np.where(steps[1:-1] > least, steps[1:-1], 0.0) ** 2) > MOST * np.sum(steps**2))
 

@@ -101,9 +101,7 @@ class Columns:
         names = dict.fromkeys(chain.from_iterable(v for v in samples if v))
         self.cells += len(names) * len(samples)
         refuse_bomb(self.path, self.cells, self.path.stat().st_size)
-        columns = {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
-        whole, rest = (v if isinstance(v := columns.get(n), np.ndarray) else None for n in ("sec", "nanosec"))
-        return columns if whole is None or rest is None else np.asarray(whole + 1e-9 * rest)  # a time of ROS
+        return {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
 
     def inside(self, tables: dict[str, Any]) -> Content:
         """Make columns of a table of lists, of tables and of single values."""
