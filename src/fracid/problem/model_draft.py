@@ -33,7 +33,7 @@ from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
 from fracid.recording import Recording, Table
 from fracid.recording.columns import unit_of_header
-from fracid.recording.guess import Columns, in_one_unit, unit_of
+from fracid.recording.guess import Columns, in_one_unit, place_or_name, unit_of
 
 SAYS = Words("problem/model_draft.toml")
 
@@ -96,15 +96,9 @@ def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[
     {'angle': ({'column': 'q'}, 'whose unit the header says')}
     """
     guesses = in_one_unit(raw, {n: (column, *_unit(model, n, raw, column)) for n, column in roles.items()})
-    places = {n: column.removeprefix("column ") for n, column in roles.items()}
-    read = with_code(raw.report.reading, "header-taken-as")
-    return {
-        n: (
-            {"column": int(places[n]) if places[n].isdigit() else column} | fields,
-            why + SAYS("other-header", name=n, column=column) * any(note.where == column for note in read),
-        )
-        for n, (column, fields, why) in guesses.items()
-    }
+    other = {note.where for note in with_code(raw.report.reading, "header-taken-as")}
+    return {n: ({"column": place_or_name(c)} | fields, why + SAYS("other-header", name=n, column=c) * (c in other))
+            for n, (c, fields, why) in guesses.items()}  # fmt: skip
 
 
 def _unit(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
@@ -248,10 +242,10 @@ class _Page:
 
     def _guesses(self, columns: Mapping[str, str]) -> Iterator[tuple[str, str, int | str, str]]:
         """Signals, their columns, and what their units are taken from; one that is guessed is kept apart."""
-        logs = [{n: c for c, n in columns.items() if c in raw.signals} for raw in self.logs]
-        each = [channels_of(self.model, roles, raw) for roles, raw in zip(logs, self.logs, strict=True)]
+        logs = [({n: c for c, n in columns.items() if c in raw.signals}, raw) for raw in self.logs]
+        each = [(raw, channels_of(self.model, roles, raw)) for roles, raw in logs]
         for column, name in columns.items():
-            found = [channels[name] for roles, channels in zip(logs, each, strict=True) if roles.get(name) == column]
+            found = [channels[name] for raw, channels in each if column in raw.signals]
             guesses = [one for one in found if len(one[0]) > 1]
             (fields, why), some = (guesses or found)[0], len(guesses) % len(found) > 0
             self.guessed[name] = self.guessed.get(name, {}) | {k: v for k, v in fields.items() if k != "column"}

@@ -104,7 +104,7 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
     columns: Columns = {}
     roles, notes = _roles(recording), []
     for what, (name, fields, why) in _with_units(recording, roles).items():
-        columns[what] = {"column": _column(name, header)} | fields
+        columns[what] = {"column": place_or_name(name, header)} | fields
         notes.append(f"{what} is taken from {name!r}, {why}.")
     others = [n for n in _angles(recording) if n not in roles.values()]
     if others and "voltage" not in columns:
@@ -181,8 +181,14 @@ def _first(what: str, names: Mapping[str, Any] | list[str]) -> str | None:
     return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
 
 
-def _column(name: str, header: Sequence[str]) -> int | str:
-    """A column's full name; its place, where it has none, or one that is no word."""
+def place_or_name(name: str, header: Sequence[str] = ()) -> int | str:
+    """A column's full name; its place, where it has none, or one that is no word.
+
+    Examples
+    --------
+    >>> place_or_name("column 3"), place_or_name("position", ("time", "joint/position")), place_or_name("q 1", ("q 1",))
+    (3, 'joint/position', 0)
+    """
     if place := re.fullmatch(r"column (\d+)", name):
         return int(place[1])
     full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]

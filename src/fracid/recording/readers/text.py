@@ -56,7 +56,7 @@ thousand of them takes no longer than to read it."""
 THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w)")
 """A number with a separator between its thousands."""
 
-NUMERAL = re.compile(r"\W*[0-9]")
+NUMERAL = re.compile(r"\W*[0-9]|[+-]?inf", re.I)
 """How a number begins, whatever is wrong with it."""
 
 SEPARATOR = re.compile('"?sep=.?"?', re.I)
@@ -308,10 +308,9 @@ def _words(dialect: Dialect, rows: list[list[str]]) -> frozenset[int]:
     """Columns of words alone: no cell beside numbers is one, or begins like one."""
     rows = [cells for cells in rows if any(map(dialect.is_number, cells))]
     width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
-    columns = [*zip(*(cells for cells in rows if len(cells) == width), strict=True)]
-    texts = [[cell for cell in cells if cell.lower() not in BLANK] for cells in columns]
-    numeric = [any(dialect.is_number(cell) or NUMERAL.match(cell) for cell in cells) for cells in texts]
-    return frozenset(j for j, cells in enumerate(texts) if cells and not numeric[j])
+    columns = zip(*(cells for cells in rows if len(cells) == width), strict=True)
+    texts = ([cell for cell in cells if cell.lower() not in BLANK] for cells in columns)
+    return frozenset(j for j, cells in enumerate(texts) if cells and not any(map(NUMERAL.match, cells)))
 
 
 def _no_row(lines: _Lines) -> str:
