@@ -88,8 +88,38 @@ def test_a_guessed_unit_is_that_of_the_recordings_whose_header_says_none(tmp_pat
     for columns in (None, named) if order == 1 else (named,):
         draft = draft_of_model("pendulum", first, columns, folder=tmp_path, more=[second])
         assert draft.text.count('unit = "N m"') == 1
-        assert draft.text.count('unit = "deg"') == (columns is None)
-    assert any(note.startswith("May be wrong: bare: angle: ") for note in draft.notes)  # degrees taken for radians
+        assert draft.text.count('unit = "deg"') == 1  # that a column is named says nothing of its unit
+    assert not any("May be wrong" in note for note in draft.notes)
+
+
+def test_a_goal_that_is_held_and_jumps_is_no_sensor_that_answers_slowly(tmp_path, capsys):
+    t, rng = np.arange(0, 20, 0.01), np.random.default_rng(1)
+    goal = np.repeat(rng.uniform(-1.0, 1.0, 25), 80)
+    samples = np.c_[t, goal, np.sin(3 * t), np.sin(3 * t)]
+    for names in ("goal [rad],angle [rad]", "motor [rad],load [rad]"):
+        np.savetxt(tmp_path / "log.csv", samples[:, :3], delimiter=",", header=f"t,{names}", comments="")
+        slowly = "answer more slowly" in run(capsys, "check", str(tmp_path / "log.csv"))[1]
+        assert slowly == names.startswith("motor")
+        draft = draft_of_model("joint" if not slowly else "two-mass", tmp_path / "log.csv", folder=tmp_path)
+        assert any("answer more slowly" in note for note in draft.notes) == slowly
+        assert ("repeated" in draft.text) == slowly
+
+
+LATTICE = np.round(80 * np.sin(np.arange(0, 20, 0.02)))
+
+
+@pytest.mark.parametrize("named", [None, {"angle": {"column": "present_position"}, "goal": {"column": "goal"}}])
+@pytest.mark.parametrize(("angle", "goal", "unit"), [
+    (LATTICE * 360 / 4096, np.sin(np.arange(0, 20, 0.02)), "deg"),  # less than two turns of radians
+    (2048 + LATTICE, 2048 + 20 * np.sign(np.sin(np.arange(0, 20, 0.02))), "counts"),
+    (LATTICE * 2 * np.pi / 4096, np.sin(np.arange(0, 20, 0.02)), "rad"),
+])  # fmt: skip
+def test_the_goal_of_a_servo_is_in_the_unit_of_its_angle(tmp_path, angle, goal, unit, named):
+    samples = np.c_[np.arange(0, 20, 0.02), goal, angle]
+    np.savetxt(tmp_path / "servo.csv", samples, delimiter=",", header="t,goal,present_position", comments="")
+    draft = draft_of_model("joint", tmp_path / "servo.csv", named, folder=tmp_path)
+    assert (draft.columns["goal"]["unit"], draft.columns["angle"]["unit"]) == (unit, unit)
+    assert "goal is taken from 'goal', as angle is." in draft.notes
 
 
 def test_the_clock_of_each_recording_of_a_pendulum_is_looked_at(tmp_path):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from fracid.errors import DataError
 from fracid.recording import load_recording, read_table
 from fracid.safety.paths import kind_of
 
@@ -55,6 +56,30 @@ def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
     recording = load_recording(tmp_path / "log.csv")
     np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
     np.testing.assert_array_equal(next(iter(recording.signals.values())), ALPHA)
+
+
+ROS = [f"{k},{1_700_000_000 + k // 100},{k % 100 * 10**7},base,joint1,{a}" for k, a in enumerate(ALPHA)]
+
+
+@pytest.mark.parametrize("seconds", ["secs", "sec"])
+def test_a_log_of_ros_has_its_columns_of_words_left_out_and_its_stamps_joined(tmp_path, seconds):
+    part = "nsecs" if seconds == "secs" else "nanosec"
+    head = f"header.seq,stamp.{seconds},stamp.{part},header.frame_id,name[0],position[0]"
+    (tmp_path / "log.csv").write_text("\n".join([head, *ROS, ""]))
+    recording = load_recording(tmp_path / "log.csv")
+    assert recording.step == pytest.approx(0.01)
+    np.testing.assert_array_equal(recording.signals["position[0]"], ALPHA)
+    assert recording.assumed == {"position[0]"}  # it names a place, no unit
+    said = "Left out: header.frame_id is no column of numbers; name[0] is no column of numbers."
+    assert {said, f"stamp is stamp.{seconds} and stamp.{part} together."} <= {*recording.report.reading}
+
+
+@pytest.mark.parametrize("cell", ["1,234.5", "3 V", "0x1F"])
+def test_numbers_with_something_beside_them_are_no_words(tmp_path, cell):
+    rows = "\n".join(f'{t};"{cell}";{a}' for t, a in zip(T, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text(f"t;u;alpha\n{rows}\n")
+    with pytest.raises(DataError, match="no row of numbers"):
+        read_table(tmp_path / "log.csv")
 
 
 def test_a_date_above_a_table_of_numbers_is_no_sample(tmp_path):

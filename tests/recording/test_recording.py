@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fracid.errors import DataError, InputError
-from fracid.problem.draft import draft_project, guess_file
+from fracid.problem.draft import draft_project, guess_file, why_uneven
 from fracid.recording import Channel, Recording, inspect_recording, load_recording, read_table
+from fracid.recording.guess import jumps
 from fracid.recording.readers.text import parse_text
 from fracid.signals.resolution import resolution
 from fracid.signals.swing import release_time
@@ -619,6 +620,14 @@ def test_time_that_does_not_increase_is_a_data_error(tmp_path, shift, message):
     time[7] = time[6] + shift
     with pytest.raises(DataError, match=message):
         load_recording(_csv(tmp_path, t=time, alpha=np.arange(20.0)), {"alpha": 1}, time=0)
+
+
+def test_a_clock_that_mostly_repeats_is_refused_without_a_warning():
+    t = np.floor(np.arange(0, 9, 0.01))
+    log = Recording.of("log", t, {"angle": np.sin(t)})
+    assert log.report.level == "unfit"
+    assert not why_uneven(log)
+    assert not jumps(t, np.arange(900) % 3.0)
 
 
 def test_one_sample_is_too_few(tmp_path):

@@ -19,6 +19,7 @@ import fracid
 from fracid.errors import InputError
 from fracid.plots import residual_diagnostics, save
 from fracid.signals.correlation import autocorrelation, correlation_time, power_spectrum
+from fracid.signals.left_over import left_over
 from fracid.validation.residual_sentences import NORMAL
 from fracid.validation.residual_tests import anderson_darling, breusch_pagan
 from fracid.validation.residuals import residual_analysis
@@ -120,13 +121,30 @@ def test_neighbours_that_alternate_are_no_fault_of_the_model():
     assert "lacks" not in found.sentences["whiteness"]
 
 
-def test_the_ljung_box_test_is_that_of_statsmodels():
+def test_the_test_of_whiteness_is_box_and_pierces_of_a_constant_size():
     from statsmodels.stats.diagnostic import acorr_ljungbox
 
-    e = ar1(0.1, n=500)
-    expected, found = acorr_ljungbox(e, lags=[10]).iloc[0], analysed(e).whiteness
+    e = ar1(0.1, n=20_000)
+    expected, found = acorr_ljungbox(e, lags=[10], boxpierce=True).iloc[0], analysed(e).whiteness
     assert found.lags == 10
-    assert (found.statistic, found.p_value) == pytest.approx((expected["lb_stat"], expected["lb_pvalue"]))
+    assert found.statistic == pytest.approx(expected["bp_stat"], rel=0.05)
+
+
+EPIDEMIC = np.sqrt(5 + 1e5 * np.exp(-((np.arange(121) - 50) ** 2) / 2 / 15**2))
+"""The spread of cases that are counted."""
+
+
+@pytest.mark.parametrize("spread", [
+    np.ones(1000), EPIDEMIC, np.where(np.arange(1000) < 100, 5.0, 1.0), 0.02 + np.exp(-np.arange(500) / 80),
+    0.02 + np.abs(np.sin(np.arange(600) / 30)),
+])  # fmt: skip
+def test_noise_is_white_however_its_size_changes_and_a_correlation_is_found_beside_it(spread):
+    ramp, wrong, missed = np.arange(float(spread.size)), 0, 0
+    for noise in rng().normal(size=(200, spread.size)):
+        wrong += not left_over(noise * spread, ramp).white
+        missed += left_over(lfilter([1.0], [1.0, -0.6], noise) * spread, ramp).white
+    assert wrong <= 20  # of 200: 5 %, and three deviations of that
+    assert missed <= 40
 
 
 @pytest.mark.parametrize("period", [20, 100, 1000])

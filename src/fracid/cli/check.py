@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from math import pi
 from pathlib import Path
@@ -40,6 +41,7 @@ def check(file: Path, how: How) -> None:
         recording = inspect_recording(file, own or columns_from_texts(how.column), time=clock, stop=how.stop,
                                       start=start_from_text(how.start), variable=how.variable,
                                       guess_units=True)  # fmt: skip
+        recording = replace(recording, report=recording.report.of_model(_inputs(recording)))
         figure = None if how.out is None else _figure(recording, how.out, observer)
     head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
@@ -69,13 +71,21 @@ def _columns_of_model(file: Path, clock: Any, variable: str | None) -> tuple[Col
         return {}, []
 
     from fracid.models import model
-    from fracid.problem.model_draft import channel_of
+    from fracid.problem.model_draft import channels_of
 
     ((name, roles),) = likely.items()
-    found = {signal: channel_of(model(name), signal, raw, column) for signal, column in roles.items()}
+    found = channels_of(model(name), roles, raw)
     notes = [str(note) for note in raw.report.notes if isinstance(note, Note) and note.code == "left-out"]
     notes += [f"{signal} is taken from {roles[signal]!r}, {why}." for signal, (_, why) in found.items()]
     return {signal: fields for signal, (fields, _) in found.items()}, notes
+
+
+def _inputs(recording: Recording) -> set[str]:
+    """Signals that are called like inputs of the models that it may be of."""
+    from fracid.models.library import table_of
+    from fracid.problem.roles import likely_models
+
+    return {n for name in likely_models([*recording.signals]) for n in table_of(name)["model"].get("inputs", ())}
 
 
 def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) -> None:

@@ -180,9 +180,8 @@ def moving_inputs(recording: Recording, model: Model) -> set[str]:
 
 
 def doubts(recording: Recording, model: Model, name: str = "") -> tuple[str, ...]:
-    """What may be wrong with a recording, with its name where it is one of several; an input may jump, and drive it."""
-    of_inputs = [*(("jump", n) for n in model.inputs), *[("short-window", "")] * bool(moving_inputs(recording, model))]
-    findings = (f for f in recording.report.findings if (f.code, f.where) not in of_inputs)
+    """What may be wrong with a recording, with its name where it is one of several."""
+    findings = recording.report.of_model(model.inputs).findings
     return tuple(f"May be wrong: {name}{': ' * bool(name)}{f}" for f in findings)
 
 
@@ -225,7 +224,7 @@ def why_uneven(recording: Recording) -> str:
     steps = [np.median(part) for part in np.array_split(dt, 4)]
     if max(steps) > CROWDED * min(steps):
         return "its samples crowd where much happens"
-    jitters = len(dt) < FEW and np.median(np.abs(dt / np.median(dt) - 1.0)) > JITTER
+    jitters = len(dt) < FEW and np.median(np.abs(dt - np.median(dt))) > JITTER * np.median(dt)
     return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""
 
 

@@ -33,7 +33,7 @@ from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
 from fracid.recording import Recording, Table
 from fracid.recording.columns import unit_of_header
-from fracid.recording.guess import Columns, unit_of
+from fracid.recording.guess import Columns, in_one_unit, place_or_name, unit_of
 
 SAYS = Words("problem/model_draft.toml")
 
@@ -86,28 +86,29 @@ def draft_of_model(
     return _ModelPage(name, source, more, columns, zero=zero).draft()
 
 
-def channel_of(
-    model: Model, name: str, raw: Recording, column: str, *, named: bool = False
-) -> tuple[dict[str, Any], str]:
-    """The channel of a model's signal, and what its unit is taken from; an angle that is named is in rad.
+def channels_of(model: Model, roles: Mapping[str, str], raw: Recording) -> dict[str, tuple[dict[str, Any], str]]:
+    """The channels of a model's signals, signal → column, and what their units are taken from.
 
     Examples
     --------
     >>> raw = Recording.of("log", np.arange(9.0), {"q": np.arange(9.0)}, units={"q": "rad"})
-    >>> channel_of(model("joint"), "angle", raw, "q")
-    ({'column': 'q'}, 'whose unit the header says')
+    >>> channels_of(model("joint"), {"angle": "q"}, raw)
+    {'angle': ({'column': 'q'}, 'whose unit the header says')}
     """
-    place, unit = column.removeprefix("column "), model.unit_of(name)
-    fields, why = {}, "whose unit the header says"
+    guesses = in_one_unit(raw, {n: (column, *_unit(model, n, raw, column)) for n, column in roles.items()})
+    other = {note.where for note in with_code(raw.report.reading, "header-taken-as")}
+    return {n: ({"column": place_or_name(c)} | fields, why + SAYS("other-header", name=n, column=c) * (c in other))
+            for n, (c, fields, why) in guesses.items()}  # fmt: skip
+
+
+def _unit(model: Model, name: str, raw: Recording, column: str) -> tuple[dict[str, Any], str]:
+    """The unit of a signal that no header says, and what it is taken from."""
+    unit, own = model.unit_of(name), raw.units[column]
     if column in raw.assumed:
-        fields, why = {"unit": unit}, f"in {unit}, the model's unit"
-    if column in raw.assumed and unit == "rad" and not named:
-        fields, why = unit_of(raw, column, "angle")
-    if column not in raw.assumed and raw.units[column] != unit:
-        raise InputError(SAYS("other-unit", name=name, column=column, model=model, unit=unit, own=raw.units[column]))
-    if any(note.where == column for note in with_code(raw.report.reading, "header-taken-as")):
-        why += SAYS("other-header", name=name, column=column)
-    return {"column": int(place) if place.isdigit() else column} | fields, why
+        return unit_of(raw, column, "angle") if unit == "rad" else ({"unit": unit}, f"in {unit}, the model's unit")
+    if own != unit:
+        raise InputError(SAYS("other-unit", name=name, column=column, model=model, unit=unit, own=own))
+    return {}, "whose unit the header says"
 
 
 def _channels(columns: Columns) -> Columns:
@@ -172,7 +173,8 @@ class _ModelPage:
         taken, why = let_go_again(recording, self.model)
         self.notes += why
         self.taken |= {recording.name: taken} if taken else {}
-        return recording.trim(None, taken) if taken else recording
+        recording = recording.trim(None, taken) if taken else recording
+        return replace(recording, report=recording.report.of_model(self.model.inputs))
 
     @property
     def unsaid(self) -> list[str]:
@@ -217,15 +219,14 @@ class _ModelPage:
         for name in (n for n in self.table["needs"] if not given and n not in roles and left):
             raise InputError(SAYS("no-column", file=self.file, name=name, model=self.name, signals=shown))
         columns: Columns = {n: dict(c) for n, c in given.items()}
-        for column, name in named.items():
-            if not given[name].keys() & {"unit", "scale", *QUANTITIES}:
-                self.notes.append(f"{name} is taken from {column!r}, {self._channel(name, column, named=True)[1]}.")
-        for name, column in roles.items():
-            if name in self.model.outputs and (sensor := self._sensor(name, column)):
-                columns |= self._taken(name, *sensor)
-            else:
-                columns[name], why = self._channel(name, column)
-                self.notes.append(f"{name} is taken from {column!r}, {why}.")
+        bare = {n for n, c in given.items() if not c.keys() & {"unit", "scale", *QUANTITIES}}
+        sensors = {n: s for n, c in roles.items() if n in self.model.outputs and (s := self._sensor(n, c))}
+        for name, sensor in sensors.items():
+            columns |= self._taken(name, *sensor)
+        guessed = {c: n for c, n in named.items() if n in bare} | {c: n for n, c in roles.items() if n not in sensors}
+        for name, column, field, why in self._guesses(guessed):
+            columns.setdefault(name, {"column": field})
+            self.notes.append(f"{name} is taken from {column!r}, {why}.")
         if not given:
             columns |= self._of_sensors(columns)
         if not {*columns} & {*self.model.outputs}:
@@ -239,13 +240,16 @@ class _ModelPage:
             self.notes.append(f"Not used: {', '.join(map(repr, unused))}.")
         return columns
 
-    def _channel(self, name: str, column: str, *, named: bool = False) -> tuple[dict[str, Any], str]:
-        """The column of a signal, and what its unit is taken from; one that is guessed is kept apart."""
-        found = [channel_of(self.model, name, raw, column, named=named) for raw in self.logs if column in raw.signals]
-        guesses = [one for one in found if len(one[0]) > 1]
-        (fields, why), some = (guesses or found)[0], len(guesses) % len(found) > 0
-        self.guessed[name] = {key: value for key, value in fields.items() if key != "column"}
-        return {"column": fields["column"]}, why + ", where no header says it" * some
+    def _guesses(self, columns: Mapping[str, str]) -> Iterator[tuple[str, str, int | str, str]]:
+        """Signals, their columns, and what their units are taken from; one that is guessed is kept apart."""
+        logs = [({n: c for c, n in columns.items() if c in raw.signals}, raw) for raw in self.logs]
+        each = [(raw, channels_of(self.model, roles, raw)) for roles, raw in logs]
+        for column, name in columns.items():
+            found = [channels[name] for raw, channels in each if column in raw.signals]
+            guesses = [one for one in found if len(one[0]) > 1]
+            (fields, why), some = (guesses or found)[0], len(guesses) % len(found) > 0
+            self.guessed[name] = self.guessed.get(name, {}) | {k: v for k, v in fields.items() if k != "column"}
+            yield name, column, fields["column"], why + ", where no header says it" * some
 
     def _sensor(self, output: str, column: str) -> tuple[str, dict[str, Any]] | None:
         """What a column shows of an output, as its unit says: a rate, an acceleration, a potentiometer's volts."""

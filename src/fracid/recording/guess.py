@@ -37,6 +37,9 @@ from fracid.safety.door import own_text
 Columns = dict[str, dict[str, Any]]
 """Signal → the fields of its channel, ``column`` first."""
 
+Guess = tuple[str, dict[str, Any], str]
+"""A signal of a recording, the fields of its unit, and what these are guessed from."""
+
 NAMES: dict[str, str] = tomllib.loads(own_text("models/rotary-pendulum.toml"))["columns"]
 """How the columns of angles and inputs are called, in words of a header."""
 
@@ -101,7 +104,7 @@ def guess_columns(recording: Recording, header: Sequence[str] = ()) -> tuple[Col
     columns: Columns = {}
     roles, notes = _roles(recording), []
     for what, (name, fields, why) in _with_units(recording, roles).items():
-        columns[what] = {"column": _column(name, header)} | fields
+        columns[what] = {"column": place_or_name(name, header)} | fields
         notes.append(f"{what} is taken from {name!r}, {why}.")
     others = [n for n in _angles(recording) if n not in roles.values()]
     if others and "voltage" not in columns:
@@ -178,22 +181,43 @@ def _first(what: str, names: Mapping[str, Any] | list[str]) -> str | None:
     return next((n for n in matches if re.search(r"pos|ang", n.lower())), matches[0] if matches else None)
 
 
-def _column(name: str, header: Sequence[str]) -> int | str:
-    """A column's full name; its place, where it has none, or one that is no word."""
+def place_or_name(name: str, header: Sequence[str] = ()) -> int | str:
+    """A column's full name; its place, where it has none, or one that is no word.
+
+    Examples
+    --------
+    >>> place_or_name("column 3"), place_or_name("position", ("time", "joint/position")), place_or_name("q 1", ("q 1",))
+    (3, 'joint/position', 0)
+    """
     if place := re.fullmatch(r"column (\d+)", name):
         return int(place[1])
     full = [h for h in header if h == name] or [h for h in header if h.endswith(name)] or [name]
     return full[0] if re.fullmatch(r"[\w/.:-]+", full[0]) or full[0] not in header else header.index(full[0])
 
 
-def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, tuple[str, dict[str, Any], str]]:
-    """``alpha``, ``theta``, ``voltage`` → the signal, the fields of its unit, and what these are guessed from."""
-    units = {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()}
-    for angle, other in (("alpha", "theta"), ("theta", "alpha")):
-        if {angle, other} <= units.keys() and units[angle][2] == NOTHING and units[other][1]:
-            why = NOTHING if units[other][2] == NOTHING else f"as {other} is"
-            units[angle] = (units[angle][0], units[other][1], why)
-    return units
+def _with_units(recording: Recording, roles: Mapping[str, str]) -> dict[str, Guess]:
+    """``alpha``, ``theta``, ``voltage`` → what is guessed of its unit."""
+    return in_one_unit(recording, {what: (name, *unit_of(recording, name, what)) for what, name in roles.items()})
+
+
+def in_one_unit(recording: Recording, guesses: Mapping[str, Guess]) -> dict[str, Guess]:
+    """Take the unit of another angle where nothing says one, and counts for whole numbers beside counts.
+
+    Examples
+    --------
+    >>> t = np.arange(0, 8, 0.01)
+    >>> log = Recording.of("log", t, {"goal": 5.0 * np.sin(t), "q": 0.087890625 * np.round(50 * np.sin(t))})
+    >>> in_one_unit(log, {name: (name, *unit_of(log, name, "angle")) for name in log.signals})["goal"]
+    ('goal', {'unit': 'deg'}, 'as q is')
+    """
+    angles = {what: one for what, one in guesses.items() if one[1].get("unit") in ("rad", "deg", "counts")}
+    sure, found = {what: fields for what, (_, fields, why) in angles.items() if why != NOTHING}, dict(guesses)
+    for what, (name, fields, why) in angles.items():
+        whole = not np.any(np.nan_to_num(recording.signals[name]) % 1.0)
+        alike = (n for n, f in sure.items() if n != what and (whole if f["unit"] == "counts" else why == NOTHING))
+        if fields["unit"] != "counts" and (other := next(alike, None)):
+            found[what] = name, sure[other], f"as {other} is"
+    return found
 
 
 def unit_of(recording: Recording, name: str, what: str) -> tuple[dict[str, Any], str]:
@@ -234,7 +258,8 @@ def jumps(time: FloatArray, x: FloatArray) -> bool:
     >>> jumps(t, np.sign(np.sin(t))), jumps(t, np.round(20 * np.sin(t)) / 20)
     (True, False)
     """
-    steps = np.abs(np.diff(x) / np.diff(time)) * np.median(np.diff(time))
+    dt = np.diff(time)
+    steps = np.abs(np.diff(x)) * np.divide(np.median(dt), dt, out=np.ones(dt.shape), where=dt > 0)
     least = np.maximum(JUMP * np.ptp(x), EVEN * np.maximum(steps[:-2], steps[2:]))
     return bool(np.sum(np.where(steps[1:-1] > least, steps[1:-1], 0.0) ** 2) > MOST * np.sum(steps**2))
 

@@ -66,6 +66,9 @@ DRIVES = (*COMMANDS, "N", "A", "Pa")
 SWING = ("rad", "m")
 """Units of what may swing: a level, a voltage or a temperature does not."""
 
+OF_MOTION = ("jump", "spikes", "repeated")
+"""Codes of what no motion does, and a command may: it jumps, and is held."""
+
 SHORTLY = {"still": "stands still", "short-window": "too short"}
 """Findings whose code says little, in the verdict's line."""
 
@@ -162,6 +165,22 @@ class Report:
         at = "of uneven steps" if self.uneven else f"at {c.rate:.5g} Hz"
         length = f"{c.samples} samples, {c.duration:.2f} s {at}"
         return f"{self.level}: {length}, {released}, {end}; {', '.join(against)}".rstrip("; ")
+
+    def of_model(self, inputs: Collection[str]) -> Report:
+        """Leave out what is no fault of a model's inputs: they do not move as what has inertia, and nobody lets go.
+
+        Examples
+        --------
+        >>> t = np.arange(2000) / 100
+        >>> goal = np.sin(np.floor(t))
+        >>> report = measure(t, {"goal": goal, "angle": np.sin(3 * t)}, {"goal": "rad", "angle": "rad"})
+        >>> [f.code for f in report.findings if f.where == "goal"], report.of_model(["goal"]).findings
+        (['repeated'], ())
+        """
+        spared = {(code, n) for code in OF_MOTION for n in inputs}
+        if any(s.range > 0 and s.name in inputs for s in self.signals):
+            spared.add(("short-window", ""))
+        return replace(self, findings=tuple(f for f in self.findings if (f.code, f.where) not in spared))
 
     def rows(self) -> list[tuple[str, str]]:
         """Return (what, value) pairs for a table.

@@ -214,8 +214,8 @@ def claim_of(
         return _too_little(off, open_question)
     orders_off = " and ".join(map(str, clear))
     if unexplained or (contradictions and compared):
-        decides = decides if unexplained else SAYS("decide-held-out")
-        return _undecided(SAYS("stand-in", orders=orders_off), *unexplained, *contradictions, decides)
+        doubt, decides = ("stand-in", decides) if unexplained else ("not-confirmed", SAYS("decide-held-out"))
+        return _undecided(SAYS(doubt, orders=orders_off), *unexplained, *contradictions, decides)
     if contradictions:
         speaks, without = ("a finding speaks", "it") if len(contradictions) == 1 else ("findings speak", "them")
         against = f"{orders_off}, but {speaks} against that."

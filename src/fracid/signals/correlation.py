@@ -66,6 +66,30 @@ def _within_window(covariance: FloatArray) -> tuple[float, int]:
     return float(times[lag]), lag
 
 
+def box_pierce(x: FloatArray) -> tuple[int, float, float]:
+    r"""Lags, Q and p-value of the test for autocorrelation that takes noise of any changing size for white [LNS]_.
+
+    Each lag has its own variance, :math:`Q = \sum_k (\sum_t x_t x_{t-k})^2 / \sum_t x_t^2 x_{t-k}^2`: where a few large
+    samples make the sums, their correlations scatter more than :math:`1/\sqrt n`.
+
+    .. [LNS] I. Lobato, J. Nankervis, N. Savin, Int. Economic Review 42 (2001) 187; F. Diebold, Proc. American
+       Statistical Association, Business and Economic Statistics Section (1986) 323.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(1).normal(size=1000)
+    >>> decaying = noise * np.exp(-np.arange(1000) / 100)
+    >>> [round(box_pierce(x)[2], 2) for x in (noise, decaying, np.cumsum(noise))]
+    [0.77, 0.28, 0.0]
+    """
+    from scipy.special import chdtrc
+
+    x, lags = x - np.mean(x), min(10, x.size // 5)
+    squares, least = x**2, float(np.finfo(float).tiny)
+    Q = sum((x[k:] @ x[:-k]) ** 2 / max(float(squares[k:] @ squares[:-k]), least) for k in range(1, lags + 1))
+    return lags, float(Q), float(chdtrc(lags, Q))
+
+
 # --- spectrum --------------------------------------------------------------------------------------
 
 

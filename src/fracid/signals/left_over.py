@@ -9,7 +9,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.safety.schema import Infinite, Record
-from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch
+from fracid.signals.correlation import autocorrelation, box_pierce, correlation_time, longest_stretch
 from fracid.signals.resolution import resolution
 
 NEXT_TO_WHITE = 0.75
@@ -23,8 +23,11 @@ HALF, COUNTS = 50.0, 10.0
 """A model does not fit where it follows less of a motion than this [%], and is off by more than so many roundings, some
 three steps of the encoder: a joint that hardly moves is followed by none."""
 
-SHORT = 8
-"""Samples, of which fewer show no correlation."""
+SHORT, TESTABLE = 8, 30
+"""Samples, of which fewer show no correlation, and of which fewer cannot be tested for it."""
+
+SIGNIFICANT = 0.05
+"""A p-value below this is said to be no chance."""
 
 NOTHING = 1e-5
 """Part of the motion below which it is arithmetic."""
@@ -100,4 +103,6 @@ def left_over(residual: FloatArray, measured: FloatArray, *, known: bool = False
         return LeftOver(rms, floor, 1.0, known)
     if e.size < SHORT or np.ptp(e) == 0.0:
         return LeftOver(rms, floor, 0.0, known)
-    return LeftOver(rms, floor, 1.0 / float(correlation_time(autocorrelation(e))), known)
+    if e.size >= TESTABLE and box_pierce(e)[2] >= SIGNIFICANT:
+        return LeftOver(rms, floor, 1.0, known)
+    return LeftOver(rms, floor, 1.0 / correlation_time(autocorrelation(e)), known)

@@ -146,11 +146,9 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         own = {n: "rad" if _is_angle(problem, n) else problem.model.unit_of(n) for n in signals}
         units = {n: e.units.get(n, unit) if unit == "rad" else unit for n, unit in own.items()}
         report = measure(e.time, signals, units)
-    commanded = [("jump", name) for name in problem.model.inputs]  # a goal may jump
-    driven = any(s.range > 0 and s.name in problem.model.inputs for s in report.signals)
-    released = bool(problem.model.rates) and not driven
-    return [replace(f, where=": ".join(filter(None, (e.name, f.where)))) for f in report.findings
-            if (f.code, f.where) not in commanded and (released or f.code != "short-window")]  # fmt: skip
+    return [replace(f, where=": ".join(filter(None, (e.name, f.where))))
+            for f in report.of_model(problem.model.inputs).findings
+            if problem.model.rates or f.code != "short-window"]  # fmt: skip
 
 
 def _is_angle(problem: Problem, signal: str) -> bool:

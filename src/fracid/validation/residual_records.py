@@ -8,15 +8,10 @@ from dataclasses import dataclass, field
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
 from fracid.safety.schema import UNREAD, Beside, Block, Number, Record, Unknown
-
-SHORT = 30
-"""Samples below which nothing is asked."""
+from fracid.signals.left_over import SIGNIFICANT
 
 ENOUGH = 20
 """Independent samples below which a p-value is not given."""
-
-SIGNIFICANT = 0.05
-"""A p-value below this is said to be no chance."""
 
 UNEQUAL = 1.5
 """Ratio of two spreads that is worth naming."""
@@ -36,7 +31,7 @@ class Whiteness(Record):
     white: bool = False
     """No correlation is seen, or too little to matter."""
     lags: int = 0
-    """Of the Ljung-Box test."""
+    """Of the portmanteau test."""
     statistic: Unknown = NAN
     """Its Q."""
     p_value: Unknown = NAN
@@ -51,7 +46,7 @@ class Whiteness(Record):
     """k: the tests below have every k-th sample."""
     thinned_samples: int = 0
     thinned_p_value: Unknown = NAN
-    """Of Ljung-Box on the thinned residual: a small one says that it is not thin enough."""
+    """Of that test on the thinned residual: a small one says that it is not thin enough."""
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Words
-from fracid.signals.left_over import NEXT_TO_WHITE
+from fracid.signals.left_over import NEXT_TO_WHITE, SIGNIFICANT, TESTABLE
 from fracid.units import signed, with_time_unit, with_unit
-from fracid.validation.residual_records import SHORT, SIGNIFICANT, Contrast, Spectrum, Variance
+from fracid.validation.residual_records import Contrast, Spectrum, Variance
 
 SAYS = Words("validation/residual_sentences.toml")
 
@@ -46,8 +46,8 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     """Why there is nothing to test, or nothing."""
     if not e.size:
         return SAYS("no-residual")
-    if e.size < SHORT:
-        return SAYS("few-fitted" if e.size < whole else "few", count=e.size, least=SHORT)
+    if e.size < TESTABLE:
+        return SAYS("few-fitted" if e.size < whole else "few", count=e.size, least=TESTABLE)
     if np.abs(e).max() <= 1e-12 * size:
         return SAYS("nothing-left")
     if np.ptp(e) <= 1e-9 * np.abs(e).max():

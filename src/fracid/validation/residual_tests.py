@@ -22,13 +22,6 @@ def is_testable(thin: FloatArray) -> bool:
     return thin.size >= ENOUGH and bool(np.ptp(thin) > 0)
 
 
-def ljung_box(ρ: FloatArray, n: int) -> tuple[int, float, float]:
-    """Lags, Q and p-value."""
-    lags = min(10, n // 5, ρ.size - 1)
-    Q = n * (n + 2) * float(np.sum(ρ[1 : lags + 1] ** 2 / (n - np.arange(1, lags + 1))))
-    return lags, Q, float(chdtrc(lags, Q))
-
-
 def swing_band(speed: FloatArray, step: float) -> tuple[float, float, float] | None:
     """Where the fitted speed has its peak [Hz], between the ends of the band that has half its density and more.
 

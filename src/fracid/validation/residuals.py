@@ -6,7 +6,7 @@ The residual :math:`e_t`, measured minus simulated, of a good model is white noi
 ==========  =============================================  =======================================================
 question    test                                           size of the effect, which decides
 ==========  =============================================  =======================================================
-whiteness   Ljung-Box [LB]_, up to 10 lags                 correlation time T, effective samples n/(T/step), lag-1
+whiteness   Box-Pierce, robust [LNS]_, up to 10 lags       correlation time T, effective samples n/(T/step), lag-1
 spectrum    \                                              share of the power at one frequency, or slower than the swing
 normality   Anderson-Darling [AD]_                         PPCC, the correlation of the normal probability plot [F]_
 variance    Breusch-Pagan [BP]_, Mann-Whitney [MW]_        spread late to early, far to near, fast to slow
@@ -35,7 +35,8 @@ the spectrum of noise that fades has a largest bin too, but not that much larger
 
 References
 ----------
-.. [LB] G. Ljung, G. Box, Biometrika 65 (1978) 297.
+.. [LNS] I. Lobato, J. Nankervis, N. Savin, Int. Economic Review 42 (2001) 187: each lag by its own variance, for
+   residuals whose size changes.
 .. [BH] G. Bayley, J. Hammersley, J. Roy. Statist. Soc. Suppl. 8 (1946) 184: the two numbers of effective samples.
 .. [S] A. Sokal, in Functional Integration: Basics and Applications, NATO ASI B 361 (1997) 131: where to stop the sum.
 .. [AD] T. Anderson, D. Darling, J. Amer. Statist. Assoc. 49 (1954) 765.
@@ -55,14 +56,13 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
 from fracid.estimation.records import RecordingFit
-from fracid.signals.correlation import autocorrelation, correlation_time, longest_stretch, power_spectrum
-from fracid.signals.left_over import NEXT_TO_WHITE
+from fracid.signals.correlation import autocorrelation, box_pierce, correlation_time, longest_stretch, power_spectrum
+from fracid.signals.left_over import NEXT_TO_WHITE, SIGNIFICANT
 from fracid.signals.resolution import resolution as lattice
 from fracid.units import with_unit
 from fracid.validation.residual_curves import residual_curves
 from fracid.validation.residual_records import (
     NAN,
-    SIGNIFICANT,
     Contrast,
     Level,
     Line,
@@ -92,7 +92,6 @@ from fracid.validation.residual_tests import (
     fisher,
     harmonic_number,
     is_testable,
-    ljung_box,
     mann_whitney,
     normal_probability,
     spread_ratio,
@@ -180,14 +179,14 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
 def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, near: Spectrum, use: str) -> Whiteness:
     T = correlation_time(ρ)
     cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=near.swing, use=use)
-    lags, Q, p = ljung_box(ρ, e.size)
+    lags, Q, p = box_pierce(e)
     k = max(2, round(2 * T))
     thin = e[::k]
     return Whiteness(
         whiteness_sentence(e.size, T, T * step, float(ρ[1]), p=p, cause=cause),
         p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]), correlation_time=T * step,
         effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
-        thinned_p_value=ljung_box(autocorrelation(thin), thin.size)[2] if is_testable(thin) else NAN,
+        thinned_p_value=box_pierce(thin)[2] if is_testable(thin) else NAN,
     )  # fmt: skip
 
 

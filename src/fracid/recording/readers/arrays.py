@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -151,9 +151,39 @@ def stack(columns: Sequence[tuple[str, Array]], source: str, left_out: Mapping[s
     return Table(values, names, units, source, left_out=left_out)
 
 
+def with_whole_stamps(table: Table) -> Table:
+    """Join the seconds and nanoseconds of a time, which ROS writes apart.
+
+    Examples
+    --------
+    >>> table = Table(np.array([[8.0, 5e8, 0.1]]), ("stamp.secs", "stamp.nsecs", "x"), ("", "", ""), "log.csv")
+    >>> with_whole_stamps(table).names, with_whole_stamps(table).values.tolist()
+    (('stamp', 'x'), [[8.5, 0.1]])
+    """
+    for fraction in table.names:
+        seconds = re.sub(r"n(?:ano)?(sec(?:ond)?s?)$", r"\1", fraction, flags=re.IGNORECASE)
+        if seconds != fraction and seconds in table.names:
+            i, j = table.names.index(seconds), table.names.index(fraction)
+            stamp = re.sub(r"[\W_]*sec(?:ond)?s?$", "", seconds, flags=re.IGNORECASE) or seconds
+            names, values = [*table.names], table.values.copy()
+            names[i], values[:, i] = stamp, values[:, i] + 1e-9 * values[:, j]
+            note = f"{stamp} is {seconds} and {fraction} together."
+            table = replace(table, names=(*names[:j], *names[j + 1 :]), units=(*table.units[:j], *table.units[j + 1 :]),
+                            values=np.delete(values, j, axis=1), notes=(*table.notes, note))  # fmt: skip
+    return table
+
+
 def name_and_unit(name: str, unit: str, position: int) -> tuple[str, str]:
-    """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``, ``theta, deg``."""
-    inside = re.search(r"[\[(]([^\])]*)[\])]\s*$|" + AFTER_COMMA, (unit or name)[-200:])
+    """Take the unit from the line of units or from the name: ``theta [deg]``, ``theta (deg)``, ``theta, deg``.
+
+    Of ``position[0]`` it is the place in an array.
+
+    Examples
+    --------
+    >>> name_and_unit("theta[deg]", "", 0), name_and_unit("position[0]", "", 0), name_and_unit("rabbits [1]", "", 0)
+    (('theta[deg]', 'deg'), ('position[0]', ''), ('rabbits [1]', '1'))
+    """
+    inside = re.search(r"(?!(?<=\w)\[\d+\])[\[(]([^\])]*)[\])]\s*$|" + AFTER_COMMA, (unit or name)[-200:])
     return name or f"column {position}", (inside[1] or inside[2] or "" if inside else unit).strip()
 
 

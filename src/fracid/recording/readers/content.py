@@ -57,6 +57,8 @@ SPARSE = LeftOut("is a sparse matrix; save full(…) of it")
 
 TEXT = LeftOut("is text")
 
+NO_NUMBERS = LeftOut("is no column of numbers")
+
 LISTS = LeftOut("holds a list of numbers for each sample; save one number for each")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.recording.readers.content import Content, LeftOut, reading, refuse_bomb, same_name
+from fracid.recording.readers.content import NO_NUMBERS, Content, reading, refuse_bomb, same_name
 
 
 def read_parquet(path: Path) -> Content:
@@ -41,7 +41,7 @@ def _columns(file: Any, path: Path) -> Content:
     groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
     refuse_bomb(path, sum(max(0, group.total_byte_size) for group in groups) / 8, size)
     others: dict[str, Any] = {
-        n: same_name(count[n]) if count[n] > 1 else LeftOut("is no column of numbers")
+        n: same_name(count[n]) if count[n] > 1 else NO_NUMBERS
         for n in schema.names if n not in set(names)
     }  # fmt: skip
     table = file.read(columns=names, use_threads=False)

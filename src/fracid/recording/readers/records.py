@@ -101,10 +101,7 @@ class Columns:
         names = dict.fromkeys(chain.from_iterable(v for v in samples if v))
         self.cells += len(names) * len(samples)
         refuse_bomb(self.path, self.cells, self.path.stat().st_size)
-        columns = {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
-        parts = [columns.get(name) for name in ("sec", "nanosec")]  # a time of ROS
-        whole, rest = (part if isinstance(part, np.ndarray) else None for part in parts)
-        return columns if whole is None or rest is None else np.asarray(whole + 1e-9 * rest)
+        return {str(name): self.of([v.get(name) if v else None for v in samples]) for name in names}
 
     def inside(self, tables: dict[str, Any]) -> Content:
         """Make columns of a table of lists, of tables and of single values."""

@@ -29,7 +29,7 @@ from pathlib import Path
 
 from fracid.errors import DataError, InputError
 from fracid.recording.readers.arrays import Table as Table
-from fracid.recording.readers.arrays import choose
+from fracid.recording.readers.arrays import choose, with_whole_stamps
 from fracid.recording.readers.content import SAYS, Content, LeftOut
 from fracid.recording.readers.hdf5 import read_hdf5
 from fracid.recording.readers.matlab import is_hdf5, read_mat
@@ -96,7 +96,8 @@ def read_table(path: str | Path, variable: str | None = None) -> Table:
         raise DataError(SAYS("empty", name=path.name))
     if len(table.names) > MOST_COLUMNS:
         raise DataError(SAYS("many-columns", path=path, columns=len(table.names), MOST_COLUMNS=MOST_COLUMNS))
-    return replace(table, names=tuple(map(_one_line, table.names)), units=tuple(map(_one_line, table.units)))
+    named = replace(table, names=tuple(map(_one_line, table.names)), units=tuple(map(_one_line, table.units)))
+    return with_whole_stamps(named)
 
 
 def _one_line(name: str) -> str:

@@ -9,7 +9,8 @@ unless a header of one name says that it is one number.  Quotes decide: ``"1,5",
 two numbers.  A date and time, ``2024-01-31 12:00:00.5``, is seconds.
 
 Comment lines begin with ``#``, ``%`` or ``//``.  Blank cells, ``nan``, ``na`` and ``null``
-are missing samples (NaN).  Text among the numbers is an error that names line and column.
+are missing samples (NaN).  A column of words alone, such as ``frame_id``, is left out; text among the numbers is an
+error that names line and column.
 What a person would read without a second thought is read, and said: UTF-16, old Latin-1,
 decimal commas.  What could be meant in two ways is refused: rows of two dialects, a comma
 that is both separator and decimal sign.
@@ -36,7 +37,7 @@ from numpy.typing import NDArray
 
 from fracid.errors import DataError
 from fracid.recording.readers.arrays import Table, is_unit, name_and_unit
-from fracid.recording.readers.content import SAYS, seconds_of_stamp
+from fracid.recording.readers.content import NO_NUMBERS, SAYS, seconds_of_stamp
 from fracid.safety.door import opened
 from fracid.safety.text import ascii_short
 
@@ -54,6 +55,9 @@ thousand of them takes no longer than to read it."""
 
 THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w)")
 """A number with a separator between its thousands."""
+
+NUMERAL = re.compile(r"\W*[0-9]|[+-]?inf", re.I)
+"""How a number begins, whatever is wrong with it."""
 
 SEPARATOR = re.compile('"?sep=.?"?', re.I)
 """A line for Excel above a table."""
@@ -87,15 +91,17 @@ class Dialect:
     """``.`` or ``,``."""
     stamped: bool = False
     """Whether a date and time counts as a number."""
+    left_out: frozenset[int] = frozenset()
+    """Columns of words alone."""
 
     def split(self, line: str) -> list[str]:
-        """Cut a line into cells without their quotes and blanks."""
+        """Cut a line into cells without their quotes and blanks, and without columns of words."""
         line = line.strip("\r\n ")
         cells = line.split(self.delimiter)
         if '"' in line and self.delimiter:
             with suppress(csv.Error):  # a cell of more than 131,072 characters is none that was quoted for its commas
                 cells = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
-        return [cell.strip().strip('"').strip() for cell in cells]
+        return [cell.strip().strip('"').strip() for j, cell in enumerate(cells) if j not in self.left_out]
 
     def number(self, cell: str) -> float:
         """Return the cell's number, NaN where it is blank; ValueError where it is text."""
@@ -251,6 +257,9 @@ def _parse(lines: _Lines) -> Table:
     _refuse_comma_twice(dialect, width, header, lines.name)
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
+    every, count = replace(dialect, left_out=frozenset()), width + len(dialect.left_out)
+    others = _names(every, count, header, lines.name)[0] if dialect.left_out else ()
+    left_out = {others[j] or f"column {j}": NO_NUMBERS.why for j in sorted(dialect.left_out)}
     values = _numbers(dialect, width, lines, first, names=names)
     _refuse_thousands(dialect, width, lines, values, names=names)
     if width > 1 and not names[-1] and np.isnan(values[:, -1]).all():  # a delimiter at each line's end
@@ -260,7 +269,7 @@ def _parse(lines: _Lines) -> Table:
     if dialect.decimal == ",":
         notes.insert(0, "Its numbers have decimal commas.")
     names, units = zip(*map(name_and_unit, names, units, range(len(names))), strict=True)
-    return Table(values, names, units, lines.name, header=tuple(header), notes=tuple(notes))
+    return Table(values, names, units, lines.name, header=tuple(header), notes=tuple(notes), left_out=left_out)
 
 
 def _is_row(dialect: Dialect, width: int, line: str) -> bool:
@@ -279,7 +288,8 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
     most = min(200, max(5, int(SAMPLE / max(1.0, mean))))
     sample = lines.sample[:: max(1, len(lines.sample) // most)][-most:]
     best, best_score = (DIALECTS[5], 1), (-1, False)
-    for dialect in DIALECTS:
+    worded = (replace(d, left_out=words) for d in DIALECTS if (words := _words(d, [*map(d.split, sample)])))
+    for dialect in (*DIALECTS, *worded):
         rows = [dialect.split(line) for line in sample]
         if max(map(len, rows), default=0) > MOST_COLUMNS:
             raise DataError(SAYS("wide-line", lines=lines, cells=max(map(len, rows)), MOST_COLUMNS=MOST_COLUMNS))
@@ -292,6 +302,15 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
         if (hits, titled) > best_score:
             best, best_score = (dialect, width), (hits, titled)
     return best
+
+
+def _words(dialect: Dialect, rows: list[list[str]]) -> frozenset[int]:
+    """Columns of words alone: no cell beside numbers is one, or begins like one."""
+    rows = [cells for cells in rows if any(map(dialect.is_number, cells))]
+    width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
+    columns = zip(*(cells for cells in rows if len(cells) == width), strict=True)
+    texts = ([cell for cell in cells if cell.lower() not in BLANK] for cells in columns)
+    return frozenset(j for j, cells in enumerate(texts) if cells and not any(map(NUMERAL.match, cells)))
 
 
 def _no_row(lines: _Lines) -> str:
@@ -404,7 +423,7 @@ def _block(
     """Parse some rows: by NumPy where every cell is a plain number, cell by cell otherwise."""
     texts = [line.replace(",", ".") if dialect.decimal == "," else line for _, line in rows]
     points = dialect.decimal == "," and any("." in line for _, line in rows)
-    if not (points or dialect.stamped or dialect.delimiter == dialect.decimal):
+    if not (points or dialect.stamped or dialect.left_out or dialect.delimiter == dialect.decimal):
         with suppress(ValueError):
             values = np.loadtxt(texts, delimiter=dialect.delimiter, comments=None, quotechar='"', ndmin=2)
             if values.shape == (len(rows), width):
