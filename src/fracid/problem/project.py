@@ -488,6 +488,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     notes += _shared(zip(recordings, experiments, columns, strict=True))
     notes += [f"{r.name}: {note}" for r in recordings for code in ("interpolated", "other-header")
               for note in with_code(r.report.reading, code)]  # fmt: skip
+    notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in recordings
+              for n, unit in content.model.inputs.items() if n not in (*r.signals, *model.input_rates)]  # fmt: skip
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))
