@@ -9,6 +9,7 @@ those that all recordings have alike among the parameters, others with their rec
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -145,6 +146,10 @@ class _Page:
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.taken: dict[str, float] = {}
         self.recordings = [self._recording_of(*one) for one in zip(sources, self.channels, strict=True)]
+        free, about = self.special.get("free", {}), self._quarter_turn()
+        hanging = [n for n in free if self.model.parameter(n).unit == "rad"]
+        self.free = free | {n: [about + end for end in free[n]] for n in hanging}
+        self.notes += [SAYS("hanging", name=n, degrees=math.degrees(about)) for n in hanging if about]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
@@ -173,6 +178,12 @@ class _Page:
         self.notes += why
         self.taken |= {recording.name: taken} if taken else {}
         return recording.trim(None, taken) if taken else recording
+
+    def _quarter_turn(self) -> float:
+        """The one nearest to the middle of the motion, about which a load is taken to hang [rad]."""
+        angles = [r.signals[n] for r in self.recordings for n in self.outputs if self.model.output_unit(n) == "rad"]
+        middle = (min(map(np.nanmin, angles), default=0.0) + max(map(np.nanmax, angles), default=0.0)) / 2
+        return math.pi / 2 * round(float(middle) / (math.pi / 2))
 
     @property
     def unsaid(self) -> list[str]:
