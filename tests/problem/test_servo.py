@@ -98,6 +98,16 @@ def test_a_draft_takes_the_constants_that_a_servos_log_says_and_its_loop(tmp_pat
     assert problem.experiments[0].between["torque_enable"] == "hold"
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize(("jump", "start"), [(0.0, "rest"), (0.5, "estimate")])
+def test_a_servos_draft_begins_at_rest_where_its_log_does_and_else_finds_how_it_begins(tmp_path, jump, start):
+    """The slope of its first samples was taken for its rate: a goal that has just jumped bends them."""
+    t = STEP * np.arange(400)
+    angle = 0.4 * np.sin(np.maximum(t - 0.2, 0.0)) + jump * (1 - np.cos(np.minimum(12 * t, np.pi)))
+    np.savez(tmp_path / "log.npz", time=t, goal=np.round(angle / 1.5e-3) * 1.5e-3, q=np.round(angle / 1.5e-3) * 1.5e-3)
+    assert drafted(tmp_path, tmp_path / "log.npz").initial_state == start
+
+
 def test_a_load_that_hangs_where_a_servo_counts_its_middle_is_sought_there(tmp_path):
     """Of 4096 counts a turn 2048: the level was sought about 0, where gravity pulls the other way."""
     problem = drafted(tmp_path, servo_log(tmp_path, "kp100_sin_sin"))

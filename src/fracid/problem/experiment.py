@@ -314,7 +314,18 @@ class Experiment(CardDisplay):
     @property
     def _first_times(self) -> FloatArray:
         """Those of the parabola at the start [s]."""
-        return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+        return self.time[: min(len(self.measured), first_samples(self.step))]
+
+
+def first_samples(step: float) -> int:
+    """How many samples the slope at the start is taken from.
+
+    Examples
+    --------
+    >>> first_samples(0.01), first_samples(0.002)
+    (5, 20)
+    """
+    return max(5, round(0.04 / step))
 
 
 def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:

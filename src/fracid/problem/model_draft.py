@@ -29,6 +29,7 @@ from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
 from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs, refuse_other_clock
+from fracid.problem.experiment import first_samples
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
@@ -40,6 +41,9 @@ SAYS = Words("problem/model_draft.toml")
 
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
+
+STILL = 2.0
+"""Steps of an encoder within which it is at a standstill: it rounds, and its lines between samples do not."""
 
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
@@ -184,6 +188,13 @@ class _Page:
         angles = [r.signals[n] for r in self.recordings for n in self.outputs if self.model.output_unit(n) == "rad"]
         middle = (min(map(np.nanmin, angles), default=0.0) + max(map(np.nanmax, angles), default=0.0)) / 2
         return math.pi / 2 * round(float(middle) / (math.pi / 2))
+
+    @property
+    def fit(self) -> Mapping[str, Any]:
+        """What such recordings ask of the fit, also where none of them moves in its first samples."""
+        still = all(np.ptp(r.signals[s.name][: first_samples(r.report.clock.step)]) <= STILL * (s.resolution or 0.0)
+                    for r in self.recordings for s in r.report.signals if s.name in self.outputs)  # fmt: skip
+        return {**self.special.get("fit", {}), **(self.special.get("still", {}) if still else {})}
 
     @property
     def unsaid(self) -> list[str]:
