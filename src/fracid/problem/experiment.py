@@ -300,21 +300,15 @@ class Experiment(CardDisplay):
 
     @cached_property
     def _first_values(self) -> tuple[FloatArray, FloatArray]:
-        t = self._first_times
-        parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
-        return self.measured[0].astype(np.float64), parabola[1]
+        weights = self.slope_weights
+        return self.measured[0].astype(np.float64), weights @ self.measured[: len(weights)]
 
     @property
     def slope_weights(self) -> FloatArray:
         """v of the slopes at the start: each is v'y of its output's first samples [1/s], shape (n_first,)."""
-        t = self._first_times
+        t = self.time[: first_samples(self.step)]
         powers = np.polynomial.polynomial.polyvander(t / t[-1], min(2, len(t) - 1))
         return np.asarray(np.linalg.pinv(powers)[1] / t[-1])
-
-    @property
-    def _first_times(self) -> FloatArray:
-        """Those of the parabola at the start [s]."""
-        return self.time[: min(len(self.measured), first_samples(self.step))]
 
 
 def first_samples(step: float) -> int:

@@ -150,9 +150,8 @@ class _Page:
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.taken: dict[str, float] = {}
         self.recordings = [self._recording_of(*one) for one in zip(sources, self.channels, strict=True)]
-        free, about = self.special.get("free", {}), self._quarter_turn()
-        hanging = [n for n in free if self.model.parameter(n).unit == "rad"]
-        self.free = free | {n: [about + end for end in free[n]] for n in hanging}
+        hanging, about = self.special.get("hanging", {}), self._quarter_turn()
+        self.free = self.special.get("free", {}) | {n: [about + end for end in ends] for n, ends in hanging.items()}
         self.notes += [SAYS("hanging", name=n, degrees=math.degrees(about)) for n in hanging if about]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}

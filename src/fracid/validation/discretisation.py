@@ -185,15 +185,14 @@ def _judged(
              if u.experiment is None or len(problem.recordings) == 1}  # fmt: skip
     check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, moves=moves)
     coarse = _costs_differ(problem.method, check)
-    says = [SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
-                 method=problem.method) for n in moved]  # fmt: skip
+    says = [SAYS("too-coarse", costs=costs, substeps=2 * substeps)] if coarse else []
+    says += [SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
+                  method=problem.method) for n in moved]  # fmt: skip
     beyond = [SAYS("by", name=u.name, shift=_signed(moves[u.name], half), width=to_second_digit(half, half))
               for u, half in zip(problem.unknowns, halves, strict=True)
               if u.kind != "order" and half and abs(moves.get(u.name, 0.0)) > half]  # fmt: skip
-    says += [SAYS("move-too", beyond=", ".join(beyond))] if beyond and (moved or coarse) else []
-    if coarse:
-        says.insert(0, SAYS("too-coarse", costs=costs, substeps=2 * substeps))
-    elif moved:
+    says += [SAYS("move-too", beyond=", ".join(beyond))] if says and beyond else []
+    if moved and not coarse:
         says.append(SAYS("type", remedy=f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'))
     return replace(check, warning=" ".join(says))
 
