@@ -18,6 +18,9 @@ IntArray = NDArray[np.int64]
 
 Name = TypeVar("Name")
 
+ROUNDED = 1e-3
+"""Steps of a grid by which a stamp that is meant to lie on it may be off, as one of an epoch is."""
+
 
 def real_array(values: Any, fault: str) -> FloatArray:
     """Real numbers of whatever package as floats that lie row by row, as compiled functions take them.
@@ -85,6 +88,31 @@ def run_lengths(columns: FloatArray) -> FloatArray:
     """
     run = np.cumsum(np.diff(columns, axis=0, prepend=np.nan) != 0, axis=0) - 1
     return np.column_stack([np.bincount(k)[k] for k in run.T]).astype(float)
+
+
+def step_means(time: FloatArray, x: FloatArray, step: float, count: int) -> FloatArray:
+    """Mean over each step of a grid from the first sample on, of what keeps its value from sample to sample.
+
+    Where it jumps within a step, the mean acts over the step as the jump at its time does: neither late nor early.
+
+    Parameters
+    ----------
+    time, x : array, shape (n_samples,)
+    step : float
+    count : int
+        Steps.
+
+    Examples
+    --------
+    >>> step_means(np.array([0.0, 2.4, 4.0]), np.array([1.0, 2.0, 0.0]), 1.0, 5).round(12).tolist()
+    [1.0, 1.0, 1.6, 2.0, 0.0]
+    """
+    at = (time - time[0]) / step
+    at = np.where(np.abs(at - np.rint(at)) < ROUNDED, np.rint(at), at)
+    cuts = np.union1d(np.arange(count + 1), at[at < count])
+    held, first = x[np.searchsorted(at, cuts[:-1], side="right") - 1], np.searchsorted(cuts, np.arange(count))
+    more = held - np.repeat(held[first], np.diff(first, append=len(held)))
+    return np.asarray(held[first] + np.add.reduceat(more * np.diff(cuts), first))
 
 
 def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:

@@ -297,6 +297,12 @@ def test_two_constants_that_hang_together_closely_are_named_as_a_ratio():
     wide = verdicts(p, x=p.start)
     assert {v.kind for v in wide.values()} == {"only in a ratio"}
     assert "with C1, nearly: C4/C1 is known to" in wide["C4"].reason
+    C1 = p.parameters["C1"].start  # where on the ridge a bound ends it says nothing of the bound
+    cut = replace(p, parameters={**p.parameters, "C1": Free(C1, C1, 10 * C1)})
+    assert uncertainty(cut, cut.start).at_bound.any()
+    found = verdicts(cut, x=cut.start)["C1"]
+    assert found.sentence.startswith("only in a ratio: with C4, nearly: C1/C4 is known to")
+    assert found.sentence.endswith("fix one of them")
 
 
 def test_a_voltage_at_rest_is_not_halved_with_the_states_and_ends_no_fit():

@@ -366,6 +366,19 @@ def test_a_project_of_equations_needs_no_trust(project):
     assert {p.name: p.unit for p in problem.model.parameters} == {"m": "kg", "b": "N s/m"}
 
 
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize(("row", "says"), [
+    ('force = { column = "force", unit = "N" }', ""),
+    ('force = { constant = 0, unit = "N" }', ""),
+    ("", 'no column of it is force, which is taken as 0. Type force = { column = … } in its table, or force = { const'),
+])  # fmt: skip
+def test_an_input_of_the_projects_equations_that_no_column_has_is_told(tmp_path, row, says):
+    text = PROJECT.replace('force = { column = "force", unit = "N" }', row)
+    notes = " ".join(project_from_text(text, tmp_path / "axis.toml").notes)
+    assert says in notes
+    assert ("taken as 0" in notes) == bool(says)
+
+
 @pytest.mark.parametrize(("old", "new", "why"), [
     ("(force - b*speed)/m", "(force - b*sped)/m", "`sped` is no state, input or parameter; did you mean `speed`"),
     ('name = "linear-axis"', 'name = "rotary-pendulum"', "give the equations a name of their own"),

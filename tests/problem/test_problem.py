@@ -786,6 +786,19 @@ def test_a_recording_without_the_output_or_without_a_grid_or_with_an_unknown_sta
         Experiment.of(uneven, RIG, ["alpha"])
 
 
+def test_a_held_input_jumps_neither_late_nor_early_on_the_grid_of_uneven_samples():
+    """It jumped at the next point of the grid: late by half a step on the average."""
+    time, u = np.arange(500) / 100 + np.random.default_rng(1).uniform(-2e-3, 2e-3, 500), np.repeat(np.arange(20.0), 25)
+    log = Recording.of("log", time, {"angle": time, "torque": u}, {"torque": "N m"})
+    log = replace(log, held=frozenset({"torque"}), report=replace(log.report, uneven=True))
+    e = Experiment.of(log, fracid.model("joint"), ["angle"])
+    meant = np.append(0.0, np.cumsum(u[:-1] * np.diff(time)))
+    found = np.append(0.0, e.step * np.cumsum(e.inputs[:, 0]))
+    at = np.interp(e.times, np.arange(len(found)) * e.step, found)
+    assert np.max(np.abs(at - meant)) < 0.3 * e.step
+    assert abs(np.mean(at - meant)) < 1e-2 * e.step
+
+
 def _tank(t, x, u, p, out):
     out[0] = (2e5 - x[0]) / p[0]
 

@@ -67,11 +67,12 @@ def test_a_recording_that_knows_a_parameter_that_the_model_has_not_is_refused(tm
     assert dict(load_project(tmp_path / "rig.toml").problem.experiments[0].constants) == {"gain": 0.3, "mass": 0.5}
 
 
-def servo_log(folder, name, **beside):
-    """One of the servo's recordings as BAM writes its logs."""
+def servo_log(folder, name, about=0.0, **beside):
+    """One of the servo's recordings as BAM writes its logs, its angles about another zero."""
     rows = csv.DictReader((RECORDINGS / f"{name}.csv").read_text(encoding="utf-8").splitlines())
-    entries = [{"timestamp": float(r["t"]), "position": float(r["position"]), "goal_position": float(r["goal"]),
-                "torque_enable": r["torque_enable"] == "1", "input_volts": 7.3} for r in rows]  # fmt: skip
+    entries = [{"timestamp": float(r["t"]), "position": about + float(r["position"]), "input_volts": 7.3,
+                "goal_position": about + float(r["goal"]), "torque_enable": r["torque_enable"] == "1"}
+               for r in rows]  # fmt: skip
     beside = {"mass": 0.49, "length": 0.1, "kp": int(name[2:5]), "vin": 7.4, "motor": "xl330"} | beside
     path = folder / f"{name}.json"
     path.write_text(json.dumps({n: v for n, v in beside.items() if v is not None} | {"entries": entries}))
@@ -95,6 +96,26 @@ def test_a_draft_takes_the_constants_that_a_servos_log_says_and_its_loop(tmp_pat
     assert not inputs["voltage"].any()
     assert {*inputs["torque_enable"]} == {0.0, 1.0}
     assert problem.experiments[0].between["torque_enable"] == "hold"
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(("jump", "start"), [(0.0, "rest"), (0.5, "estimate")])
+def test_a_servos_draft_begins_at_rest_where_its_log_does_and_else_finds_how_it_begins(tmp_path, jump, start):
+    """The slope of its first samples was taken for its rate: a goal that has just jumped bends them."""
+    t = STEP * np.arange(400)
+    angle = 0.4 * np.sin(np.maximum(t - 0.2, 0.0)) + jump * (1 - np.cos(np.minimum(12 * t, np.pi)))
+    np.savez(tmp_path / "log.npz", time=t, goal=np.round(angle / 1.5e-3) * 1.5e-3, q=np.round(angle / 1.5e-3) * 1.5e-3)
+    assert drafted(tmp_path, tmp_path / "log.npz").initial_state == start
+
+
+def test_a_load_that_hangs_where_a_servo_counts_its_middle_is_sought_there(tmp_path):
+    """Of 4096 counts a turn 2048: the level was sought about 0, where gravity pulls the other way."""
+    problem = drafted(tmp_path, servo_log(tmp_path, "kp100_sin_sin"))
+    assert problem.parameters["level"] == Free(0.0, -0.2, 0.2)
+    raw = servo_log(tmp_path, "kp100_sin_sin", about=np.pi)
+    says = "level is sought about 180°, the quarter turn nearest to the middle of the motion: is it where the load"
+    level = drafted(tmp_path, raw, says=says).parameters["level"]
+    assert (level.start, level.lower, level.upper) == pytest.approx((np.pi, np.pi - 0.2, np.pi + 0.2), abs=6e-3)
 
 
 def test_logs_with_other_gains_and_masses_have_them_with_their_recording(tmp_path):

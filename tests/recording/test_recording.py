@@ -657,6 +657,17 @@ def test_a_held_signal_keeps_its_samples_in_a_long_record():
     assert np.array_equal(log.resample(0.3).signals["u"], u)
 
 
+def test_a_held_signal_jumps_neither_late_nor_early_by_resampling():
+    """It jumped at the next point of the grid: late by half a step on the average."""
+    time, u = np.arange(500) / 100 + np.random.default_rng(1).uniform(-2e-3, 2e-3, 500), np.repeat(np.arange(20.0), 25)
+    log = replace(Recording.of("log", time, {"u": u}, {"u": "V"}), held=frozenset({"u"}))
+    meant = np.sum(u[:-1] * np.diff(time))
+    for step in (0.01, 0.003, 0.05):
+        even = log.resample(step)
+        beyond = (even.time[-1] + step - time[-1]) * u[-1]
+        assert step * even.signals["u"].sum() == pytest.approx(meant + beyond, rel=1e-6)
+
+
 def test_a_straight_line_survives_resampling_of_a_jittering_clock():
     rng = np.random.default_rng(1)
     time = np.arange(500) / 100 + rng.uniform(-2e-3, 2e-3, 500)

@@ -25,6 +25,7 @@ from fracid.recording import Recording
 from fracid.solver.memory import compressed, full, short
 from fracid.validation.after_search import after, between_samples, noisy_start, with_start
 from fracid.validation.before_search import before
+from fracid.validation.discretisation import _judged
 from fracid.validation.reversed_signs import _most_moved
 from fracid.validation.sensor_faults import FORMS, Misreading, _fix, misreadings
 from twins import COUNT, angles
@@ -290,6 +291,16 @@ initial_state = "held"
         fracid.run(tmp_path / "rig.toml", out=tmp_path / f"run{said}", figures=False, observer=observer)
         assert sum("steps a period" in notice for notice in heard) == said
         heard.clear()
+
+
+def test_the_check_of_the_step_names_each_parameter_that_moves_by_more_than_its_interval():
+    p = problem(GOOD[::4], step=4 * STEP)
+    known, x = uncertainty(p, p.start), p.start
+    halves = np.array([half_width(known, x, i) for i in range(len(x))])
+    finer = x + halves * np.append([0.0, 2.0, 0.5, -3.0], np.zeros(len(x) - 4))
+    said = _judged(p, x, known, (1.0, 1.0, 1.0), finer, substeps=1).warning
+    assert ("λ" in said, "μ moves by +" in said, "C1" in said) == (False, True, False)
+    assert re.search(r"more than their interval: C3 by −\S+ \(± \S+\)\. Type substeps = 2 in \[fit\]\.$", said)
 
 
 def test_what_does_not_swing_is_not_asked_for_swings_nor_what_swings_under_a_name_that_is_empty():

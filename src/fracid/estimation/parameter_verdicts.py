@@ -301,7 +301,7 @@ def _by_its_profile(view: _View, i: int) -> Iterator[Verdict]:
 
 
 def _at_a_bound(view: _View, i: int) -> Iterator[Verdict]:
-    if not view.known.at_bound[i] or np.any(view.known.unseen[:, i]):
+    if not view.known.at_bound[i] or np.any(view.known.unseen[:, i]) or (view.too_wide(i) and _near_ratio(view, i)):
         return
     still = _because(view, i) if view.problem.unknowns[i].kind == "order" else _of_presliding(view, i)
     low, high = view.known.ends[i]

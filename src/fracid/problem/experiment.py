@@ -2,7 +2,8 @@
 
 Its samples lie on a uniform grid, on which the model is stepped too.  Where they crowd about what happens, as those of
 a relaxation do, they stay where they are (`times`): the model is stepped by the smallest of their distances, but for
-one in a thousand, and read at them, and the inputs, which go straight from sample to sample, lie on the grid.
+one in a thousand, and read at them, and the inputs lie on the grid: those that go straight from sample to sample at its
+points, and those that are held by their means over its steps.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fracid.arrays import FloatArray, real_array
+from fracid.arrays import FloatArray, real_array, step_means
 from fracid.cards import CardDisplay
 from fracid.errors import InputError, brief, refuse_unknown
 from fracid.findings import Words
@@ -299,21 +300,26 @@ class Experiment(CardDisplay):
 
     @cached_property
     def _first_values(self) -> tuple[FloatArray, FloatArray]:
-        t = self._first_times
-        parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
-        return self.measured[0].astype(np.float64), parabola[1]
+        weights = self.slope_weights
+        return self.measured[0].astype(np.float64), weights @ self.measured[: len(weights)]
 
     @property
     def slope_weights(self) -> FloatArray:
         """v of the slopes at the start: each is v'y of its output's first samples [1/s], shape (n_first,)."""
-        t = self._first_times
+        t = self.time[: first_samples(self.step)]
         powers = np.polynomial.polynomial.polyvander(t / t[-1], min(2, len(t) - 1))
         return np.asarray(np.linalg.pinv(powers)[1] / t[-1])
 
-    @property
-    def _first_times(self) -> FloatArray:
-        """Those of the parabola at the start [s]."""
-        return self.time[: min(len(self.measured), max(5, round(0.04 / self.step)))]
+
+def first_samples(step: float) -> int:
+    """How many samples the slope at the start is taken from.
+
+    Examples
+    --------
+    >>> first_samples(0.01), first_samples(0.002)
+    (5, 20)
+    """
+    return max(5, round(0.04 / step))
 
 
 def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:
@@ -389,7 +395,7 @@ def _deviation(recording: Recording, outputs: Sequence[str]) -> FloatArray | Non
 
 
 OF_AN_INPUT, CROWDS = 8, 4.0
-"""Steps of the grid from sample to sample of an input that always moves: its corners lie between the grid's points.
+"""Steps of the grid from sample to sample of an input that goes in lines: its corners lie between the grid's points.
 Not where most samples lie so many steps apart: they crowd elsewhere."""
 
 ODD = 1e-3
@@ -404,7 +410,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
     """The step with which a model goes through uneven samples, and the inputs on its grid."""
     step = float(np.quantile(np.diff(times), ODD, method="lower"))
     jitters = np.median(np.diff(times)) < CROWDS * step
-    drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs, axis=0) != 0.0, axis=1)) > 0.5
+    held = np.isin(model.inputs, [*recording.held])
+    drives = len(inputs) > 1 and np.mean(np.any(np.diff(inputs[:, ~held], axis=0) != 0.0, axis=1)) > 0.5
     least = OF_AN_INPUT if drives and jitters else 1
     step /= max(math.ceil(LEAST_STEPS / _steps_to(float(times[-1]), step)), least)
     count = _steps_to(float(times[-1]), step) + 1
@@ -414,9 +421,8 @@ def _on_the_grid(recording: Recording, model: Model, times: FloatArray, inputs: 
     if len(inputs) == 1:
         return step, inputs
     grid = np.arange(count) * step
-    last = np.searchsorted(times, grid + 1e-9 * step, side="right") - 1
-    named = zip(model.inputs, inputs.T, strict=True)
-    columns = [u[last] if n in recording.held else np.interp(grid, times, u) for n, u in named]
+    columns = [step_means(times, u, step, count) if h else np.interp(grid, times, u)
+               for h, u in zip(held, inputs.T, strict=True)]  # fmt: skip
     return step, np.column_stack(columns)
 
 

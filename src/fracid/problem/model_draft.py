@@ -9,6 +9,7 @@ those that all recordings have alike among the parameters, others with their rec
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -28,6 +29,7 @@ from fracid.models.library import table_of
 from fracid.models.written.formulas import formula
 from fracid.models.written.tree import Number
 from fracid.problem.draft import FEWEST, Draft, Source, doubts, let_go_again, moving_inputs, refuse_other_clock
+from fracid.problem.experiment import first_samples
 from fracid.problem.first_values import FirstValues, first_values
 from fracid.problem.roles import named_columns, roles_of
 from fracid.problem.sensors import QUANTITIES, integrated, with_rates
@@ -39,6 +41,9 @@ SAYS = Words("problem/model_draft.toml")
 
 SPAN = 10.0
 """A constant is looked for within this factor of its first value."""
+
+STILL = 2.0
+"""Steps of an encoder within which it is at a standstill: it rounds, and its lines between samples do not."""
 
 POOR = 0.5
 """Below this share the equations at their first values hardly explain a recording."""
@@ -146,6 +151,9 @@ class _ModelPage:
         self.own = [{n: v for n, v in log.items() if n not in alike} for log in self.beside]
         self.taken: dict[str, float] = {}
         self.recordings = [self._recording_of(*one) for one in zip(sources, self.channels, strict=True)]
+        hanging, about = self.special.get("hanging", {}), self._quarter_turn()
+        self.free = self.special.get("free", {}) | {n: [about + end for end in ends] for n, ends in hanging.items()}
+        self.notes += [SAYS("hanging", name=n, degrees=math.degrees(about)) for n in hanging if about]
         gains = {row.get("scales") for row in self.table["model"]["parameters"].values()}
         kept = {n for n, c in self.columns.items() if c.get("constant")}
         self.scaled = any((moving_inputs(r, self.model) | kept) - gains for r in self.recordings)  # by a known gain
@@ -175,6 +183,19 @@ class _ModelPage:
         self.taken |= {recording.name: taken} if taken else {}
         recording = recording.trim(None, taken) if taken else recording
         return replace(recording, report=recording.report.of_model(self.model.inputs))
+
+    def _quarter_turn(self) -> float:
+        """The one nearest to the middle of the motion, about which a load is taken to hang [rad]."""
+        angles = [r.signals[n] for r in self.recordings for n in self.outputs if self.model.output_unit(n) == "rad"]
+        middle = (min(map(np.nanmin, angles), default=0.0) + max(map(np.nanmax, angles), default=0.0)) / 2
+        return math.pi / 2 * round(float(middle) / (math.pi / 2))
+
+    @property
+    def fit(self) -> Mapping[str, Any]:
+        """What such recordings ask of the fit, also where none of them moves in its first samples."""
+        still = all(np.ptp(r.signals[s.name][: first_samples(r.report.clock.step)]) <= STILL * (s.resolution or 0.0)
+                    for r in self.recordings for s in r.report.signals if s.name in self.outputs)  # fmt: skip
+        return {**self.special.get("fit", {}), **(self.special.get("still", {}) if still else {})}
 
     @property
     def unsaid(self) -> list[str]:

@@ -486,6 +486,8 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
     notes = [*_notes(loaded, experiments, outputs)]
     if content.model.equations:
         notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
+        notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in (one.recording for one in loaded)
+                  for n, unit in content.model.inputs.items() if n not in (*r.signals, *model.input_rates)]  # fmt: skip
     if paper:
         given = {n: float(v) for n, v in content.model.parameters.items() if isinstance(v, float | int)}
         notes.append(differences(problem, content.model.rig, given))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fracid.arrays import FloatArray, real_array, stretches
+from fracid.arrays import ROUNDED, FloatArray, real_array, step_means, stretches
 from fracid.cards import Card, CardDisplay
 from fracid.errors import DataError, InputError, brief
 from fracid.figures import Figure, Style, draw
@@ -166,9 +166,8 @@ class Recording(CardDisplay):
         if clock.duration / h > MOST_RESAMPLED * max(clock.samples, 10_000):
             raise InputError(SAYS("long-step", name=self.name, h=h, samples=clock.duration / h, clock=clock))
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
-        slack = 1e-3 * h  # a stamp of an epoch is rounded; and the ends of a gap were measured
-        last = np.searchsorted(self.time, grid + slack, side="right") - 1
-        signals = {n: x[last] if n in self.held else np.interp(grid, self.time, x) for n, x in self.signals.items()}
+        signals = {n: step_means(self.time, x, h, len(grid)) if n in self.held else np.interp(grid, self.time, x)
+                   for n, x in self.signals.items()}  # fmt: skip
         gaps = "".join(
             f" The gap of {with_time_unit(g, '.3g')} after {t:.4g} s was bridged by a line."
             for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
@@ -176,6 +175,7 @@ class Recording(CardDisplay):
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
         how = f"Resampled to a step of {with_time_unit(h)} by linear interpolation{hold_note}.{gaps}{more}"
+        slack = ROUNDED * h  # the ends of a gap were measured
         gap_insides = [(t + slack, t + g - slack) for t, g in clock.gaps]
         bridged = tuple((a, b) for a, b in gap_insides if np.any((grid > a) & (grid < b)))
         new = replace(self, bridged=(*self.bridged, *bridged))._with(grid, signals, resampled=how)

@@ -172,20 +172,22 @@ def _judged(
     shift = {n: float(finer[i] - x[i]) for n, i in at.items()}
     width = {n: half_width(known, x, i) or LEAST_SHIFT for n, i in at.items()}  # without one, the least that counts
     moved = [n for n in at if abs(shift[n]) > max(LEAST_SHIFT, width[n])]
-    warning = " ".join(
-        SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
-             method=problem.method) for n in moved)  # fmt: skip
-    if moved:
-        remedy = f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'
-        warning += f" Type {remedy} in [fit]."
     halves = [half_width(known, x, i) for i in range(len(x))]
     largest = max((abs(float(b - a)) / half for a, b, half in zip(x, finer, halves, strict=True) if half), default=0.0)
     moves = {u.name: float(finer[i] - x[i]) for i, u in enumerate(problem.unknowns)
              if u.experiment is None or len(problem.recordings) == 1}  # fmt: skip
-    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, warning, moves=moves)
-    if _costs_differ(problem.method, check):
-        warning = SAYS("too-coarse", costs=costs, substeps=2 * substeps, warning=warning).strip()
-    return replace(check, warning=warning)
+    check = Discretisation(*costs, {n: float(finer[i]) for n, i in at.items()}, shift, largest, moves=moves)
+    coarse = _costs_differ(problem.method, check)
+    says = [SAYS("too-coarse", costs=costs, substeps=2 * substeps)] if coarse else []
+    says += [SAYS("moves", name=letter(n), shift=_signed(shift[n], width[n]), width=shown_half_width(width[n]),
+                  method=problem.method) for n in moved]  # fmt: skip
+    beyond = [SAYS("by", name=u.name, shift=_signed(moves[u.name], half), width=to_second_digit(half, half))
+              for u, half in zip(problem.unknowns, halves, strict=True)
+              if u.kind != "order" and half and abs(moves.get(u.name, 0.0)) > half]  # fmt: skip
+    says += [SAYS("move-too", beyond=", ".join(beyond))] if says and beyond else []
+    if moved and not coarse:
+        says.append(SAYS("type", remedy=f"substeps = {2 * substeps}" if problem.method == "pi2" else 'method = "pi2"'))
+    return replace(check, warning=" ".join(says))
 
 
 def _signed(shift: float, width: float) -> str:
