@@ -166,6 +166,13 @@ def test_what_is_off_has_no_state_and_what_is_on_has():
     assert again.with_parameters(presliding_angle=0.01).program == both.with_parameters(springpot_angle=0.0).program
 
 
+@pytest.mark.parametrize("name", LIBRARY)
+def test_what_a_draft_may_leave_out_is_a_rung_of_the_ladder(name):
+    m, rows = fracid.model(name), table_of(name)["model"]["parameters"]
+    left = [n for n, row in rows.items() if row["start"] == 0.0 and not row.get("known") and "free" not in row]
+    assert {*left} <= {*m.friction, *m.rests}
+
+
 def test_friction_is_known_by_its_name_and_its_joint_too():
     friction = fracid.model("cart-pole").friction
     assert {n: (k.rung, k.joint) for n, k in friction.items()} == {

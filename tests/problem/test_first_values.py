@@ -73,6 +73,14 @@ def test_the_same_rig_in_another_size_has_the_same_constants_in_that_size(name, 
     assert there.explained == pytest.approx(here.explained, abs=0.01)
 
 
+@pytest.mark.parametrize(("name", "signals", "free", "absent"), [
+    ("oscillator", oscillator, ["m", "k", "k3", "b_displacement"], ["coulomb_displacement"]),
+    ("two-mass", two_mass, ["J_motor", "J_load", "k", "d", "b_motor", "b_load"], ["coulomb_motor", "coulomb_load"]),
+])  # fmt: skip
+def test_no_term_is_added_for_that_the_rig_is_off_the_librarys_size(name, signals, free, absent):
+    assert {*first_values(fracid.model(name), 0.01, signals(), free, absent).values} == {*free}
+
+
 @pytest.mark.broad
 def test_a_capacitor_that_discharges_itself_is_found_though_without_a_leak_an_endless_one_fits_best():
     signals = capacitor(leak=3.0)

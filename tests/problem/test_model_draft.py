@@ -257,6 +257,15 @@ def test_what_nearly_every_rig_has_is_free_though_the_equations_do_not_ask_for_i
     assert "spring_angle" not in free
 
 
+def test_leak_and_growing_capacity_are_free_in_a_draft_for_equations_at_some_samples_say_too_little_of_them(tmp_path):
+    t = np.arange(0, 20, 0.1)
+    current = 1.0 * (t > 1) * (t < 6)
+    voltage = 0.5 + 0.1 * np.cumsum(current) / 15.0 + 0.05 * current
+    voltage += 2e-3 * np.random.default_rng(1).standard_normal(t.size)
+    _, problem = drafted(tmp_path, "capacitor", "time [s],current [A],voltage [V]", t, current, voltage)
+    assert {"C0", "R", "C1", "leak", "q"} <= {*problem.names}
+
+
 def drafted(folder, model, header, *columns):
     """The draft of a table, and its project."""
     np.savetxt(folder / "log.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")

@@ -48,7 +48,7 @@ BEYOND = 1e9
 """A state beyond this has run away, whatever its unit."""
 
 NEAR = 0.03
-"""To be off the library's value, in the rig's size, by a factor of e counts as this part of the equations' scatter:
+"""To be off the library's value, in the rig's size, by a factor of e counts as this part of what the equations leave:
 what they do not tell, such as how heavy the pole of a cart is that hardly feels it, stays where rigs have it."""
 
 DECADES = 8
@@ -87,7 +87,7 @@ def first_values(
     signals : mapping
         Outputs and inputs on that grid, without gaps [SI], shape (n_samples,) each.
     free, optional : sequence of str
-        Parameters to estimate, and those to add where their terms count.
+        Parameters to estimate, and those to add where their terms count; what is in both is added last all the same.
     starts : mapping, optional
         State → its first value, of those that are not measured.
 
@@ -112,7 +112,7 @@ def first_values(
     alone = equations.reach(library, optional)
     sizes = [_in_size(equations, first, free) for first in (library, _in_size(equations, library, free, "alike"))]
     felt = [n for first in (library, *sizes) for n in equations.reach(first, free)]
-    names = [n for n in free if n in felt]
+    names = [n for n in free if n in felt and n not in optional]
     fits = [(first, *_fitted(equations, first, names)) for first in sizes[: 1 + (sizes[0] != sizes[1])]]
     base, values, cost = min(fits, key=lambda one: one[2])
     while left := [n for n in alone if n not in names]:
@@ -125,9 +125,8 @@ def first_values(
         if not _is_lower(less, cost):
             break
         names, values, cost = [*names, n], more, less
-    more, less = _fitted(equations, _in_size(equations, base | values, names), names)
-    if _is_lower(less, cost):
-        values, cost = more, less
+    names += [n for n in free if n in felt and n not in names]
+    values, cost = _fitted(equations, _in_size(equations, base | values, names), names)
     here = base | {n: v for n, v in values.items() if base[n]}  # of a term that is all but 0 no slope can be measured
     reach = equations.reach(base | values, [*free, *optional]) | equations.reach(here, names)
     return FirstValues(values, reach, max(0.0, 1.0 - cost))
@@ -155,7 +154,8 @@ def _in_size(
     In another unit of mass, length or time all ratios stay as the library's rig has them; an order counts as a half in
     the unit of a springpot, as 1 in that of a capacity.
     """
-    rows, each = [equations.model.parameter(n) for n in free], np.eye(len(free))
+    rows = [equations.model.parameter(n) for n in free if values[n]]
+    each = np.eye(len(rows))
     plain = [p.unit.replace("^nu", "^0.5").replace("^(q-1)", "^0") for p in rows]
     units = np.array([dimension(unit) or NONE for unit in plain]).T
     parts = [unit * part for unit in units for part in 1 - each]
@@ -302,8 +302,7 @@ def _fitted(equations: _Equations, base: Mapping[str, float], names: Sequence[st
 
     def moved(values: Sequence[float]) -> FloatArray:
         """What the search moves."""
-        v = np.array(values)
-        return np.asarray(np.where(logs, np.log(np.clip(v, 1e-12, 1e12)), v / scale))
+        return np.asarray(np.where(logs, np.log(np.clip(values, 1e-12, 1e12)), np.array(values) / scale))
 
     lower, upper = moved([p.lower for p in rows]), moved([p.upper for p in rows])
 
@@ -315,7 +314,7 @@ def _fitted(equations: _Equations, base: Mapping[str, float], names: Sequence[st
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         bounds = (lower, np.maximum(upper, lower + 1e-9))
-        rows_at = lambda z: np.append(equations.residuals(values(z)), NEAR * logs * (z - first))  # noqa: E731
-        start = np.clip(first, lower, upper)
-        done = least_squares(rows_at, start, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
-    return {n: values(done.x)[n] for n in names}, 2.0 * float(done.cost)
+        rows_at = lambda z: equations.residuals(values(z)) * np.hypot(1.0, NEAR * np.linalg.norm((z - first)[logs]))  # noqa: E731
+        done = least_squares(rows_at, np.clip(first, lower, upper), bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
+    end = values(done.x)
+    return {n: end[n] for n in names}, equations.cost(end)

@@ -321,7 +321,7 @@ class _ModelPage:
         starts = {s: float(signals[o][0]) for s, o in self.near.items() if o}
         sought = [n for n in rows if self.sought(n) and not (rows[n]["start"] == 0.0 and self.grows(n))]
         free = [n for n in sought if rows[n]["start"] != 0.0 or rows[n].get("free") or self._slides(n)]
-        optional = [n for n in sought if n not in free]
+        optional = [n for n in sought if rows[n]["start"] == 0.0 and not self._slides(n)]
         return first_values(model, r.report.clock.step, signals, free, optional=optional, starts=starts)
 
     def sought(self, name: str) -> bool:
