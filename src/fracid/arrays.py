@@ -144,10 +144,9 @@ def extremes(signals: list[FloatArray], points: int) -> NDArray[np.intp]:
         padded = np.append(y, np.full(-n % size, np.nan)).reshape(-1, size)
         mask = np.isfinite(padded)
         at = size * np.arange(len(padded))
-        parts += [
-            at + np.where(mask, padded, math.inf).argmin(axis=1),
-            at + np.where(mask, padded, -math.inf).argmax(axis=1),
-        ]
+        lowest = np.where(mask, padded, math.inf).argmin(axis=1)
+        highest = np.where(mask, padded, -math.inf).argmax(axis=1)
+        parts += [at + lowest, at + highest]
     indices = np.unique(np.concatenate(parts))
     return indices[indices < n]
 

@@ -59,8 +59,6 @@ class DataError(FracidError, ValueError):
 class Unfinished(FracidError, RuntimeError):
     """Long work was interrupted by something outside of it; finished work is kept and can be resumed."""
 
-    exit_code = 1
-
 
 class FailureReason(Enum):
     """Why there is no result; the value is the kind in words."""

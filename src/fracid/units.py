@@ -58,9 +58,8 @@ def in_letters(text: str) -> str:
     >>> in_letters("theta 0.72°, nu 0.94 ± 0.17; b_theta, order lambda=0.9")
     'θ 0.72°, ν 0.94 ± 0.17; b_theta, order lambda=0.9'
     """
-    return re.sub(
-        r"(?<![\w.])(?:lambda|mu|nu|theta|alpha|beta|gamma|phi|omega)(?![\w=])", lambda found: GREEK[found[0]], text
-    )
+    named = r"(?<![\w.])(?:lambda|mu|nu|theta|alpha|beta|gamma|phi|omega)(?![\w=])"
+    return re.sub(named, lambda found: GREEK[found[0]], text)
 
 
 def shown_unit(unit: str) -> tuple[str, float]:

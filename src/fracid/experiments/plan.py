@@ -31,9 +31,10 @@ from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.derivatives import jacobian
 from fracid.experiments.space import Candidate
-from fracid.experiments.subject import CLAMPED, VAGUE, Subject, driven
+from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Figure, Style, draw
 from fracid.fit import Fit
+from fracid.models.rigs import CLAMPED
 from fracid.problem.toml_text import plain_value, toml_document
 from fracid.problem.unknowns import Value as Given
 from fracid.quantiles import NORMAL_95, normal_interval
@@ -166,10 +167,8 @@ class Plan(CardDisplay, Record):
 
         folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
         model = problem.model
-        texts = {
-            "sheet.txt": _sheet(self),
-            "plan.json": json.dumps(self.to_json(), indent=2, ensure_ascii=False) + "\n",
-        }
+        content = json.dumps(self.to_json(), indent=2, ensure_ascii=False)
+        texts = {"sheet.txt": _sheet(self), "plan.json": f"{content}\n"}
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}

@@ -177,9 +177,8 @@ class DesignSpace(CardDisplay):
         """Every combination; a clamped arm needs a release and no voltage."""
         settings = [tuple(zip(self.constants, map(float, s), strict=True))
                     for s in product(*map(_several, self.constants.values()))]  # fmt: skip
-        decisions = product(
-            _several(self.arm), self.voltages, self.angles, settings, _several(self.rate), _several(self.seconds)
-        )
+        arms, rates, durations = map(_several, (self.arm, self.rate, self.seconds))
+        decisions = product(arms, self.voltages, self.angles, settings, rates, durations)
         return tuple(
             Candidate(release, float(seconds), float(rate), arm, voltage=voltage, constants=constants)
             for arm, voltage, release, constants, rate, seconds in decisions

@@ -33,6 +33,7 @@ from fracid.experiments.information import Information, Noise, of_samples
 from fracid.experiments.space import SPEED, Candidate, DesignSpace
 from fracid.findings import Words
 from fracid.models import Model, Parameter
+from fracid.models.rigs import CLAMPED
 from fracid.problem import Experiment, Free, Problem, Tied
 from fracid.problem.unknowns import Unknown, Value
 from fracid.solver.inputs import Between
@@ -45,9 +46,6 @@ COUNTS, QUIET = 4096, 0.1
 
 FINE = 1e-3
 """Step of a mechanical model of which no fit has chosen one [s]; of others a step is a sample."""
-
-CLAMPED = 1e3
-"""Inertia of a clamped arm [kg m²]."""
 
 VAGUE = 100.0
 """Standard deviation, in typical sizes, of what nothing is known of: it keeps a curvature from being singular."""

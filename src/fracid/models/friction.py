@@ -91,9 +91,8 @@ TABLE = tomllib.loads(own_text("models/friction.toml"))
 RUNGS = tuple(TABLE["rungs"])
 """Every model's first rungs, from the ground up; a model's own follow."""
 
-VISCOUS, COULOMB, LOAD, DRAG, SPRING, TILT, PRESLIDING, LUGRE, PLAY, SPRINGPOT, ELASTIC = (
-    Friction.of({"rung": rung}) for rung in RUNGS if rung != "Stribeck"
-)
+_KINDS = (Friction.of({"rung": rung}) for rung in RUNGS if rung != "Stribeck")
+VISCOUS, COULOMB, LOAD, DRAG, SPRING, TILT, PRESLIDING, LUGRE, PLAY, SPRINGPOT, ELASTIC = _KINDS
 
 BY_NAME = {beginning: Friction.of(row) for beginning, row in TABLE["names"].items()}
 """How a parameter's name begins → what it is, where the model does not say."""

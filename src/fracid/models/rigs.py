@@ -32,6 +32,9 @@ GRAVITY = {"upright": 1.0, "hanging": -1.0}
 STANDARD_GRAVITY = 9.81
 """[m/s²], as in the rigs' constants."""
 
+CLAMPED = 1e3
+"""Inertia of an arm that is clamped, or was not recorded [kg m²]."""
+
 
 @dataclass(frozen=True)
 class Rig:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fracid.arrays import FloatArray, by_name
+from fracid.models.rigs import CLAMPED
 from fracid.regression.estimators import Gauge, solve
 from fracid.regression.rows import Blocks, Data, System, only
 from fracid.solver.solve import simulate
@@ -20,9 +21,6 @@ ROUNDS = 15
 
 ALIKE = 0.7
 """Correlation of simulated and measured columns below which instruments are too weak."""
-
-CLAMPED = 1e3
-"""Inertia of an arm that was not recorded [kg m²]."""
 
 
 def instruments_of(

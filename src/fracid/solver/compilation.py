@@ -120,11 +120,7 @@ RHS = types.FunctionType(RHS_SIGNATURE)
 @intrinsic  # type: ignore[untyped-decorator]
 def evaluate(_: Any, address: Any, t: Any, x: Any, u: Any, p: Any, out: Any) -> Any:  # noqa: ARG001
     """Call the right-hand side that stands at an address."""
-
-    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
-        return call_at(context, builder, RHS_SIGNATURE, args[0], args=args[1:])
-
-    return types.void(types.int64, *RHS_SIGNATURE.args), emit
+    return types.void(types.int64, *RHS_SIGNATURE.args), lambda c, b, _, a: call_at(c, b, RHS_SIGNATURE, a[0], a[1:])
 
 
 def call_at(context: Any, builder: Any, signature: Any, address: Any, args: Any) -> Any:

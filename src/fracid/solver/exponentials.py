@@ -174,10 +174,8 @@ def _low_width(a: float, spacing: float, error: float, double: bool) -> float:
 def little_jacobi(b: float, spacing: float) -> float:
     """∫ π² dμ of the monic orthogonal polynomial of degree LOW_NODES for masses A^j at Q^j, [Koekoek] (14.12.2)."""
     n, Q, A = LOW_NODES, math.exp(-spacing), math.exp(-spacing * b)
-    norm: float = A**n * Q ** (n * (n - 1)) / (1 - A * Q ** (2 * n))
-    for k in range(n):
-        norm *= ((1 - Q ** (k + 1)) / (1 - A * Q ** (n + k))) ** 2
-    return norm
+    ratios = (((1 - Q ** (k + 1)) / (1 - A * Q ** (n + k))) ** 2 for k in range(n))
+    return math.prod(ratios, start=A**n * Q ** (n * (n - 1)) / (1 - A * Q ** (2 * n)))
 
 
 def _low_end(a: float, sine: float, spacing: float, double: bool) -> tuple[FloatArray, FloatArray, float, float]:

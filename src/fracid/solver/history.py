@@ -178,11 +178,7 @@ def _store(_, array, i, k, eight):
 @intrinsic
 def _at(_, array, i, k):
     """array[i, k] in all eight places."""
-
-    def emit(context, builder, signature, args):
-        return in_all(builder, builder.load(_pointer(context, builder, signature, args)))
-
-    return _eight(array, types.intp, types.intp), emit
+    return _eight(array, types.intp, types.intp), lambda c, b, s, a: in_all(b, b.load(_pointer(c, b, s, a)))
 
 
 @intrinsic

@@ -73,9 +73,8 @@ class Filter(NamedTuple):
     """The step [s], shape (1,)."""
 
 
-FILTER = types.NamedTuple(
-    (*[VECTOR] * 3, INDICES, *[VECTOR] * 3, MATRIX, INDICES, *[VECTOR] * 2, MATRIX, *[VECTOR] * 2), Filter
-)
+_fields = (*[VECTOR] * 3, INDICES, *[VECTOR] * 3, MATRIX, INDICES, *[VECTOR] * 2, MATRIX, *[VECTOR] * 2)
+FILTER = types.NamedTuple(_fields, Filter)
 
 
 @helper

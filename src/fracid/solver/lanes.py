@@ -227,9 +227,8 @@ def _by_library(name: str, emit: Callable[..., Any]) -> Callable[..., Any]:
             for k in range(COUNT):
                 at = ir.Constant(ir.IntType(32), k)
                 far = b.call(function, [b.extract_element(x, at)])
-                value = b.insert_element(
-                    value, b.select(b.extract_element(near, at), b.extract_element(value, at), far), at
-                )
+                number = b.select(b.extract_element(near, at), b.extract_element(value, at), far)
+                value = b.insert_element(value, number, at)
             b.store(value, place)
         return b.load(place)
 
@@ -347,11 +346,7 @@ def _lane(context, lanes, k):
 @intrinsic
 def _with_lane(context, lanes, k, number):
     """The lanes with another number for one run."""
-
-    def emit(context, builder, signature, args):
-        return builder.insert_element(args[0], args[2], args[1])
-
-    return LANES(LANES, types.intp, types.float64), emit
+    return LANES(LANES, types.intp, types.float64), lambda c, b, s, a: b.insert_element(a[0], a[2], a[1])
 
 
 @intrinsic
@@ -385,11 +380,7 @@ class Beside(NamedTuple):
 @intrinsic
 def _evaluate(context, address, t, x, u, p, out):
     """Call the right-hand side of lanes."""
-
-    def emit(context, builder, signature, args):
-        return call_at(context, builder, RHS_OF_LANES, args[0], args[1:])
-
-    return types.void(address, *RHS_OF_LANES.args), emit
+    return types.void(address, *RHS_OF_LANES.args), lambda c, b, s, a: call_at(c, b, RHS_OF_LANES, a[0], a[1:])
 
 
 @inline

@@ -288,9 +288,8 @@ def _cell_moments(s: float, powers: int, count: int) -> FloatArray:
         x, w = np.polynomial.legendre.leggauss(nodes)
         x, w = (x + 1) / 2, w / 2 * rgamma(s)
         k = np.arange(1.0, count + 1)[lags]
-        moments[:, lags] = sum(
-            np.multiply.outer(xi ** np.arange(powers), wi * (k - xi) ** (s - 1)) for xi, wi in zip(x, w, strict=True)
-        )
+        pairs = zip(x, w, strict=True)
+        moments[:, lags] = sum(np.multiply.outer(xi ** np.arange(powers), wi * (k - xi) ** (s - 1)) for xi, wi in pairs)
     return moments
 
 

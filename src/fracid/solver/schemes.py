@@ -171,20 +171,20 @@ def _store(row, x, out):
 def _ended(n, row, state, run, x, f, out):
     """Keep the sample of a step, if it is good and one of every so many; `state` is that of Newton's matrix.
 
-    Gives the row of the next one, and how the run ends with this step.
+    Gives the row of the next one, how the run ends with this step, and the last good one.
     """
     m = len(run.past) - 1
     for i in range(len(x)):
         if not abs(x[i]) <= run.limit or not abs(f[i]) < math.inf:
-            return row, DIVERGED if _finite(f) else NOT_FINITE
+            return row, DIVERGED if _finite(f) else NOT_FINITE, n - 1
     if anywhere(state == UNSOLVED):
-        return row, UNSETTLED
+        return row, UNSETTLED, n - 1
     if n == m + row * run.every:
         row = _store(row, x, out)
     for i in range(len(x) if n >= m else 0):
         if not run.bounds[i, 0] <= x[i] <= run.bounds[i, 1]:
-            return row, LEFT
-    return row, COMPLETED
+            return row, LEFT, n
+    return row, COMPLETED, n
 
 
 @inline
@@ -211,7 +211,7 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
         x[i] = x0[i]
         if raw:
             window[i, 0] = x0[i]
-    how, row = COMPLETED, np.int64(1)  # the first row of out holds x(start)
+    how, last, row = COMPLETED, np.int64(0), np.int64(1)  # the first row of out holds x(start)
     for n in range(1, end + 1):
         j = (n - 1) % BLOCK
         if j == 0:
@@ -228,13 +228,12 @@ def step_gl(rhs, run, history, work, raw, last_first, out):
                 evaluate(rhs, run.start + (n - 1 - m) * h, x, now, run.p, f)
             for i in range(states):
                 _advance(i, n, head, raw, run, x, f, history)
-        row, how = _ended(n, row, KEPT, run, x, f, out)
+        row, how, last = _ended(n, row, KEPT, run, x, f, out)
         if how != COMPLETED:
-            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return end - m, how
+    return last - m, how
 
 
 # --- the product trapezoidal rule ------------------------------------------------------------------
@@ -559,7 +558,7 @@ def step_pi2(rhs, run, started, history, work, third, out):
         before[i] = f[i]
         _first(i, f[i], window)
     _keep_relaxing(relaxing, x, f, start)
-    how, head, row, k = COMPLETED, np.int64(1), np.int64(1), np.int64(0)
+    how, last, head, row, k = COMPLETED, np.int64(0), np.int64(1), np.int64(1), np.int64(0)
     state = WORN * run.gain[0]  # of lanes where the run is of lanes, or Numba compiles Newton's method for both
     if not _finite(f):
         how, end = NOT_FINITE, 0
@@ -573,7 +572,6 @@ def step_pi2(rhs, run, started, history, work, third, out):
         free, joins = _predict(n, j, run, started, rows, f, ahead, curve), n == m > started.together
         how = _sweep(rhs, n, t, free, run, rows, f, now, start)
         if how != COMPLETED:
-            end = n - 1
             break
         newton = _slow(x, last_x, f, known, newest, scale) | _unsettled(relaxing, x, known, start)
         newton = (newton | (run.corrections == 0)) & free
@@ -585,13 +583,12 @@ def step_pi2(rhs, run, started, history, work, third, out):
         _keep_relaxing(relaxing, x, f, start)
         for i in range(states):
             enter(i, j, entered[i] if jumps else f[i], head, window, ahead, kernels)
-        row, how = _ended(n, row, state, run, x, f, out)
+        row, how, last = _ended(n, row, state, run, x, f, out)
         if how != COMPLETED:
-            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return end - m, how
+    return last - m, how
 
 
 # --- the fractional BDF2 ---------------------------------------------------------------------------
@@ -633,7 +630,7 @@ def step_bdf2(rhs, run, started, history, work, out):
         x[i] = before[i] = past[0, i]
         newest[i] = run.gain[i] * kernels.own[kernels.of[i], 0]
     evaluate(rhs, t0, x, now, p, f)
-    how, state, head, row, k = COMPLETED, WORN, np.int64(1), np.int64(1), np.int64(0)
+    how, last, state, head, row, k = COMPLETED, np.int64(0), WORN, np.int64(1), np.int64(1), np.int64(0)
     if not _finite(f):
         how, end = NOT_FINITE, 0
     elif started.together == 0:
@@ -658,13 +655,12 @@ def step_bdf2(rhs, run, started, history, work, out):
             _go_on_from(past[m], rhs, t, x, now, p, f, newest, x0)
         for i in range(states):
             enter(i, j, f[i], head, window, ahead, kernels)
-        row, how = _ended(n, row, state, run, x, f, out)
+        row, how, last = _ended(n, row, state, run, x, f, out)
         if how != COMPLETED:
-            end = n if how == LEFT else n - 1
             break
         head += 1
     restore(mode)
-    return end - m, how
+    return last - m, how
 
 
 # --- the same loops of something else --------------------------------------------------------------

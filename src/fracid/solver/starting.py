@@ -287,9 +287,8 @@ def _ends(q: float, knots: NDArray[np.int64]) -> FloatArray:
     b, a = trapezoidal_weights(q, 8)
     n, k = np.maximum(knots, 8).astype(float), np.arange(2, 18)
     terms = binom(q + 1, k)
-    series = [
-        n ** (q - 1) / math.gamma(q + 2) * polyval(1 / n, weight * terms) for weight in ((-1) ** k, -2 * (k % 2 == 0))
-    ]
+    of_each = (-1) ** k, -2 * (k % 2 == 0)
+    series = [n ** (q - 1) / math.gamma(q + 2) * polyval(1 / n, weight * terms) for weight in of_each]
     few = np.minimum(knots, 8)
     return np.where(knots < 8, [a[few], -b[few]], series) / 12
 
@@ -512,6 +511,5 @@ def _newton_matrices(A: FloatArray, M: FloatArray, m: int) -> FloatArray:
 
 def _spectral_radius(A: FloatArray) -> FloatArray:
     """Estimate it by the root of the norm of A^16, which no scaling of the states changes much."""
-    for _ in range(4):
-        A = A @ A
-    return np.asarray(np.max(np.sum(np.abs(A), axis=-1), axis=-1) ** (1 / 16))
+    power = np.linalg.matrix_power(A, 16)
+    return np.asarray(np.max(np.sum(np.abs(power), axis=-1), axis=-1) ** (1 / 16))

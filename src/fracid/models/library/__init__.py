@@ -45,8 +45,6 @@ from fracid.models.written.formulas import Formula, formula
 from fracid.models.written.tree import Function, Name, Return
 from fracid.safety.door import own_text
 
-_FOLDER = resources.files(__name__)
-
 FIELDS = ("input_rates", "input_defaults", "integer_orders", "drive", "seen_in", "paper")
 """Of :class:`Model`, as a file has them."""
 
@@ -132,9 +130,7 @@ def inputs_of(name: str, time: FloatArray) -> dict[str, FloatArray]:
     return {n: np.array([*map(Formula(tree).py_func, time.tolist())], np.float64) for n, tree in trees.items()}
 
 
-MODEL = {
-    file.name.removesuffix(".toml"): partial(from_library, file.name.removesuffix(".toml"))
-    for file in sorted(_FOLDER.iterdir(), key=lambda f: f.name)
-    if file.name.endswith(".toml")
-}
+_FILES = sorted(file.name for file in resources.files(__name__).iterdir() if file.name.endswith(".toml"))
+
+MODEL = {name: partial(from_library, name) for name in (file.removesuffix(".toml") for file in _FILES)}
 """By the name that a project file gives it."""

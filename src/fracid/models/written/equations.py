@@ -14,13 +14,12 @@ from itertools import zip_longest
 from typing import Any
 
 from fracid.errors import InputError, refuse_unknown
-from fracid.findings import Words
 from fracid.models.base import Model, Parameter, symbol_of
 from fracid.models.joints import Complement
 from fracid.models.scene import scene_of
 from fracid.models.written.formulas import CONSTANTS, KNOWN, LATER, WORDS, Formula, FormulaError, formula
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import Untranslatable, choice, new_name, operation, without_unused
+from fracid.models.written.reading import SAYS, Untranslatable, choice, new_name, operation, without_unused
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -39,8 +38,6 @@ from fracid.models.written.tree import (
     mentioned,
 )
 from fracid.safety.door import own_text
-
-SAYS = Words("models/written/refusals.toml")
 
 ARRAYS = ("t", "x", "u", "p", "f", "out")
 """What a right-hand side has by these names in some language, so that none of its variables has."""
@@ -358,8 +355,6 @@ class _Units:
     def of(self, e: Expression) -> Dimension | None:
         """Its unit; None where that is not known."""
         match e:
-            case Number():
-                return None
             case Name() | Entry():
                 return self.known.get(e)
             case Choice(test, yes, no):

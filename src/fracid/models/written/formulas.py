@@ -17,14 +17,11 @@ from functools import cached_property
 from typing import Any
 
 from fracid.errors import InputError
-from fracid.findings import Words
 from fracid.models.written.languages import Python
-from fracid.models.written.reading import FUNCTIONS, call, choice, operation, truth
+from fracid.models.written.reading import FUNCTIONS, SAYS, call, choice, operation, truth
 from fracid.models.written.tree import COMPARISONS, Expression, Function, Name, Number, Program
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
-
-SAYS = Words("models/written/refusals.toml")
 
 INSTEAD = tomllib.loads(own_text("models/written/instead.toml"))
 """What is no part of an equation → what to type."""
@@ -225,10 +222,8 @@ class _Parser:
             inner = self.choice()
             self.need(")", "A bracket is not closed here.")
             return inner
-        if token.kind == "name" and self.take("("):
-            return self._called(token)
         if token.kind == "name":
-            return self._named(token)
+            return self._called(token) if self.take("(") else self._named(token)
         self.at -= 1
         raise self.wrong(token.column, SAYS("no-operand", hint=INSTEAD["names"].get(token.text, INSTEAD["value"])))
 

@@ -18,9 +18,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fracid.findings import Words
 from fracid.models.written import portable
-from fracid.models.written.reading import FUNCTIONS, Untranslatable, read_functions
+from fracid.models.written.reading import FUNCTIONS, SAYS, Untranslatable, read_functions
 from fracid.models.written.tree import (
     COMPARISONS,
     Assign,
@@ -37,13 +36,12 @@ from fracid.models.written.tree import (
     Program,
     Return,
     Statement,
+    assigned_names,
     is_truth,
     mentioned,
     parts,
 )
 from fracid.safety.door import own_text
-
-SAYS = Words("models/written/refusals.toml")
 
 LANGUAGES = tomllib.loads(own_text("models/written/languages.toml"))
 """Language → what it has otherwise than C; of ``Writer`` what C has."""
@@ -210,18 +208,19 @@ class Writer:
 
     def block(self, body: Sequence[Statement], pending: set[str], depth: int, loops: bool = False) -> Iterator[str]:
         """Lines; `pending` are the variables to be declared here or further in."""
-        pending, names, assigned = set(pending), [self._names(s) for s in body], [self._assigned(s) for s in body]
+        pending, names, given = set(pending), [self._names(s) for s in body], [set(assigned_names(s)) for s in body]
         for k, s in enumerate(body):
             here, later = pending & names[k], set().union(*names[k + 1 :])
             inner = {n for n in here - later if not loops and isinstance(s, If) and self._in_one_branch(s, n)}
             first = isinstance(s, Assign) and isinstance(s.target, Name) and s.target.name in here
             before = sorted(here - inner - ({s.target.name} if first else set()))  # type: ignore[union-attr]
             pad = self.indent * depth
+            end = [pad + self.says["end"]] if self.says["end"] else []
             yield from (pad + line for line in self.declared(before))
             pending -= here
             match s:
                 case Assign(target, value, note):
-                    again = isinstance(target, Name) and target.name in later & set().union(*assigned[k + 1 :])
+                    again = isinstance(target, Name) and target.name in later & set().union(*given[k + 1 :])
                     once = not loops and not again
                     word = self.say("once" if once else "variable") if first else ""
                     yield pad + self._remark(word + self.say("statement", self.assigned(target, value)), note)
@@ -235,11 +234,11 @@ class Writer:
                     if no:
                         yield pad + self.says["else"]
                         yield from self.block(no, inner, depth + 1, loops)
-                    yield from self._closed(pad)
+                    yield from end
                 case Loop(inside, test, variable):
                     yield pad + (self.counted(s, variable) if variable else self.say("while", self.expression(test)))
                     yield from self.block(inside, set(), depth + 1, True)
-                    yield from self._closed(pad)
+                    yield from end
                 case Return(value):
                     yield from (pad + line for line in self.returned(value, k == len(body) - 1 and depth == 1))
                 case _:
@@ -252,10 +251,6 @@ class Writer:
                 return f"{self.expression(target)} {sign}= {self.expression(more)}"
         return f"{self.expression(target)} = {self.expression(value)}"
 
-    def _closed(self, pad: str) -> Iterator[str]:
-        if self.says["end"]:
-            yield pad + self.says["end"]
-
     def _remark(self, line: str, note: str) -> str:
         return f"{line}  {self.say('remark', note.replace('*/', '* /').replace('/*', '/ *'))}" if note else line
 
@@ -263,10 +258,6 @@ class Writer:
     def _names(node: object) -> set[str]:
         loops = {s.variable.name for s in parts(node) if isinstance(s, Loop) and s.variable}
         return set(mentioned(node)) - loops
-
-    @staticmethod
-    def _assigned(body: Statement) -> set[str]:
-        return {s.target.name for s in parts(body) if isinstance(s, Assign) and isinstance(s.target, Name)}
 
     def _in_one_branch(self, s: If, name: str) -> bool:
         return name not in self._names(s.test) and (name in self._names(s.body)) != (name in self._names(s.orelse))

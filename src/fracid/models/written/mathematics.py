@@ -21,6 +21,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import combinations, groupby, pairwise
 from typing import ClassVar
 
@@ -121,10 +122,8 @@ def factors(e: Expression) -> list[Expression]:
 
 def product(es: Sequence[Expression]) -> Expression:
     """Of factors."""
-    result, *more = [e for e in es if e != ONE] or [ONE]
-    for e in more:
-        result = Operation("*", (result, e))
-    return result
+    several = [e for e in es if e != ONE] or [ONE]
+    return reduce(lambda a, b: Operation("*", (a, b)), several)
 
 
 class _Read(Flat):
@@ -255,9 +254,7 @@ class _Read(Flat):
                 return a
             case Operation("*", (a, Number(-1)) | (Number(-1), a)) | Operation("-", (Number(0), a)):
                 return self._simple(Operation("neg", (a,)))
-            case Operation("*", operands) if ZERO in operands:
-                return ZERO
-            case Operation("/", (Number(0), _)):
+            case Operation("*" | "/", (Number(0), _)) | Operation("*", (_, Number(0))):
                 return ZERO
             case Operation("neg", (Operation("neg", (a,)),)):
                 return a

@@ -44,6 +44,7 @@ from fracid.models.written.tree import (
     Program,
     Return,
     Statement,
+    assigned_names,
     is_truth,
     mentioned,
     parts,
@@ -189,7 +190,7 @@ def without_unused(body: tuple[Statement, ...]) -> tuple[Statement, ...]:
     """Without variables that nobody reads."""
     while True:
         names = mentioned(body)
-        targets = [s.target.name for s in parts(body) if isinstance(s, Assign) and isinstance(s.target, Name)]
+        targets = assigned_names(body)
         if not (unused := {n for n in targets if names.count(n) == targets.count(n)}):
             return body
         body = _without(body, lambda s, unused=unused: isinstance(s.target, Name) and s.target.name in unused)  # type: ignore[misc]
@@ -316,8 +317,7 @@ class _Unit:
             scope = _Scope(self, f, set(), [], stack=(*stack, f))
             names = [a.arg for a in scope.node.args.args]
             scope.names = {name: scope.fresh(name) for name in names}
-            for s in scope.node.body:
-                scope.statement(s)
+            scope.all_of(scope.node.body, within=False)
             about = (f.__doc__ or "").strip().partition("\n")[0]
             del self.functions[f]
             self.functions[f] = Function(new_name(f.__name__, taken), tuple(scope.names[n] for n in names),
@@ -569,7 +569,7 @@ class _Scope:
             self.statement(s, within=True)
         return None
 
-    def statement(self, s: ast.stmt, within: bool = False) -> None:
+    def statement(self, s: ast.stmt, within: bool) -> None:
         """One statement; a return is one of a function that stays a function."""
         note = self.notes.get(s.end_lineno or 0, "")
         match s:
@@ -592,7 +592,7 @@ class _Scope:
                 now = ast.copy_location(ast.parse(ast.unparse(target), mode="eval").body, target)
                 self._assign(target, operation(_SIGNS[type(op)], *self._one_after_the_other([now, v])), note)
             case ast.If(test, body, orelse):
-                yes, no = (partial(self._all, part, within) for part in (body, orelse))
+                yes, no = (partial(self.all_of, part, within) for part in (body, orelse))
                 self._either(truth(self.expression(test)), yes, no, self.notes.get(s.lineno, ""))
             case ast.For(ast.Name(n), _, body, []) if not (within and _returns(s)):
                 self._for(n, s, body, within)
@@ -603,7 +603,8 @@ class _Scope:
             case _:
                 raise self.wrong(s, ADVICE)
 
-    def _all(self, body: list[ast.stmt], within: bool) -> None:
+    def all_of(self, body: list[ast.stmt], within: bool) -> None:
+        """Statements, one after the other."""
         for s in body:
             self.statement(s, within)
 
@@ -613,7 +614,7 @@ class _Scope:
         if isinstance(rounds, Sequence) and len(rounds) <= UNROLLED and not leaves:
             for k in rounds:
                 self._assign(ast.Name(name), _as_number(k), "")
-                self._all(body, within)
+                self.all_of(body, within)
             return
         if not isinstance(rounds, range | slice):
             raise self.wrong(s.iter, "Loop over range(…).")
@@ -651,7 +652,7 @@ class _Scope:
         if len(self.statements) > so_far:
             raise self.wrong(s, "Its test writes into out; write it in the loop.")
         with self._apart() as inner:
-            self._all(body, within)
+            self.all_of(body, within)
         self.within_loop, self.here = outer, {n: v for n, v in before.items() if repr(self.here.get(n)) == repr(v)}
         self.statements.append(Loop(tuple(inner), **head))
 

@@ -188,6 +188,17 @@ def mentioned(node: object) -> list[str]:
     return [e.name for e in parts(node) if isinstance(e, Name)]
 
 
+def assigned_names(node: object) -> list[str]:
+    """Names of the variables that it gives a value, as often as it does.
+
+    Examples
+    --------
+    >>> assigned_names((Assign(Name("a"), Name("b")), Return(Name("a"))))
+    ['a']
+    """
+    return [s.target.name for s in parts(node) if isinstance(s, Assign) and isinstance(s.target, Name)]
+
+
 def is_truth(e: Expression) -> bool:
     """Whether it is a comparison or the like, not a number.
 
