@@ -196,17 +196,17 @@ def test_an_input_that_has_one_sign_at_rest_and_in_the_recordings_has_no_other(l
     assert loop_of(twin(inputs=np.ones((500, 1)))).conditions.least == -0.3  # upright takes torques of both signs
 
 
-def test_a_loop_in_pascal_runs_as_far_as_in_bar():
-    runs = {}
-    for unit, size in (("bar", 1.0), ("Pa", 1e5)):
-        vessel = Equations({"pressure": Equation("(supply - pressure)/T", "q", unit)}, {}, {"supply": unit})
-        model = vessel.model("vessel", [fracid.Parameter("T", "s", 1.2, "")])
+def test_a_loop_in_numbers_a_hundred_thousand_times_as_large_runs_as_far():
+    vessel = Equations({"pressure": Equation("(supply - pressure)/T", "q", "Pa")}, {}, {"supply": "Pa"})
+    model = vessel.model("vessel", [fracid.Parameter("T", "s", 1.2, "")])
+    runs = []
+    for size in (1.0, 1e5):
         filled = size * np.linspace(0, 1, 500)[:, None]
-        e = fracid.Experiment("filling", 0.01, filled, filled, units={"pressure": unit})
+        e = fracid.Experiment("filling", 0.01, filled, filled, units={"pressure": "Pa"})
         problem = fracid.Problem(model, (e,), {"q": 0.9}, initial_state="held")
         loop = loop_of(problem, limit=2.0 * size, at={"pressure": 0.5 * size}, within={"pressure": 5.0 * size})
-        runs[unit] = len(loop.run(problem.start, regulated(loop), 0)[0])
-    assert runs == {"bar": 301, "Pa": 301}
+        runs.append(len(loop.run(problem.start, regulated(loop), 0)[0]))
+    assert runs == [301, 301]
 
 
 def pulled(t, x, u, p, out):
