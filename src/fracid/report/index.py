@@ -202,9 +202,7 @@ def write_index(folder: str | Path) -> Path:
 
 def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> None:
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
-    if page.is_symlink():
-        return
-    text = text_if_any(page) or ""
+    text = "" if page.is_symlink() else text_if_any(page) or ""
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return
