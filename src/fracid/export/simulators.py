@@ -271,7 +271,8 @@ def error_in_mujoco(rig: Rig, text: str) -> str:
             data.ctrl[:] = (after[n] + (before[n + 1] - after[n]) * (k + 0.5) / every)[inputs]
             mujoco.mj_step(model, data)
     found.append(data.qpos.copy())
-    ours = rig.model.simulated()[:, [own.output_states[link.joint] for link in rig.links]]
+    states = rig.model.problem.simulate(rig.model.x, rig.model.problem.experiments[0]).states
+    ours = states[:, [own.output_states[link.joint] for link in rig.links]]
     off = np.sqrt(np.mean((np.array(found) - ours) ** 2, axis=0))
     parts = ", ".join(
         f"{link.joint} {v:.2g} {own.output_unit(link.joint)} (of {w:.3g})"

@@ -200,9 +200,13 @@ def simulate_twin(
         _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
     watching.stage("simulation")
-    run, warned = _run(twin)
-    for sentence in warned:
-        watching.notice(sentence)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = twin.simulate()
+    for warning in caught:
+        watching.notice(str(warning.message))
+    if run.completed and run.fault:
+        watching.notice(str(run.fault))
     if not run.completed:
         advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         advice = advice.replace('method = "bdf2"', "--method bdf2")
@@ -229,14 +233,6 @@ def _refuse_over(option: str, file: Path, endings: Iterable[str], force: bool) -
         raise InputError(f"{option} {file} is not possible: expected a file that ends in {', '.join(endings)}.")
     if file.exists() and not force:
         raise InputError(f"{file} is there already; give another name, or write over it: --force.")
-
-
-def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
-    """Simulate; gives what the solver warns of, too."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        run = twin.simulate()
-    return run, [str(w.message) for w in caught] + ([str(run.fault)] if run.completed and run.fault else [])
 
 
 def _record(source: str, twin: Twin, run: Trajectory, sensors: Mapping[str, Any]) -> dict[str, Any]:
