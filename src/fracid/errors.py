@@ -215,6 +215,23 @@ def refuse_beyond(name: str, value: float, least: float = 0.0) -> None:
 
 
 @contextmanager
+def installed(otherwise: str) -> Iterator[None]:
+    """Say what to type where a package is not installed that is imported here.
+
+    Examples
+    --------
+    >>> with installed("nobody is not installed; type: pip install nobody."):
+    ...     import nobody
+    Traceback (most recent call last):
+    fracid.errors.InputError: nobody is not installed; type: pip install nobody.
+    """
+    try:
+        yield
+    except ImportError:
+        raise InputError(otherwise) from None
+
+
+@contextmanager
 def writing(what: str, remedy: str = "Give another: --out DIR.") -> Iterator[None]:
     """Say what cannot be written: where the disk is full no other place on it is better.
 

@@ -22,7 +22,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.bayes.laplace import WeightedDraws, simulated
 from fracid.bayes.target import SAYS, BoxPrior, Likelihood
-from fracid.errors import InputError, at_least
+from fracid.errors import InputError, at_least, installed
 from fracid.tasks.job import Progress, one_blas_thread
 from fracid.tasks.tasks import Execution
 
@@ -70,10 +70,8 @@ def nested_sample(
     at_least("draws", draws, 1)
     if execution.executor != "threads":
         raise InputError(f"Nested sampling runs on threads, not on {execution.executor}: leave --executor out.")
-    try:
+    with installed(SAYS("no-nautilus")):
         from nautilus import Sampler
-    except ImportError:
-        raise InputError(SAYS("no-nautilus")) from None
     batches, n = _Batches(likelihood, f"nested, {draws} draws, seed {seed}", execution), len(prior.lower)
 
     def from_unit(u: FloatArray) -> FloatArray:  # nautilus wants two dimensions: a single parameter has an idle one

@@ -14,7 +14,7 @@ from fracid.arrays import FloatArray
 from fracid.bayes.evidence import log_fit
 from fracid.bayes.laplace import WeightedDraws
 from fracid.cards import Card, CardDisplay, estimate_text, listed
-from fracid.errors import InputError, at_least, refuse_unknown
+from fracid.errors import InputError, at_least, installed, refuse_unknown
 from fracid.figures import Figure, Style, draw
 from fracid.findings import Words
 from fracid.problem import Problem
@@ -136,10 +136,8 @@ class Posterior(CardDisplay, WeightedDraws):
         InputError
             If ArviZ is not installed.
         """
-        try:
+        with installed("ArviZ is not installed; type pip install 'fracid[posterior]'."):
             from arviz_base import from_dict
-        except ImportError:
-            raise InputError("ArviZ is not installed; type pip install 'fracid[posterior]'.") from None
         sample = self.resampled(count)
         return from_dict({"posterior": {name: sample[None, :, i] for i, name in enumerate(self.names)}},
                          attrs={"posterior": {"method": self.method, "seed": self.seed}})  # fmt: skip

@@ -31,7 +31,7 @@ from inspect import Parameter, Signature, signature
 from math import inf, isfinite
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 import typer
 
@@ -99,7 +99,7 @@ class How(SimpleNamespace):
     def answer(self, result: Any, show: Callable[[Any], None]) -> None:
         """Print what a command found: a record for programs, or what `show` prints on a console."""
         if self.json_:
-            echo_json(result)
+            typer.echo(json_text(result))  # no terminal obeys what its texts hold
         else:
             show(new_console())
 
@@ -189,19 +189,21 @@ def main(arguments: list[str] | None = None) -> None:
             app(args=arguments, prog_name="fracid")
     except FracidError as error:
         kind = "unfit recording" if isinstance(error, DataError) else "error"
-        sys.stderr.write(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}\n")
-        raise SystemExit(error.exit_code) from None
+        _end(f"{kind}: {printable(str(error))}{_with_trust(error, arguments)}", error.exit_code)
     except Exception as error:
         if os.environ.get(TRACEBACK):
             raise
         if lack := _lack(error):
-            sys.stderr.write(f"error: there {lack}. {printable(str(error))}\n")
-            raise SystemExit(Unfinished.exit_code) from None
+            _end(f"error: there {lack}. {printable(str(error))}", Unfinished.exit_code)
         if isinstance(error, OSError) and error.filename is not None:  # a disk's, or of a name that it cannot have
-            sys.stderr.write(f"error: {printable(f'{error.filename}: {error.strerror}. Give another path.')}\n")
-            raise SystemExit(InputError.exit_code) from None
-        sys.stderr.write(f"error: {_last_resort(error)}\n")
-        raise SystemExit(FAULT) from None
+            _end(f"error: {printable(f'{error.filename}: {error.strerror}. Give another path.')}", InputError.exit_code)
+        _end(f"error: {_last_resort(error)}", FAULT)
+
+
+def _end(why: str, code: int) -> NoReturn:
+    """Say why, and exit with that code."""
+    sys.stderr.write(f"{why}\n")
+    raise SystemExit(code) from None
 
 
 def _lack(error: Exception) -> str:
@@ -244,11 +246,6 @@ def new_console(**options: Any) -> Any:
             return super().render_str(printable(text), **how)
 
     return Printable(**{"highlight": False, **options})
-
-
-def echo_json(value: Any) -> None:
-    """Print a value as JSON, so that no terminal obeys what its texts hold."""
-    typer.echo(json_text(value))
 
 
 def typed(*words: object, trust: bool = False) -> str:

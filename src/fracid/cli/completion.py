@@ -19,6 +19,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from fracid.safety.door import own_text, text_if_any
+from fracid.safety.environment import instead
 from fracid.safety.json_files import object_of
 
 TABLES = tomllib.loads(own_text("cli/tables.toml"))
@@ -85,12 +86,10 @@ class WithTables(_Unlabelled, TyperCommand):
             for table in TABLES:
                 if f"{{{table}}}" in (getattr(option, "help", None) or ""):
                     option.help = option.help.replace(f"{{{table}}}", ", ".join(keys(table)))  # type: ignore[attr-defined]
-        examples, width = self.epilog, shutil.get_terminal_size().columns - 2
-        self.epilog = "\n\n".join(pasteable(line, width) for line in (examples or "").split("\n\n"))
-        try:
+        examples, width = self.epilog or "", shutil.get_terminal_size().columns - 2
+        wrapped = "\n\n".join(pasteable(line, width) for line in examples.split("\n\n"))
+        with instead(vars(self), "epilog", wrapped):
             super().format_help(ctx, formatter)
-        finally:
-            self.epilog = examples
 
 
 def pasteable(example: str, width: int) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Iterator
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -12,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fracid.cli.app import How, command, echo_json, new_console, open_page, say_next, typed
+from fracid.cli.app import How, command, new_console, open_page, say_next, typed
 from fracid.cli.fit import beginning, say_undrawn, show_figures, show_fit
 from fracid.safety.door import own_text
 from fracid.safety.paths import default_folder
+from fracid.safety.text import json_text
 from fracid.tasks.display import shown
 from fracid.workflows.drawer import drawer, importing
 
@@ -65,24 +65,19 @@ def demo(how: How) -> None:
     page = write_index(folder)
     console.print(f"\nreports  {page.resolve().as_uri()}", soft_wrap=True)
     if how.json_:
-        echo_json(results)
+        typer.echo(json_text(results))
     else:
         open_page(page, how.open_)
         say_next(console, (typed("check", "FILE"), "a recording of your own"))
 
 
 def _show(run: FinishedRun, console: Console) -> None:
+    """The fit, and how far each order is from the one that the twin was made with."""
     show_fit(run, console)
-    for sentence in _truth(run):
-        console.print(f"  {sentence}", soft_wrap=True)
-
-
-def _truth(run: FinishedRun) -> Iterator[str]:
-    """Say how far each order is from the one that the twin was made with."""
     for name, true in TRUE_ORDERS.items():
         e = run.fit.orders[name]
         off = f"{name}: true value {true}, estimate {e.value:.4f}, error {e.value - true:+.2g}"
         if e.interval95 is not None:
             inside = e.interval95[0] <= true <= e.interval95[1]
             off += ", inside the 95 % interval" if inside else ", OUTSIDE the 95 % interval"
-        yield f"{off}."
+        console.print(f"  {off}.", soft_wrap=True)

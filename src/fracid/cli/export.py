@@ -45,15 +45,13 @@ def export(run: Path, how: How) -> None:
     state-space: the model of integer order, operators as sums of lags: matrices, poles, and its linear models about
     hanging and upright.
     """
-    from fracid.export import export_run
+    from fracid.export import Options, export_run
     from fracid.runs.saved import load_run
 
     with shown("files"):
-        bundle = export_run(
-            load_run(run, trust=how.trust), how.out or run / "export", how.to or (), steps=how.steps,
-            precision=how.precision, fmi=how.fmi, platforms=how.platforms or (), actuator=how.actuator,
-            slow=assigned("--slow", how.slow, "b_alpha=1e-6"),
-        )  # fmt: skip
+        slow = assigned("--slow", how.slow, "b_alpha=1e-6")
+        options = how.taken(Options, platforms=how.platforms or (), slow=slow)
+        bundle = export_run(load_run(run, trust=how.trust), how.out or run / "export", how.to or (), **options)
     how.answer({"files": [str(path) for path in bundle.files], "notes": list(bundle.notes)}, partial(_show, bundle))
 
 

@@ -15,12 +15,12 @@ def control(run: Path, how: How) -> None:
     and limits as identified, over draws of the free parameters.  Shows the design that holds on most draws, their
     share, and gain and phase margins with their 95 % bands.  Writes control.json and a figure.  Exit code 0 when done.
     """
+    from fracid.feedback.study import conditions_of
     from fracid.workflows.feedback import run_control
 
-    finished = how.done(
-        run_control, run, kind=how.kind, posture=how.posture, at=assigned("--at", how.at, "angle=0.5"),
-        input_=how.input_, limit=how.limit, rate=how.rate, delay=how.delay, seconds=how.seconds,
-        off=assigned("--off", how.off, "alpha=0.2"), within=assigned("--within", how.within, "alpha=0.6"),
-    )  # fmt: skip
+    at, off = assigned("--at", how.at, "angle=0.5"), assigned("--off", how.off, "alpha=0.2")
+    within = assigned("--within", how.within, "alpha=0.6")
+    loop = how.taken(conditions_of, at=at, off=off, within=within)
+    finished = how.done(run_control, run, kind=how.kind, **loop)
     after = typed("export", run, "--to", "c", trust=how.trust), "the model as C"
     how.tell(finished, after, code=finished.folder / "controller.c")

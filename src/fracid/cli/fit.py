@@ -18,7 +18,6 @@ from fracid.cli.app import (
     SAYS,
     How,
     command,
-    echo_json,
     new_console,
     print_claim,
     print_figures,
@@ -60,7 +59,7 @@ def fit(project: Path, how: How) -> None:
             from fracid.workflows.fit import run  # here: it takes a second, as what draws does meanwhile
 
         finished = run(project, **how.taken(run, observer=observer, draws=draws))
-    tell_fit(finished, json_=how.json_)
+    tell_fit(finished, how)
 
 
 @contextmanager
@@ -89,15 +88,9 @@ def watched(stage: str, json_: bool) -> Iterator[Observer]:
 # ------------------------------------------------------------------ from results to text
 
 
-def tell_fit(run: FinishedRun, *, json_: bool) -> None:
+def tell_fit(run: FinishedRun, how: How) -> None:
     """Print what came after the result, or all of it as JSON, and end with the command's exit code."""
-    if json_:
-        echo_json(run.result)
-    else:
-        console = new_console()
-        show_figures(run, console)
-        if isfinite(run.fit.cost) and not run.interrupted and not run.undrawn:
-            _say_next(run, console)
+    how.answer(run.result, partial(_show_rest, run))
     if run.undrawn:
         say_undrawn(run)
     if not isfinite(run.fit.cost):
@@ -115,8 +108,13 @@ def say_undrawn(run: FinishedRun) -> None:
     raise typer.Exit(Unfinished.exit_code)
 
 
-def _say_next(run: FinishedRun, console: Console) -> None:
+def _show_rest(run: FinishedRun, console: Console) -> None:
+    show_figures(run, console)
+    if isfinite(run.fit.cost) and not run.interrupted and not run.undrawn:
+        _say_next(run, console)
 
+
+def _say_next(run: FinishedRun, console: Console) -> None:
     trust = bool(run.project.own_code)
     page = typed("report", run.folder, "--open", trust=trust), "look at the page"
     noise = typed("resid", run.folder, trust=trust), "are the residuals white noise, or does the model lack something?"

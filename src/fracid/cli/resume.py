@@ -34,7 +34,7 @@ def resume(run: Path, how: How) -> None:
     elif not state.finished:
         with watched("", how.json_) as observer:
             finished = resume_run(run, **how.taken(resume_run, observer=observer))
-        tell_fit(finished, json_=how.json_)
+        tell_fit(finished, how)
     else:
         said = printable(f"{run} is finished; its result is {run / 'result.json'}.")
         how.answer(finished_result(run), lambda _: typer.echo(said))

@@ -98,10 +98,6 @@ class Identified:
         """What programs step with."""
         return Recursion.of(self.problem, self.x, self.steps)
 
-    def simulated(self) -> FloatArray:
-        """The states along the first recording, shape (n_steps + 1, n_states)."""
-        return self.problem.simulate(self.x, self.problem.experiments[0]).states
-
     @property
     def identifier(self) -> str:
         """The model's name as a word of C."""

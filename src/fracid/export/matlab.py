@@ -17,6 +17,7 @@ from fracid._version import __version__
 from fracid.arrays import by_name
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
+from fracid.export.table import curves_of
 from fracid.export.whole import words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
@@ -92,10 +93,8 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     for name, fit in run.recordings.items():
         case = of_recording(run, name)
         recordings.append({
-            "name": name, "use": fit.use, "time": fit.time, "measured": fit.measured, "fitted": fit.fitted,
-            "residual": {n: fit.residual(n) for n in fit.measured},
-            "rmse": dict(fit.rmse), "past_states": case.past, "inputs": case.driven.mean, "step": case.step,
-            "steps": float(case.steps), "start": case.start,
+            "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,
+            "inputs": case.driven.mean, "step": case.step, "steps": float(case.steps), "start": case.start,
             "constants": by_name(p.model.parameter_names, case.parameters),
         })  # fmt: skip
     content = {

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from fracid.arrays import FloatArray, by_name
 from fracid.errors import InputError
-from fracid.findings import Words
+from fracid.export.whole import SAYS
 from fracid.models import Model
 from fracid.problem import Experiment, Problem
 from fracid.solver.inputs import Driven
@@ -37,8 +37,6 @@ from fracid.solver.methods import METHODS, Exported, Method
 from fracid.solver.solve import time_scale
 from fracid.solver.starting import PI3, Corrections, corrections, exponents
 from fracid.solver.weights import Kernel
-
-SAYS = Words("export/whole.toml")
 
 TIGHT = 1e-12
 """Tolerance of the exponentials in whose place a full memory stood."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -31,9 +30,7 @@ WORDS = ("joint", "kind", "parent")
 """What of a link is no formula."""
 
 
-@cache
-def _table() -> Mapping[str, Any]:
-    return tomllib.loads(own_text("export/simulators.toml"))
+TABLE: Mapping[str, Any] = tomllib.loads(own_text("export/simulators.toml"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,9 +119,9 @@ def rig_of(model: Identified, target: str) -> Rig:
     'rig_of'
     """
     own = model.problem.model
-    rows = _table().get(own.name)
+    rows = TABLE.get(own.name)
     if rows is None:
-        rigs = ", ".join(name for name, row in _table().items() if "links" in row)
+        rigs = ", ".join(name for name, row in TABLE.items() if "links" in row)
         raise InputError(SAYS("no-rig", name=own.name, rigs=rigs, target=target))
     _refuse_orders(model, target)
     values = _Values(model, target)
@@ -174,7 +171,7 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
     elements = "load_angle", "load_directional_angle", "stiction_angle"
     load, directional, stribeck = (constants[n].value != 0.0 for n in elements)
     name = f"m{5 if directional else 1 + 2 * load + stribeck}"
-    values, rows = _Values(model, "BAM"), _table()["bam"]
+    values, rows = _Values(model, "BAM"), TABLE["bam"]
     written: dict[str, float | str] = {n: values(row["is"]) for n, row in rows.items() if name in row.get("of", name)}
     written |= {"model": name, "actuator": actuator, "source": f"fracid {__version__}, {model.run}"}
     return written, [*_lost(model, values.used | {"gain", "mass"}, "BAM")]
@@ -182,7 +179,7 @@ def bam(model: Identified, actuator: str) -> tuple[dict[str, float | str], list[
 
 def _lost(model: Identified, used: set[str], target: str) -> Iterator[str]:
     """Constants that are not 0 and in no formula."""
-    table, silent = _table()["lost"], tuple(f"{n}_" for n in _table()["silent"]["names"])
+    table, silent = TABLE["lost"], tuple(f"{n}_" for n in TABLE["silent"]["names"])
     for q in model.constants.values():
         if q.value == 0.0 or q.name in used or f"{q.name}_".startswith(silent):
             continue
@@ -226,7 +223,7 @@ def lost_in_urdf(rig: Rig) -> list[str]:
     >>> lost_in_urdf.__name__
     'lost_in_urdf'
     """
-    why = _table()["urdf"]
+    why = TABLE["urdf"]
     found = {
         "drag": any(any(link.damping[1:]) for link in rig.links),
         "stiffness": any(link.stiffness for link in rig.links),
@@ -274,7 +271,8 @@ def error_in_mujoco(rig: Rig, text: str) -> str:
             data.ctrl[:] = (after[n] + (before[n + 1] - after[n]) * (k + 0.5) / every)[inputs]
             mujoco.mj_step(model, data)
     found.append(data.qpos.copy())
-    ours = rig.model.simulated()[:, [own.output_states[link.joint] for link in rig.links]]
+    states = rig.model.problem.simulate(rig.model.x, rig.model.problem.experiments[0]).states
+    ours = states[:, [own.output_states[link.joint] for link in rig.links]]
     off = np.sqrt(np.mean((np.array(found) - ours) ** 2, axis=0))
     parts = ", ".join(
         f"{link.joint} {v:.2g} {own.output_unit(link.joint)} (of {w:.3g})"

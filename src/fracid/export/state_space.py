@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fracid.arrays import FloatArray, by_name
-from fracid.errors import InputError
+from fracid.errors import InputError, installed
 from fracid.export.recursion import Case
 from fracid.figures import Style, draw
 from fracid.findings import Words
@@ -672,8 +672,6 @@ def moving(model: Model, parameters: FloatArray) -> FloatArray:
 
 
 def _control() -> Any:
-    try:
+    with installed("python-control is not installed; type: pip install 'fracid[control]'."):
         import control
-    except ImportError:
-        raise InputError("python-control is not installed; type: pip install 'fracid[control]'.") from None
     return control

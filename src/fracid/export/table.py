@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
 from io import StringIO
 from typing import Any
 
@@ -18,7 +17,7 @@ from fracid.estimation.records import RecordingFit
 from fracid.models import Model
 from fracid.problem import Experiment
 from fracid.runs.saved import SavedRun
-from fracid.safety.json_files import json_number
+from fracid.safety.json_files import json_number, plain
 from fracid.safety.text import csv_cell, file_stems
 
 
@@ -77,15 +76,18 @@ def json_text(run: SavedRun) -> str:
     >>> json_text.__name__
     'json_text'
     """
-    curves = {
-        name: {
-            "use": r.use, "time": r.time.tolist(), "measured": _lists(r.measured), "fitted": _lists(r.fitted),
-            "residual": _lists({n: r.residual(n) for n in r.measured}),
-        }
-        for name, r in run.recordings.items()
-    }  # fmt: skip
+    curves = plain({name: curves_of(r) for name, r in run.recordings.items()})
     return json.dumps({**run.result, "curves": curves}, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _lists(signals: Mapping[str, Any]) -> dict[str, list[float | None]]:
-    return {n: [json_number(v) for v in y.tolist()] for n, y in signals.items()}
+def curves_of(recording: RecordingFit) -> dict[str, Any]:
+    """A recording's use, its times, and of each output what was measured, what was fitted and the residual.
+
+    Examples
+    --------
+    >>> curves_of.__name__
+    'curves_of'
+    """
+    residual = {n: recording.residual(n) for n in recording.measured}
+    return {"use": recording.use, "time": recording.time, "measured": recording.measured, "fitted": recording.fitted,
+            "residual": residual}  # fmt: skip

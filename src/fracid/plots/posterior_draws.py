@@ -142,10 +142,9 @@ def _few_ticks(axes: Axes, *, below: bool, beside: bool) -> None:
 
 def _most_important(posterior: Posterior) -> tuple[str, ...]:
     """The orders, then the others in their order."""
-    unknowns = posterior.problem.unknowns
-    orders = [u.name for u in unknowns if u.kind == "order"]
-    others = [u.name for u in unknowns if u.kind != "order"]
-    return tuple((orders + others)[: max(SHOWN, min(len(orders), MOST))])
+    ranked = sorted(posterior.problem.unknowns, key=lambda u: u.kind != "order")
+    orders = sum(u.kind == "order" for u in ranked)
+    return tuple(u.name for u in ranked[: max(SHOWN, min(orders, MOST))])
 
 
 def _alone(axes: Axes, posterior: Posterior, name: str, values: FloatArray, factor: float) -> None:

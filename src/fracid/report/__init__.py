@@ -22,8 +22,8 @@ script that got in by some way would not run, and nothing can be fetched.
 """
 
 from fracid.report.index import INDEX as INDEX
+from fracid.report.index import REPORT as REPORT
 from fracid.report.index import write_index as write_index
-from fracid.report.page import REPORT as REPORT
 from fracid.report.page import plane_of as plane_of
 from fracid.report.page import report_page as report_page
 from fracid.report.page import write_report as write_report

@@ -49,20 +49,16 @@ def equations(model: Model, result: Mapping[str, Any], driven: bool, language: s
     >>> list(found), "0.0002" in found["With the fitted values"]
     (['With symbols', 'With the fitted values'], True)
     """
-    constants, write = _constants(result), LANGUAGES[language]
-    if (lines := _lines(model, constants, driven)) is None:
+    constants, write, lines = _constants(result), LANGUAGES[language], list[Equality]()
+    with suppress(InputError):
+        lines = equalities(model, {n: e["value"] for n, e in constants.items() if e["free"] or e["value"]}, driven)
+    if not lines:
         named = {"x": model.states, "u": model.inputs if driven else ()}
         given = tuple(Entry(array, Number(i)) for array, names in named.items() for i in range(len(names)))
         states = [Equality(Entry("out", Number(i)), Call(f"f{i + 1}", given)) for i in range(len(model.states))]
         return {"Its states": write(model, order=_written(result["orders"])).block(states)}
     found = write(model, _written(constants), _written(result["orders"]))
     return {"With symbols": write(model).block(lines), "With the fitted values": found.block(lines)}
-
-
-def _lines(model: Model, constants: Mapping[str, Any], driven: bool) -> list[Equality] | None:
-    with suppress(InputError):
-        return equalities(model, {n: e["value"] for n, e in constants.items() if e["free"] or e["value"]}, driven)
-    return None
 
 
 def _constants(result: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,7 +41,7 @@ from fracid.schemas.run_record import EnvironmentBlock
 from fracid.selection.doubts import doubts
 from fracid.units import letter, number, shown_unit
 
-INDEX, PAGE = "index.html", "report.html"
+INDEX, REPORT = "index.html", "report.html"
 
 GENERATOR = '<meta name="generator" content="fracid index">'
 """By which an index of fracid's is known: no other is written over."""
@@ -115,13 +115,12 @@ def runs_of(folder: Path) -> list[dict[str, Any]]:
     """The cards of the runs in a folder's folders, in the order in which they were begun; damaged ones are left out."""
     runs = []
     for path in sorted(folder.glob("*/result.json")):
-        if path.parent.is_symlink():  # what is written there would lie elsewhere
-            continue
-        if not (result := read_if_whole(path, SavedRun)):
+        # What is written into a link would lie elsewhere.
+        if path.parent.is_symlink() or not (result := read_if_whole(path, SavedRun)):
             continue
         environment = read_if_whole(path.parent / "environment.json", EnvironmentBlock)
         who, started = identity(path.parent, result, environment), environment.get("started", "")
-        runs.append({**vars(who), "kind": "fit", "page": path.parent / PAGE, "started": started, "result": result})
+        runs.append({**vars(who), "kind": "fit", "page": path.parent / REPORT, "started": started, "result": result})
     return sorted(runs, key=_begun)
 
 
@@ -203,9 +202,7 @@ def write_index(folder: str | Path) -> Path:
 
 def _link(page: Path, before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> None:
     """Put the links to its neighbours into a page; an old page, one that is elsewhere, or none, stays as it is."""
-    if page.is_symlink():
-        return
-    text = text_if_any(page) or ""
+    text = "" if page.is_symlink() else text_if_any(page) or ""
     begin, end = text.find(RUNS_BEGIN, 0, HEAD), text.find(RUNS_END, 0, HEAD)
     if begin < 0 or end < begin:
         return

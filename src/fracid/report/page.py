@@ -21,6 +21,7 @@ from fracid.report.equations import equations
 from fracid.report.explore import explore, explore_scripts, not_explored
 from fracid.report.frame import rendered
 from fracid.report.index import (
+    REPORT,
     RUNS_BEGIN,
     RUNS_END,
     identity,
@@ -49,8 +50,6 @@ from fracid.validation.residual_analyses import Analyses
 from fracid.words import Sentences
 
 SAYS = Sentences("report/page.toml")
-
-REPORT = "report.html"
 
 OPEN = 6
 """Recordings, and residuals, that are shown without being asked for."""

@@ -42,7 +42,7 @@ from fracid.runs.environment import code, machine, versions
 from fracid.runs.evaluations import EVALUATIONS
 from fracid.safety.door import bytes_of, text_if_any, write_files, write_whole
 from fracid.safety.json_files import json_document
-from fracid.safety.schema import Record, as_json, read_as, record_of
+from fracid.safety.schema import Record, as_json, read_as, read_if_whole, record_of
 from fracid.schemas.run_record import EnvironmentBlock, FitOptions
 from fracid.tasks.folder_lock import FolderLock
 
@@ -261,10 +261,9 @@ def refuse_anothers(folder: Path, project: Path) -> None:
     --------
     >>> refuse_anothers(Path("/nowhere/new"), Path("rig.toml"))
     """
-    try:
-        fitted = Path(run_state(folder).options.project)
-    except InputError:
+    if not (state := read_if_whole(folder / RUN, RunState)):
         return
+    fitted = Path(state["options"]["project"])
     if fitted.is_file() and not (project.is_file() and fitted.samefile(project)):
         raise InputError(SAYS("other-project", folder=folder, fitted=fitted))
 

@@ -20,10 +20,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import chdir, contextmanager
+from collections.abc import Iterator, MutableMapping
+from contextlib import AbstractContextManager, chdir, contextmanager
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 SAFE = "PYTHONSAFEPATH"
 """Set, it has Python look for modules where they are installed, and not where one stands."""
@@ -31,8 +32,7 @@ SAFE = "PYTHONSAFEPATH"
 NOWHERE = str(Path(__file__).parent / "no-such-file")
 
 
-@contextmanager
-def safe_children() -> Iterator[None]:
+def safe_children() -> AbstractContextManager[None]:
     """Have processes that are started meanwhile import nothing from the folder that one stands in.
 
     Examples
@@ -41,14 +41,30 @@ def safe_children() -> Iterator[None]:
     ...     os.environ["PYTHONSAFEPATH"]
     '1'
     """
-    before = os.environ.get(SAFE)
-    os.environ[SAFE] = "1"
+    return instead(os.environ, SAFE, "1")
+
+
+@contextmanager
+def instead(entries: MutableMapping[str, Any], name: str, value: Any) -> Iterator[None]:
+    """Have a value under a name for as long as the block runs; then what was there before, or nothing.
+
+    Examples
+    --------
+    >>> rooms = {"left": 1}
+    >>> with instead(rooms, "left", 2), instead(rooms, "right", 3):
+    ...     rooms
+    {'left': 2, 'right': 3}
+    >>> rooms
+    {'left': 1}
+    """
+    before = {name: entries[name]} if name in entries else {}
+    entries[name] = value
     try:
         yield
     finally:
-        os.environ.pop(SAFE, None)
-        if before is not None:
-            os.environ[SAFE] = before
+        entries.update(before)
+        if not before:
+            entries.pop(name, None)
 
 
 def ignore_settings(folder: Path) -> None:

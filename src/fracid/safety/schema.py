@@ -85,13 +85,6 @@ Interval = Annotated[tuple[float, ...], Pair]
 OpenInterval = Annotated[tuple[Number, ...], Pair]
 """Null on a side where it has no end."""
 
-if TYPE_CHECKING:
-    Ends = tuple[float, float]
-    computed = property
-else:
-    Ends = Interval  # which says of another length what is wrong
-    computed = computed_field  # a property that is written with the fields
-
 T = TypeVar("T")
 Listed = Annotated[tuple[T, ...], Field(strict=False)]
 """A tuple, which is a list in JSON."""
@@ -118,10 +111,14 @@ def _listed(value: Any) -> Any:
 Numbers = Annotated[list[float], BeforeValidator(_listed)]
 
 if TYPE_CHECKING:
+    Ends = tuple[float, float]
+    computed = property
     Array = FloatArray
     InfiniteArray = FloatArray
     InfiniteMatrix = FloatArray
 else:
+    Ends = Interval  # which says of another length what is wrong
+    computed = computed_field  # a property that is written with the fields
     _as_lists = PlainSerializer(lambda a: np.where(np.isfinite(a), a, None).tolist(), return_type=list[Any])
     _array = BeforeValidator(_listed), AfterValidator(np.array), _as_lists
     Array, InfiniteArray = (Annotated[list[value], *_array] for value in (Unknown, Infinite))

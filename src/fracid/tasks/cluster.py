@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
-from fracid.errors import InputError
+from fracid.errors import InputError, installed
 from fracid.tasks import SAYS
 from fracid.tasks.job import Ended, Job, Stopped, Task, Work, failure_of, perform_elsewhere, unpacked
 
@@ -113,11 +113,9 @@ def _given_up(task: Task, error: BaseException) -> Stopped:
 
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
-    try:
+    with installed(SAYS("no-dask", address=address)):
         from distributed import Client
         from distributed.utils import silence_logging_cmgr
-    except ImportError:
-        raise InputError(SAYS("no-dask", address=address)) from None
     try:
         client = Client(address, timeout=ANSWER, set_as_default=False)
     except Exception as error:  # OSError: nothing there; ValueError: no address; what else answers may say anything

@@ -26,14 +26,14 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fracid.safety.environment import ignore_settings
+from fracid.safety.environment import ignore_settings, instead
 from fracid.tasks import SAYS
 from fracid.tasks.ending import undisturbed
 from fracid.tasks.job import (
@@ -164,18 +164,12 @@ def deaf_to_ctrl_c() -> Iterator[None]:
         mask(signal.SIG_SETMASK, before)
 
 
-@contextmanager
-def without_main() -> Iterator[None]:
+def without_main() -> AbstractContextManager[None]:
     """Have processes that are started meanwhile not run this one's script, which they do to find what it defines.
 
     One without ``if __name__ == "__main__"`` would begin anew in each of them.
     """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
+    return instead(sys.modules, "__main__", ModuleType("__main__"))
 
 
 def fresh_processes(jobs: int, prepare: Callable[..., None], *given: Any) -> ProcessPoolExecutor:

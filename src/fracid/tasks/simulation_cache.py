@@ -82,7 +82,6 @@ class Memo(AbstractContextManager["Memo"]):
         self._most, self._overflow = min(most, shutil.disk_usage(path.parent).free // 2), Recent(most // 2)
         self._full = False
         self._file = appended(path)
-        self._places: dict[bytes, Place]
         self._places, end = self._whole()
         self.emptied = end == 0 < path.stat().st_size
         self._file.truncate(end)

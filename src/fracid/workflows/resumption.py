@@ -25,7 +25,7 @@ from fracid.findings import Words
 from fracid.runs.folder import JOURNAL, RUN, RunState, moved_project, run_state
 from fracid.runs.saved import SavedRun
 from fracid.safety.paths import STUDIES, refuse_mistaken
-from fracid.safety.schema import read_as
+from fracid.safety.schema import read_as, read_if_whole
 from fracid.schemas.run_record import EnvironmentBlock
 from fracid.tasks.folder_lock import refuse_links
 from fracid.tasks.progress import Observer
@@ -155,13 +155,10 @@ def command_of_study(folder: Path) -> tuple[list[str], Path]:
     Traceback (most recent call last):
     fracid.errors.InputError: nowhere/rig has no record of its command: ...
     """
-    try:
-        environment = read_as(folder / "environment.json", EnvironmentBlock, "the command itself")
-        if "\0" in "".join([*environment["command"], environment["directory"]]):
-            raise KeyError("command")
-        return environment["command"], Path(environment["directory"])
-    except (OSError, InputError, KeyError):
-        raise InputError(f"{folder} has no record of its command: type that again, with --out {folder}.") from None
+    environment = read_if_whole(folder / "environment.json", EnvironmentBlock)
+    if not environment or "\0" in "".join([*environment["command"], environment["directory"]]):
+        raise InputError(f"{folder} has no record of its command: type that again, with --out {folder}.")
+    return environment["command"], Path(environment["directory"])
 
 
 def safe_words(folder: Path, words: list[str], elsewhere: str | None, trust: bool) -> list[str]:

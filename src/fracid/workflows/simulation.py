@@ -200,15 +200,20 @@ def simulate_twin(
         _refuse_over("--truth", truth, (".json",), force)
     watching = unless_given(observer)
     watching.stage("simulation")
-    run, warned = _run(twin)
-    for sentence in warned:
-        watching.notice(sentence)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = twin.simulate()
+    for warning in caught:
+        watching.notice(str(warning.message))
+    if run.completed and run.fault:
+        watching.notice(str(run.fault))
     if not run.completed:
         advice = run.fault.sentence if run.fault else "Give a smaller --step, other values, or an earlier --end."
         advice = advice.replace('method = "bdf2"', "--method bdf2")
         raise DataError(SAYS("not-reached", end=run.time[-1], run=run, advice=advice))
-    recording = twin.record(run, noise=noise, counts=counts, seed=seed, states=states)
-    record = _record(source, twin, run, noise, counts=counts, seed=seed)
+    sensors: dict[str, Any] = {"noise": dict(noise), "counts": counts, "seed": seed}
+    recording = twin.record(run, **sensors, states=states)
+    record = _record(source, twin, run, sensors)
     watching.stage("figure")
     paths = _written(recording, record, file, folder, truth=truth)
     watching.stage("")
@@ -230,17 +235,7 @@ def _refuse_over(option: str, file: Path, endings: Iterable[str], force: bool) -
         raise InputError(f"{file} is there already; give another name, or write over it: --force.")
 
 
-def _run(twin: Twin) -> tuple[Trajectory, list[str]]:
-    """Simulate; gives what the solver warns of, too."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        run = twin.simulate()
-    return run, [str(w.message) for w in caught] + ([str(run.fault)] if run.completed and run.fault else [])
-
-
-def _record(
-    source: str, twin: Twin, run: Trajectory, noise: Mapping[str, float], counts: int, seed: int
-) -> dict[str, Any]:
+def _record(source: str, twin: Twin, run: Trajectory, sensors: Mapping[str, Any]) -> dict[str, Any]:
     """The truth."""
     model, values = twin.model, twin.model.parameter_vector(twin.parameters)
     parameters = {p.name: {"value": float(v), "unit": p.unit} for p, v in zip(model.parameters, values, strict=True)}
@@ -249,7 +244,7 @@ def _record(
         "simulated": True, "source": printable(source), "model": model.name, "zero": model.zero,
         "orders": dict(twin.orders), "parameters": parameters, "initial": initial, "step": twin.step,
         "substeps": twin.substeps, "end": twin.end, "hold": twin.hold, "method": run.method, "memory": run.memory,
-        "driven": bool(twin.inputs), "noise": dict(noise), "counts": counts, "seed": seed, "outcome": run.outcome.value,
+        "driven": bool(twin.inputs), **sensors, "outcome": run.outcome.value,
     }  # fmt: skip
 
 
