@@ -153,10 +153,8 @@ def identifiability(
 class _View:
     """What the rules look at; the costly parts once, and only where a rule asks."""
 
-    def __init__(
-        self, problem: Problem, x: FloatArray, precision: Uncertainty, profiles: Mapping[str, Profile]
-    ) -> None:
-        self.problem, self.x, self.known, self.profiles = problem, x, precision, profiles
+    def __init__(self, problem: Problem, x: FloatArray, known: Uncertainty, profiles: Mapping[str, Profile]) -> None:
+        self.problem, self.x, self.known, self.profiles = problem, x, known, profiles
         self.names = problem.names
 
     def half(self, i: int) -> float:
@@ -193,8 +191,7 @@ class _View:
     @cached_property
     def travels(self) -> dict[str, float]:
         """How far each state moves, the most over the recordings [rad, rad/s^order]."""
-        return {n: max(float(np.ptp(run[:, i])) for run in self.runs)
-                for i, n in enumerate(self.problem.model.states)}  # fmt: skip
+        return {n: max(float(np.ptp(run[:, i])) for run in self.runs) for i, n in enumerate(self.problem.model.states)}
 
     @cached_property
     def runs(self) -> list[FloatArray]:
