@@ -251,8 +251,12 @@ FORMS: dict[str, Callable[[Experiment, FloatArray], FloatArray]] = {
 """Code → z of an output, of the simulated samples."""
 
 
-def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[FloatArray]]] | None:
-    """((code, signal), z of each recording, shape (n_samples, n_outputs)); None where a run fails."""
+Form = tuple[tuple[str, str], list[FloatArray]]
+"""((code, signal), z of each recording, shape (n_samples, n_outputs))."""
+
+
+def _forms(problem: Problem, x: FloatArray) -> list[Form] | None:
+    """Those of each signal; None where a run fails."""
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     if any(isinstance(y, Failure) for y in fitted):
         return None
@@ -265,9 +269,7 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
     return forms + _late_inputs(problem, x, fitted)
 
 
-def _late_inputs(
-    problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]
-) -> list[tuple[tuple[str, str], list[FloatArray]]]:
+def _late_inputs(problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]) -> list[Form]:
     """All inputs a sample later."""
     if not any(e.driven for e in problem.experiments):
         return []
