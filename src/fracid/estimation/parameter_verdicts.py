@@ -41,6 +41,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import rounded
 from fracid.errors import Failure, InputError
+from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.derivatives import by_blocks
@@ -246,10 +247,7 @@ def _effects(problem: Problem, x: FloatArray) -> FloatArray:
     J = by_blocks(problem, x, np.arange(len(x)))
     if isinstance(J, Failure):
         return np.full(len(x), np.nan)
-    squares = np.zeros(len(x))
-    for k, j in enumerate(J.parts):
-        squares[J.blocks.columns(k)] += np.sum(j**2, axis=(0, 1))
-    return np.sqrt(squares)
+    return np.sqrt(summed(J.blocks, [np.sum(j**2, axis=(0, 1)) for j in J.parts]))
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:
