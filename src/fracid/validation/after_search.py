@@ -167,8 +167,7 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
     if isinstance(now, Failure) or isinstance(then, Failure):
         return
     change = joined(a - b for a, b in zip(now, then, strict=True))
-    errors = joined(now)
-    if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
+    if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(joined(now))):
         return  # moves no unknown by more than a fraction of its standard error
     J = by_blocks(problem, x, np.arange(len(x)), jobs=jobs)
     if isinstance(J, Failure):
