@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,12 +164,11 @@ def _bandwidth(blocks: Blocks, scores: Sequence[FloatArray]) -> float:
     s = len(blocks.shared)
     lags = sum(map(len, scores)) // 4 + 1
     covariance = np.zeros(lags)
-    for column in np.concatenate([part[:, part.shape[1] - s :] for part in scores]).T:
-        covariance += products_by_lag(column)[:lags]
-    for part in scores:
-        for column in part[:, : part.shape[1] - s].T:
-            own = products_by_lag(column)[:lags]
-            covariance[: len(own)] += own
+    shared = np.concatenate([part[:, part.shape[1] - s :] for part in scores]).T
+    own = (column for part in scores for column in part[:, : part.shape[1] - s].T)
+    for column in chain(shared, own):
+        products = products_by_lag(column)[:lags]
+        covariance[: len(products)] += products
     return sokal_lag(covariance)
 
 

@@ -159,8 +159,7 @@ class CostPlane:
         >>> plane.plot(best=(0.9, 0.9), cost_name="rmse").axes[1].get_ylabel()
         'RMSE relative to its least [–]'
         """
-        how = {"best": best, "evaluations": evaluations, "cost_name": cost_name, "style": style}
-        return draw("cost_plane", self.refined(), **how)
+        return draw("cost_plane", self.refined(), best=best, evaluations=evaluations, cost_name=cost_name, style=style)
 
 
 def _reach(problem: Problem, x: FloatArray, i: int, e: Estimate | None) -> float:

@@ -176,18 +176,17 @@ def start_shift(
         # its start moves no other
         alone = replace(problem, initial_state=LOOSER[problem.initial_state], experiments=(e,))
         started = [i for i, u in enumerate(alone.unknowns) if u.kind == "initial" and u.target not in e.initial]
-        initial_indices = started if e.past is None else []
-        if not initial_indices:
+        if e.past is not None or not started:
             continue
         point = alone.point(values)  # the same run, the same errors
         names = [problem.names[i] for i in parabola.free]
         own = {k: alone.names.index(name) for k, name in enumerate(names) if name in alone.names}
-        J = jacobian(alone, point, np.array([*own.values(), *initial_indices]), jobs=jobs)
+        J = jacobian(alone, point, np.array([*own.values(), *started]), jobs=jobs)
         if isinstance(J, Failure):
             return None
-        rows = (weight[..., None] * J[0]).reshape(-1, len(own) + len(initial_indices))
+        rows = (weight[..., None] * J[0]).reshape(-1, len(own) + len(started))
         G = parabola.inverse[:, list(own)] @ rows[:, : len(own)].T @ rows[:, len(own) :]
-        variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, initial_indices, noise[e.name]), G))
+        variances.append(np.einsum("ij,jk,ik->i", G, _covariance(alone, started, noise[e.name]), G))
     if not variances:
         return None
     shift = np.zeros(len(x))

@@ -66,7 +66,7 @@ def as_good_elsewhere(
     True
     """
     half = np.nan_to_num(0.5 * np.ptp(known.ends, axis=1), nan=np.inf)
-    exchanged = _refitted(problem, best, _exchanged(problem, best.point, half, known.at_bound), watch)
+    exchanged = _exchanged(problem, best.point, half, known.at_bound, watch=watch)
     begun = (problem.evaluate(x) for x in also if np.any(_apart(best.point, x, half)))
     for x in (e.point for e in chain(begun, exchanged) if e.value < NEAR * best.value):
         if watch.spent:
@@ -96,25 +96,17 @@ def _apart(x: FloatArray, other: FloatArray, half: FloatArray) -> NDArray[np.boo
 
 
 def _exchanged(
-    problem: Problem, x: FloatArray, half: FloatArray, at_bound: NDArray[np.bool_]
-) -> Iterator[tuple[int, int]]:
-    """Pairs of one unit that differ, and may have each other's values."""
+    problem: Problem, x: FloatArray, half: FloatArray, at_bound: NDArray[np.bool_], watch: Watch
+) -> Iterator[Evaluation]:
+    """All others at their least beside each pair of one unit that differs and may be exchanged."""
     for i, j in combinations(np.flatnonzero(~at_bound & np.isfinite(half)).tolist(), 2):
         one, other = problem.unknowns[i], problem.unknowns[j]
         alike = (one.kind, one.unit, one.experiment) == (other.kind, other.unit, other.experiment)
         fits = one.range.lower < x[j] < one.range.upper and other.range.lower < x[i] < other.range.upper
         if alike and fits and one.kind in ("parameter", "order") and abs(x[i] - x[j]) > APART * (half[i] + half[j]):
-            yield i, j
-
-
-def _refitted(
-    problem: Problem, best: Evaluation, pairs: Iterator[tuple[int, int]], watch: Watch
-) -> Iterator[Evaluation]:
-    """Where all others are at their least beside a pair that has been exchanged."""
-    for i, j in pairs:
-        x = best.point.copy()
-        x[i], x[j] = x[j], x[i]
-        yield uninterrupted(minimised(problem, descent(problem, x, [i, j], **FIRST), watch)).best
+            exchanged = x.copy()
+            exchanged[[i, j]] = x[[j, i]]
+            yield uninterrupted(minimised(problem, descent(problem, exchanged, [i, j], **FIRST), watch)).best
 
 
 def _relabelled(problem: Problem, x: FloatArray, other: FloatArray, half: FloatArray, apart: NDArray[np.bool_]) -> bool:

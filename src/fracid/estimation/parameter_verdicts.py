@@ -41,6 +41,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.cards import rounded
 from fracid.errors import Failure, InputError
+from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.derivatives import by_blocks
@@ -153,10 +154,8 @@ def identifiability(
 class _View:
     """What the rules look at; the costly parts once, and only where a rule asks."""
 
-    def __init__(
-        self, problem: Problem, x: FloatArray, precision: Uncertainty, profiles: Mapping[str, Profile]
-    ) -> None:
-        self.problem, self.x, self.known, self.profiles = problem, x, precision, profiles
+    def __init__(self, problem: Problem, x: FloatArray, known: Uncertainty, profiles: Mapping[str, Profile]) -> None:
+        self.problem, self.x, self.known, self.profiles = problem, x, known, profiles
         self.names = problem.names
 
     def half(self, i: int) -> float:
@@ -193,8 +192,7 @@ class _View:
     @cached_property
     def travels(self) -> dict[str, float]:
         """How far each state moves, the most over the recordings [rad, rad/s^order]."""
-        return {n: max(float(np.ptp(run[:, i])) for run in self.runs)
-                for i, n in enumerate(self.problem.model.states)}  # fmt: skip
+        return {n: max(float(np.ptp(run[:, i])) for run in self.runs) for i, n in enumerate(self.problem.model.states)}
 
     @cached_property
     def runs(self) -> list[FloatArray]:
@@ -249,10 +247,7 @@ def _effects(problem: Problem, x: FloatArray) -> FloatArray:
     J = by_blocks(problem, x, np.arange(len(x)))
     if isinstance(J, Failure):
         return np.full(len(x), np.nan)
-    squares = np.zeros(len(x))
-    for k, j in enumerate(J.parts):
-        squares[J.blocks.columns(k)] += np.sum(j**2, axis=(0, 1))
-    return np.sqrt(squares)
+    return np.sqrt(summed(J.blocks, [np.sum(j**2, axis=(0, 1)) for j in J.parts]))
 
 
 def _halved_angles(problem: Problem, x: FloatArray) -> Iterator[tuple[Problem, FloatArray]]:

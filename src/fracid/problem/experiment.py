@@ -152,9 +152,9 @@ class Experiment(CardDisplay):
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         refuse_unknown(f"state in initial of {recording.name}", model.states, *(initial or {}))
         past: dict[str, Any] = {}
+        step = recording.step
         if before is not None:
             past = dict(zip(("past", "past_inputs"), _columns(before, model, outputs), strict=True))
-            step = recording.step
             if step is None:
                 raise InputError(f"{recording.name}: a past needs a uniform grid; resample it first (resample = true).")
             if before.step is None or abs(recording.time[0] - before.time[-1] - step) > 1e-3 * step:
@@ -164,7 +164,6 @@ class Experiment(CardDisplay):
         options["mask"] = (*_mask(recording, options.get("mask", ())), *recording.bridged)
         options["deviation"] = _deviation(recording, outputs)
         units = {**recording.units} | {n: model.output_units.get(n, "rad") for n in recording.assumed}
-        step = recording.step
         if step is None:
             options["times"] = recording.time - recording.time[0]
             step, inputs = _on_the_grid(recording, model, options["times"], inputs)

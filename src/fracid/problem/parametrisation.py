@@ -28,7 +28,7 @@ The rate of a state i is the state j of which the model says :math:`D^q x_i = x_
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -188,12 +188,9 @@ class Parametrisation:
         if e.past is not None and self.initial_state == "measured":
             rates = [j for j in self.rates.values() if self.model.states[j] not in e.initial]
             initial[rates] = self.pasts[e.name].states(orders, parameters)[-1, rates]
-        if self.initial_state == "estimate":
-            for z, delta in self._deflections:
-                if self.model.states[z] in e.initial:
-                    continue
-                slides = self._fixed[e.name][2][z] != 0.0
-                initial[z] = self._balance(z, initial, parameters) if slides else initial[z] * parameters[delta]
+        for z, delta in self._deflected(e):
+            slides = self._fixed[e.name][2][z] != 0.0
+            initial[z] = self._balance(z, initial, parameters) if slides else initial[z] * parameters[delta]
         for name, other in self.model.follows.items():
             if name not in e.initial:
                 initial[self.model.states.index(name)] = initial[self.model.states.index(other)]
@@ -323,6 +320,11 @@ class Parametrisation:
         states, names = self.model.states, self.model.parameter_names
         return tuple((states.index(z), names.index(delta)) for z, delta in self.model.relaxing.items())
 
+    def _deflected(self, e: Experiment) -> Iterator[tuple[int, int]]:
+        """Those of which nothing says how they begin."""
+        if self.initial_state == "estimate":
+            yield from (pair for pair in self._deflections if self.model.states[pair[0]] not in e.initial)
+
     def _slides(self, e: Experiment, x0: FloatArray, delta: int) -> float:
         """±1, by its direction, where a joint goes further than its δ in the first few samples; else 0."""
         row = self.model.parameters[delta]
@@ -359,10 +361,8 @@ class Parametrisation:
             x0 = self.pasts[e.name].states(*self._model_starts)[-1].copy()
         for name, value in e.initial.items():
             x0[self.model.states.index(name)] = starting_value(value)
-        if self.initial_state == "estimate":
-            for z, delta in self._deflections:
-                if self.model.states[z] not in e.initial:
-                    x0[z] = self._slides(e, x0, delta)
+        for z, delta in self._deflected(e):
+            x0[z] = self._slides(e, x0, delta)
         return x0
 
     @cached_property

@@ -165,12 +165,9 @@ def _untied(table: Any) -> Any:
     """``{ tie = "lambda" }`` says the same as ``"lambda"``."""
     if not isinstance(table, dict):
         return table
-    ties = {n: v["tie"] for n, v in table.items() if isinstance(v, dict) and len(v) == 1 and "tie" in v}
-    fixed = {
-        n: _Constant(**v)
-        for n, v in table.items()
-        if isinstance(v, dict) and {"value"} <= v.keys() <= {"value", "unit"}
-    }
+    rows = {n: v for n, v in table.items() if isinstance(v, dict)}
+    ties = {n: v["tie"] for n, v in rows.items() if v.keys() == {"tie"}}
+    fixed = {n: _Constant(**v) for n, v in rows.items() if {"value"} <= v.keys() <= {"value", "unit"}}
     return table | {n: v for n, v in ties.items() if isinstance(v, str)} | fixed
 
 

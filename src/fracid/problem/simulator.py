@@ -116,9 +116,8 @@ class Simulator:
         p, time = self.parametrisation, self._grid(e)[0].time
         readings = p.readings(x, e, e.sensors) if e.sensors else {}
         outputs = [
-            _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None)
-            for n in p.outputs
-        ]  # fmt: skip
+            _read(self._signal(x, e, run, n), time, readings.get(n, Reading()), even=e.times is None) for n in p.outputs
+        ]
         return means(np.column_stack(outputs), min(p.substeps, e.means))
 
     def _signal(self, x: FloatArray, e: Experiment, run: Trajectory, output: str) -> Trajectory:

@@ -165,11 +165,9 @@ def _roles(recording: Recording) -> dict[str, str]:
     others = [reports[n] for n in angles if n not in roles.values()]
     stepped = all(s.resolution and s.range < DIGITS * s.resolution for s in others)  # for units may differ
     travel = {s.name: s.range / (s.resolution or 1.0) if stepped else s.range for s in others}
-    rest = sorted(travel, key=lambda n: travel[n], reverse=True)
-    if roles["alpha"] is None:
-        roles["alpha"] = rest.pop(0) if rest else angles[0]
-    if roles["theta"] is None and rest:
-        roles["theta"] = rest.pop(0)
+    rest = iter(sorted(travel, key=lambda n: travel[n], reverse=True))
+    roles["alpha"] = roles["alpha"] or next(rest, angles[0])
+    roles["theta"] = roles["theta"] or next(rest, None)
     if roles["theta"] == roles["alpha"]:
         roles["theta"] = None
     return {what: name for what, name in roles.items() if name is not None}

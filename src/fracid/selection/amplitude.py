@@ -251,8 +251,7 @@ def amplitude_test(
     others = [*map(as_samples, others)]
     fits = [(problem, x, e) for e in problem.experiments] + [_found_again(problem, x, e, jobs) for e in others]
     errors = _standard_errors(problem, x, jobs)
-    window_fits: list[Window] = []
-    notes: list[str] = []
+    window_fits, notes = list[Window](), list[str]()
     for fitted, at, e in fits:
         spans = _spans(e, windows)
         if isinstance(spans, Failure):
@@ -381,9 +380,8 @@ def _window(
     stills = {n: max(least[o] for o in own) for n, own in told.items()}
     units = {n: e.units.get(own[0], "rad") for n, own in told.items()}
     known = {n: s for n, s in errors.items() if n in orders and s > 0 and sizes[n] > stills[n]}
-    standard_errors = {n: known.get(n, math.inf) for n in orders}
     return Window(e.name, float(times[0]), float(times[1]), whole, amplitude=sizes, orders=orders,
-                  standard_errors=standard_errors, units=units)  # fmt: skip
+                  standard_errors={n: known.get(n, math.inf) for n in orders}, units=units)  # fmt: skip
 
 
 def _told_by(piece: Problem, order: str) -> list[str]:

@@ -197,11 +197,10 @@ def compare(
         rows, without = study.with_odds(rows, samples)
         notes += without
     units = {n: unit for e in base.experiments for n, unit in e.units.items()}
+    problems = {s.name: s.problem for s in study.ladder(WHOLE).structures}
     comparison = Comparison(rows, "", (*notes, *study.ladder(WHOLE).notes), base.outputs, effective_samples=samples,
                             leave_one_out=leave_one_out, cost_name=base.cost_function.name, seed=seed, starts=starts,
-                            units=units)  # fmt: skip
-    problems = {s.name: s.problem for s in study.ladder(WHOLE).structures}
-    comparison = replace(comparison, problems=problems)
+                            units=units, problems=problems)  # fmt: skip
     if amplitude:
         names = [row.name for row in rows if row.paper] + [comparison.best(fractional=True).name]
         comparison = replace(comparison, amplitude=study.amplitude(comparison, names))

@@ -169,8 +169,7 @@ def _changing(problem: Problem) -> Iterator[Element]:
     names = [n for n, v in problem.parameters.items() if n in kinds and kinds[n].damps_like_an_order
              and isinstance(v, Free) and n not in problem.per_recording]  # fmt: skip
     if names and not _has_past(problem) and len(problem.recordings) == len(problem.experiments):
-        yield Element("friction that changes with time", in_parts(problem, PARTS, names), {}, slow=True,
-                      whole=problem)  # fmt: skip
+        yield Element("friction that changes with time", in_parts(problem, PARTS, names), {}, slow=True, whole=problem)
 
 
 def _has_past(problem: Problem) -> bool:

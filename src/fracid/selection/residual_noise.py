@@ -50,9 +50,7 @@ def leftovers(problem: Problem, x: FloatArray) -> dict[str, LeftOver]:
     return finer if finer and all(found.noise for found in finer.values()) else left
 
 
-def _left_over(
-    r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]
-) -> LeftOver:  # fmt: skip
+def _left_over(r: RecordingFit, output: str, inputs: FloatArray, unknowns: Callable[[], FloatArray]) -> LeftOver:
     """Of one output: what counts of it, in standard deviations where these are known."""
     residual, percent = r.standardised(output), r.fit_percent[output]
     left = left_over(residual, r.measured[output], known=output in r.deviations)

@@ -48,7 +48,7 @@ from fracid.solver.solve import time_scale
 from fracid.solver.stiffness import fault_of, step_gain
 from fracid.units import plain, with_unit
 from fracid.validation.discretisation import QUIET
-from fracid.validation.sensor_faults import misread
+from fracid.validation.sensor_faults import misread, misreadings
 
 SAYS = Words("validation/after_search.toml")
 
@@ -125,7 +125,7 @@ def after(
         findings += _short_window(problem, uncertainty)
         findings += noisy_start(problem, x, uncertainty)
         findings += _stopped_short(problem, x, uncertainty, jobs)
-        findings += misread(problem, x, uncertainty, jobs=jobs, near=near)
+        findings += misread(problem, misreadings(problem, x, uncertainty, jobs=jobs, near=near))
     return (*findings, *(f for e, _ in problem.recordings.values() for f in _cannot_explain(problem, x, e)))
 
 
@@ -167,8 +167,7 @@ def _loose_memory(problem: Problem, x: FloatArray, uncertainty: Uncertainty | Fa
     if isinstance(now, Failure) or isinstance(then, Failure):
         return
     change = joined(a - b for a, b in zip(now, then, strict=True))
-    errors = joined(now)
-    if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(errors)):
+    if float(np.linalg.norm(change)) < LEAST_SHIFT * float(np.linalg.norm(joined(now))):
         return  # moves no unknown by more than a fraction of its standard error
     J = by_blocks(problem, x, np.arange(len(x)), jobs=jobs)
     if isinstance(J, Failure):

@@ -143,17 +143,12 @@ def _sample_findings(problem: Problem, e: Experiment, report: Report | None) -> 
         signals = dict(zip(problem.outputs, e.measured.T, strict=True))
         if len(e.inputs) == len(e.measured):
             signals |= dict(zip(problem.model.inputs, e.inputs.T, strict=True))
-        own = {n: "rad" if _is_angle(problem, n) else problem.model.unit_of(n) for n in signals}
+        own = {n: "rad" if is_pendulum(n) else problem.model.unit_of(n) for n in signals}
         units = {n: e.units.get(n, unit) if unit == "rad" else unit for n, unit in own.items()}
         report = measure(e.time, signals, units)
     return [replace(f, where=": ".join(filter(None, (e.name, f.where))))
             for f in report.of_model(problem.model.inputs).findings
             if problem.model.rates or f.code != "short-window"]  # fmt: skip
-
-
-def _is_angle(problem: Problem, signal: str) -> bool:
-    """Whether the model says so, or its name: an array without a unit is taken as radians, also of a voltage."""
-    return problem.model.output_unit(signal) == "rad" or is_pendulum(signal)
 
 
 # --- what the model does along a recording, and where it stays ---------------------------------------------

@@ -277,10 +277,8 @@ def _helps(method: str, coarse: Discretisation, finer: Discretisation) -> bool:
     """Whether a half step makes smaller what the check of the coarse one complains of, or the least cost."""
     if not math.isfinite(coarse.cost_second_order) or finer.cost < (1 - COARSE) * coarse.cost:
         return True
-    before, after = (
-        abs(check.cost_half_step - check.cost) if _costs_differ(method, coarse) else check.largest
-        for check in (coarse, finer)
-    )
+    of_cost = _costs_differ(method, coarse)
+    before, after = (abs(c.cost_half_step - c.cost) if of_cost else c.largest for c in (coarse, finer))
     return after <= HELPS * before
 
 

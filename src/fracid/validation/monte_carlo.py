@@ -459,8 +459,7 @@ def repetition(
     """
     own = np.random.SeedSequence(seed[0], spawn_key=(round(1e12 * level), round(1e12 * resolution), seed[1]))
     noise, luck = (np.random.default_rng(s) for s in own.spawn(2))
-    read = tuple(replace(e, measured=_read(e, level, resolution, noise, sizes=how["sizes"]))
-                 for e in twin.experiments)  # fmt: skip
+    read = tuple(replace(e, measured=_read(e, level, resolution, noise, sizes=how["sizes"])) for e in twin.experiments)
     problem, true = replace(twin, experiments=read), np.array(truth)
     optimiser = optimiser_from_name(how["optimiser"])
     result, _ = search(problem, optimiser, luck, starts=how["starts"], options=dict(how["options"]))
@@ -583,9 +582,8 @@ def _why(cell: Cell, s: Statistics) -> str:
 
 def _cells(levels: Sequence[float], resolutions: Sequence[float], unit: str) -> tuple[tuple[float, float], ...]:
     of = "" if unit in (TIMES, "1") else f" {unit}"
-    most, expected = (
-        (math.pi, "a number from 0 to π, in radians") if unit == "rad" else (math.inf, "a number from 0 on")
-    )
+    most = math.pi if unit == "rad" else math.inf
+    expected = "a number from 0 to π, in radians" if unit == "rad" else "a number from 0 on"
     for what, values in (("level", levels), ("resolution", resolutions)):
         if not len(values):
             raise InputError(f"There is no {what}; give at least one{of and f' [{unit}]'}, 0 for none.")

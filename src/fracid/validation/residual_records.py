@@ -23,11 +23,17 @@ QUESTIONS = ("whiteness", "spectrum", "normality", "variance", "level")
 
 
 @dataclass(frozen=True)
-class Whiteness(Record):
-    """Whether the residual is correlated in time, and how much of it counts."""
+class Answer(Record):
+    """What a test says of a residual."""
 
     sentence: str
     """What it means and what to do."""
+
+
+@dataclass(frozen=True)
+class Whiteness(Answer):
+    """Whether the residual is correlated in time, and how much of it counts."""
+
     white: bool = False
     """No correlation is seen, or too little to matter."""
     lags: int = 0
@@ -62,11 +68,9 @@ class Line(Record):
 
 
 @dataclass(frozen=True)
-class Spectrum(Record):
+class Spectrum(Answer):
     """At which frequencies the residual has its power."""
 
-    sentence: str
-    """What it means and what to do."""
     swing: Number = None
     """Where the fitted motion has its peak [Hz]; None if it does not swing."""
     slow_share: Unknown = NAN
@@ -84,11 +88,9 @@ class Spectrum(Record):
 
 
 @dataclass(frozen=True)
-class Normality(Record):
+class Normality(Answer):
     """Whether the residual is distributed normally."""
 
-    sentence: str
-    """What it means and what to do."""
     ppcc: Unknown = NAN
     """Of all samples: 1 for normal."""
     skewness: Unknown = NAN
@@ -121,11 +123,9 @@ class Contrast(Record):
 
 
 @dataclass(frozen=True)
-class Variance(Record):
+class Variance(Answer):
     """Whether the residual scatters alike throughout."""
 
-    sentence: str
-    """What it means and what to do."""
     late_to_early: Contrast = Contrast()
     """Last third of the record to its first; Mann and Whitney's test of the sizes."""
     far_to_near: Contrast = Contrast()
@@ -140,11 +140,9 @@ class Variance(Record):
 
 
 @dataclass(frozen=True)
-class Level(Record):
+class Level(Answer):
     """How large the residual is, beside the encoder."""
 
-    sentence: str
-    """What it means and what to do."""
     mean: Unknown = NAN
     """[rad]"""
     rms: Unknown = NAN

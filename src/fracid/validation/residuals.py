@@ -52,6 +52,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError, refuse_unknown
@@ -199,18 +200,17 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str, use: str
     peak = float(f[np.argmax(np.where(faster, S, -1.0))])
     width = max(2.5 * f[1], 0.1 * peak)
     near, beside = np.abs(f - peak) <= width, (np.abs(f - peak) > width) & (np.abs(f - peak) <= 3 * width)
-    part = float(np.sum(share[near]) - np.mean(near))
+    part = _beyond_white(share, near)
     stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
     line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
-    around = NAN if band is None else _around(f, share, band)
+    around = NAN if band is None else _beyond_white(share, (f >= band[0] - band[1] / 2) & (f <= band[2] + band[1] / 2))
     spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
                         swing_share=around)  # fmt: skip
     return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use)))
 
 
-def _around(f: FloatArray, share: FloatArray, band: tuple[float, float, float]) -> float:
-    """The share of the power in the swing's band, and half of its frequency to each side."""
-    near = (f >= band[0] - band[1] / 2) & (f <= band[2] + band[1] / 2)
+def _beyond_white(share: FloatArray, near: NDArray[np.bool_]) -> float:
+    """The share of the power at some frequencies, less what white noise has there."""
     return float(np.sum(share[near]) - np.mean(near))
 
 

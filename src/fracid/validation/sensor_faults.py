@@ -41,7 +41,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,22 +114,14 @@ class Misreading:
     """The most that it changes of its signal, in half steps of the encoder; infinite where no steps are seen."""
 
 
-def misread(
-    problem: Problem, x: FloatArray, uncertainty: Uncertainty | Failure, *, jobs: int = 1, near: Tangent | None = None
-) -> Iterator[Finding]:
+def misread(problem: Problem, every: Sequence[Misreading]) -> Iterator[Finding]:
     """Say the fault that explains most of what is left over at a minimum, if it matters.
 
     Parameters
     ----------
     problem : Problem
-    x : array, shape (n_unknowns,)
-        Its minimum.
-    uncertainty : Uncertainty or Failure
-        What :func:`fracid.estimation.covariance.uncertainty` gave there.
-    jobs : int
-        Threads.
-    near : Tangent, optional
-        Errors and derivatives there; found if left out.
+    every : sequence of Misreading
+        What :func:`misreadings` gave there.
 
     Examples
     --------
@@ -145,10 +137,10 @@ def misread(
     >>> swing = Experiment("twin", 4e-3, read, np.zeros((1, 1)))
     >>> problem = Problem(rig, (swing,), {"lambda": Free(0.95, 0.5, 1.2), "mu": Free(0.97, 0.5, 1.2)})
     >>> fit = fracid.identify(problem, optimiser="least-squares")
-    >>> [(f.code, "freed, that would move λ by" in f.sentence) for f in misread(problem, fit.x, fit.uncertainty)]
+    >>> every = misreadings(problem, fit.x, fit.uncertainty)
+    >>> [(f.code, "freed, that would move λ by" in f.sentence) for f in misread(problem, every)]
     [('late', True)]
     """
-    every = misreadings(problem, x, uncertainty, jobs=jobs, near=near)
     candidates = [m for m in every if m.steps > 1 and m.sure > (SURE if m.share < MUCH else SURE / 2)]
     most = max((m.share for m in candidates), default=0.0)
     matter = [m for m in candidates if m.share > ALIKE * most and (_moves(m) or m.share > MOST)]
@@ -170,6 +162,18 @@ def misreadings(
     """Each fault of each signal, with its size by one Gauss-Newton step; empty where there are no intervals.
 
     By derivatives that hold over the width of the intervals: beside a steep friction others are a matter of rounding.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : array, shape (n_unknowns,)
+        Its minimum.
+    uncertainty : Uncertainty or Failure
+        What :func:`fracid.estimation.covariance.uncertainty` gave there.
+    jobs : int
+        Threads.
+    near : Tangent, optional
+        Errors and derivatives there; found if left out.
     """
     if isinstance(uncertainty, Failure) or not np.any(np.isfinite(uncertainty.standard_error)):
         return []
@@ -247,8 +251,12 @@ FORMS: dict[str, Callable[[Experiment, FloatArray], FloatArray]] = {
 """Code → z of an output, of the simulated samples."""
 
 
-def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[FloatArray]]] | None:
-    """((code, signal), z of each recording, shape (n_samples, n_outputs)); None where a run fails."""
+Form = tuple[tuple[str, str], list[FloatArray]]
+"""((code, signal), z of each recording, shape (n_samples, n_outputs))."""
+
+
+def _forms(problem: Problem, x: FloatArray) -> list[Form] | None:
+    """Those of each signal; None where a run fails."""
     fitted = [problem.fitted(x, e) for e in problem.experiments]
     if any(isinstance(y, Failure) for y in fitted):
         return None
@@ -261,9 +269,7 @@ def _forms(problem: Problem, x: FloatArray) -> list[tuple[tuple[str, str], list[
     return forms + _late_inputs(problem, x, fitted)
 
 
-def _late_inputs(
-    problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]
-) -> list[tuple[tuple[str, str], list[FloatArray]]]:
+def _late_inputs(problem: Problem, x: FloatArray, fitted: list[FloatArray | Failure]) -> list[Form]:
     """All inputs a sample later."""
     if not any(e.driven for e in problem.experiments):
         return []

@@ -117,11 +117,16 @@ def label_of(level: float, resolution: float, unit: str = "rad") -> str:
 # --- the files ---------------------------------------------------------------------------------------------
 
 
-class RepetitionBlock(Block):
-    """A repetition that found a minimum, as the journal has it."""
+class _Repetition(Block):
+    """What the journal has of each repetition."""
 
     evaluations: int
     cost_of_truth: Number
+
+
+class RepetitionBlock(_Repetition):
+    """A repetition that found a minimum."""
+
     failure: Literal[""]
     cost: float
     values: dict[str, float]
@@ -130,11 +135,9 @@ class RepetitionBlock(Block):
     fractional: bool | None
 
 
-class FailedBlock(Block):
+class FailedBlock(_Repetition):
     """A repetition that found none."""
 
-    evaluations: int
-    cost_of_truth: Number
     failure: str
     cost: None
 

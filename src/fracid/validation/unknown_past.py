@@ -324,22 +324,19 @@ def _with_past(problem: Problem, records: Records) -> Problem | Failure:
         return Failure(FailureReason.UNCHANGED, "as fitted")
     changed = {e.name: _onwards(records[e.name], e, 0) for e in problem.experiments
                if e.past is None and records[e.name].start < e.start}  # fmt: skip
-    if not changed:
-        return Failure(FailureReason.NO_PAST, "there are no samples before the start")
-    return _changed(problem, changed, "estimate")
+    none = Failure(FailureReason.NO_PAST, "there are no samples before the start")
+    return _changed(problem, changed, "estimate", none)
 
 
 def _without_past(problem: Problem, _records: Records) -> Problem | Failure:
     changed = {e.name: replace(e, past=None, past_inputs=None) for e in problem.experiments if e.past is not None}
-    if not changed:
-        return Failure(FailureReason.UNCHANGED, "the fit has none")
-    return _changed(problem, changed, "estimate")
+    return _changed(problem, changed, "estimate", Failure(FailureReason.UNCHANGED, "the fit has none"))
 
 
 def _from_plateau(problem: Problem, records: Records) -> Problem | Failure:
     if problem.initial_state not in ("estimate", "measured"):
         return Failure(FailureReason.AT_REST, "the fit starts at rest")
-    changed = {}
+    changed = []
     for e in problem.experiments:
         if records[e.name].start == e.start:
             return Failure(FailureReason.NO_PAST, f"there are no samples before the start of {e.name}")
@@ -347,8 +344,8 @@ def _from_plateau(problem: Problem, records: Records) -> Problem | Failure:
         if release * e.step < HELD:
             return Failure(FailureReason.NO_PLATEAU, f"no plateau was found before the start of {e.name}")
         begun = _from(records[e.name], release)
-        changed[e.name] = replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED))
-    return _changed(problem, changed, "rest")
+        changed.append(replace(begun, weight=e.weight, release_time=Free(0.0, -RELEASED, RELEASED)))
+    return replace(problem, experiments=tuple(changed), initial_state="rest")
 
 
 def _cut_later(problem: Problem, records: Records) -> Problem | Failure:
@@ -358,9 +355,8 @@ def _cut_later(problem: Problem, records: Records) -> Problem | Failure:
         if k is not None:
             knows = e.past is not None or at_rest
             changed[e.name] = _onwards(records[e.name], e, k) if knows else _from(e, k)
-    if not changed:
-        return Failure(FailureReason.NO_TURN, f"no turning point was found in the first {EARLY:.0%} of the record")
-    return _changed(problem, changed, "estimate" if at_rest else problem.initial_state)
+    none = Failure(FailureReason.NO_TURN, f"no turning point was found in the first {EARLY:.0%} of the record")
+    return _changed(problem, changed, "estimate" if at_rest else problem.initial_state, none)
 
 
 TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | Failure]] = {
@@ -372,7 +368,12 @@ TREATMENTS: Mapping[str, Callable[[Problem, Records], Problem | Failure]] = {
 """Name → the problem that it makes of another, or why it makes none."""
 
 
-def _changed(problem: Problem, changed: Mapping[str, Experiment], initial_state: Any) -> Problem:
+def _changed(
+    problem: Problem, changed: Mapping[str, Experiment], initial_state: Any, otherwise: Failure
+) -> Problem | Failure:
+    """The problem with some of its recordings changed; where none is, why."""
+    if not changed:
+        return otherwise
     experiments = tuple(changed.get(e.name, e) for e in problem.experiments)
     return replace(problem, experiments=experiments, initial_state=initial_state)
 

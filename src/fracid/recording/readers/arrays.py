@@ -24,9 +24,7 @@ from fracid.safety.text import ascii_short
 
 Array = NDArray[np.generic]
 
-WORDS = sorted(
-    {word for kind in TABLES.values() for name, row in kind.items() for word in (name, *row.get("also", ()))}
-)
+WORDS = sorted({word for kind in TABLES.values() for n, row in kind.items() for word in (n, *row.get("also", ()))})
 
 AFTER_COMMA = rf",\s*({'|'.join(map(re.escape, WORDS))})\s*$"
 """A unit in a name that was quoted for its comma."""

@@ -41,8 +41,7 @@ def _columns(file: Any, path: Path) -> Content:
     groups = map(file.metadata.row_group, range(file.metadata.num_row_groups))
     refuse_bomb(path, sum(max(0, group.total_byte_size) for group in groups) / 8, size)
     others: dict[str, Any] = {
-        n: same_name(count[n]) if count[n] > 1 else NO_NUMBERS
-        for n in schema.names if n not in set(names)
-    }  # fmt: skip
+        n: same_name(count[n]) if count[n] > 1 else NO_NUMBERS for n in schema.names if n not in set(names)
+    }
     table = file.read(columns=names, use_threads=False)
     return others | {name: table.column(name).to_numpy() for name in table.column_names if name in names}
