@@ -299,8 +299,9 @@ class Experiment(CardDisplay):
 
     @cached_property
     def _first_values(self) -> tuple[FloatArray, FloatArray]:
-        weights = self.slope_weights
-        return self.measured[0].astype(np.float64), weights @ self.measured[: len(weights)]
+        t = self.time[: first_samples(self.step)]
+        parabola = np.polynomial.polynomial.polyfit(t, self.measured[: len(t)], min(2, len(t) - 1))
+        return self.measured[0].astype(np.float64), parabola[1]
 
     @property
     def slope_weights(self) -> FloatArray:
