@@ -246,6 +246,13 @@ def test_the_unit_of_an_input_is_that_of_its_header(tmp_path, channel):
     assert u[:2].tolist() == [0.0, 1e-3]
 
 
+def test_an_input_in_the_unit_of_something_else_is_refused(tmp_path):
+    (tmp_path / "pump.csv").write_text("time,pump [deg]\n" + "".join(f"{0.5 * k},{k % 2}\n" for k in range(20)))
+    tanks = twin_of("tanks", recording=None, zero=None, friction=False, released=False, trust=False)
+    with pytest.raises(fracid.InputError, match="pump is a quantity in V of this model, and its unit is rad"):
+        driven(tanks, tmp_path / "pump.csv", {}, to_its_end=True)
+
+
 def test_a_model_in_a_file_of_ones_own_is_simulated_when_it_is_named(capsys, tmp_path):
     (tmp_path / "decay.py").write_text(
         "from fracid import Model, Parameter\n"

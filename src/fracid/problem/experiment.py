@@ -147,7 +147,7 @@ class Experiment(CardDisplay):
             if name not in recording.signals:
                 raise InputError(SAYS("no-signal", of=recording, name=name, signals=", ".join(recording.signals)))
         sensors = options.get("sensors", {})
-        _refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
+        refuse_other_dimensions(recording, model, [n for n, s in sensors.items() if s.gain != 1.0 or s.radius != 0.0])
         if recording.step is None and not recording.uneven:
             raise InputError(f"{recording.name} is not on a uniform grid; resample it first.")
         refuse_unknown(f"state in initial of {recording.name}", model.states, *(initial or {}))
@@ -322,7 +322,7 @@ def first_samples(step: float) -> int:
     return max(5, round(0.04 / step))
 
 
-def _refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:
+def refuse_other_dimensions(recording: Recording, model: Model, scaled: Collection[str]) -> None:
     """An angle is in radians, or a pure number; an input in the model's unit, in none, or nobody says in which.
 
     What a sensor scales, such as a potentiometer, is in its unit.

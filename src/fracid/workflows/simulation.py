@@ -17,6 +17,7 @@ from fracid.errors import DataError, InputError, entry_of, unknown_name
 from fracid.findings import Words
 from fracid.models import MODELS, RIGS, model_from_name, rotary_pendulum
 from fracid.models.library import MODEL as LIBRARY
+from fracid.problem.experiment import refuse_other_dimensions
 from fracid.recording import Recording, inspect_recording, load_recording
 from fracid.recording.channel import si_unit
 from fracid.recording.writing import WRITERS, save_recording
@@ -142,7 +143,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     Raises
     ------
     InputError
-        If the model has no input, or the file does not say which column it is.
+        If the model has no input, the file does not say which column it is, or it is in the unit of something else.
     """
     if not (inputs := twin.model.inputs):
         raise InputError(f"{twin.model.name} has no input; leave out --input.")
@@ -155,6 +156,7 @@ def driven(twin: Twin, file: Path, channel: Mapping[str, Any], *, to_its_end: bo
     if str(given.get("column")) not in there.signals.keys() - there.assumed:  # else its header says the unit
         given = {"unit": si_unit(twin.model.input_unit(inputs[0])), **given}
     read = load_recording(file, {inputs[0]: given})
+    refuse_other_dimensions(read, twin.model, ())
     times = read.time - read.time[0]
     last = {"end": float(times[-1])} if to_its_end else {}
     held = {inputs[0]: "hold"} if read.units[inputs[0]] == "V" else {}
