@@ -79,7 +79,7 @@ class Watch:
     best: Evaluation | None = None
     """The lowest on the whole record."""
     work: int = 0
-    """Of all runs, steps times states: the same on every machine, as no clock is."""
+    """Of all runs, in steps times states: the same on every machine, as no clock is."""
     most: float = np.inf
     """The work at which a search ends where it is."""
 

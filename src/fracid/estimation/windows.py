@@ -39,7 +39,6 @@ from fracid.errors import InputError, brief
 from fracid.findings import Words
 from fracid.problem import Experiment, Problem
 from fracid.signals.resolution import noise_level, resolution
-from fracid.tasks.simulation_cache import Recent
 
 SAYS = Words("estimation/windows.toml")
 
@@ -115,7 +114,7 @@ def in_windows(problem: Problem) -> Problem:
     """
     count = max(1, WINDOWS // len(problem.experiments))
     windows = tuple(w for e in problem.experiments for w in _windows(e, count))
-    return replace(problem, experiments=windows, orders=problem.order_starts, initial_state="estimate", memo=Recent())
+    return replace(problem, experiments=windows, orders=problem.order_starts, initial_state="estimate", memo=None)
 
 
 @dataclass(frozen=True)
@@ -213,7 +212,7 @@ def windowed(problem: Problem, seconds: float, parts: int = 1) -> Problem:
     orders = problem.orders.values()
     remembers, of = any(not isinstance(v, float | int) or v != round(v) for v in orders), len(problem.experiments)
     windows = (w for e in problem.experiments for w in _in_turn(e, seconds, of, parts, remembers=remembers))
-    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=Recent())
+    return replace(problem, experiments=tuple(windows), initial_state="estimate", windows="none", memo=None)
 
 
 def beginning(problem: Problem, seconds: float, fixed_step: bool = False) -> Problem:
@@ -378,7 +377,7 @@ def in_parts(problem: Problem, parts: int, own: Sequence[str]) -> Problem:
         pieces += [piece(e, f"{e.name}, part {k}", a, b) for k, (a, b) in enumerate(spans, start=1)]
     names = tuple(dict.fromkeys((*problem.per_recording, *own)))
     scored = tuple(p for p in pieces if p.samples)
-    return replace(problem, experiments=scored, per_recording=names, initial_state="estimate", memo=Recent())
+    return replace(problem, experiments=scored, per_recording=names, initial_state="estimate", memo=None)
 
 
 def _windows(e: Experiment, most: int) -> list[Experiment]:

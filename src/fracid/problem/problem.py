@@ -90,7 +90,8 @@ class Problem(Parametrisation, CardDisplay):
     """Seconds of the windows in which recordings are fitted, each with a start of its own, or ``none``; ``auto``: where
     no simulation follows them to their end (:mod:`fracid.estimation.windows`)."""
     memo: Memo | Recent | None = field(default=None, repr=False, compare=False)
-    """Has what was simulated before, and keeps what will be."""
+    """Has what was simulated before, and keeps what will be; of several recordings the latest, if left out: what one
+    recording's own unknown changes is simulated, the rest read."""
     together: bool = field(default=False, repr=False, compare=False)
     """Whether points go together where they can (:mod:`fracid.solver.lanes`), of all problems made from this one too;
     they do where its runs are long."""
@@ -108,12 +109,14 @@ class Problem(Parametrisation, CardDisplay):
         sensors = [table for e in each for table in (e.sensors, e.actuators)]
         units = {**model.input_units} | {n: u for e in each for n, u in e.units.items()}
         model, parameters = with_sensors(model, self.parameters, sensors, units)
-        for name, value in {"model": model, "outputs": outputs, "parameters": parameters, "experiments": each}.items():
+        memo = self.memo if self.memo is not None or len(each) == 1 else Recent()
+        final = {"model": model, "outputs": outputs, "parameters": parameters, "experiments": each, "memo": memo}
+        for name, value in final.items():
             object.__setattr__(self, name, value)
         check_parametrisation(self)
         check_simulator(self.simulator)
         check_criterion(self.criterion)
-        long = self.simulator.work * len(self.unknowns) >= WORTH * len(model.states)
+        long = self.simulator.all_steps * len(self.unknowns) >= WORTH
         object.__setattr__(self, "together", self.together or long)
 
     def _card(self) -> Card:

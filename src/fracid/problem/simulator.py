@@ -72,10 +72,15 @@ class Simulator:
     """Has what was simulated before, and keeps what will be."""
 
     @cached_property
+    def all_steps(self) -> int:
+        """Of a run of all recordings."""
+        return sum(self.steps(e) for e in self.parametrisation.experiments)
+
+    @property
     def work(self) -> int:
-        """Of a run of all recordings: steps times states."""
+        """Of a run of all recordings: steps times states, and what each run takes beside them, in the same unit."""
         p = self.parametrisation
-        return len(p.model.states) * sum(self.steps(e) for e in p.experiments)
+        return len(p.model.states) * self.all_steps + BESIDE * len(p.experiments)
 
     def all_errors(self, points: Sequence[FloatArray]) -> list[list[FloatArray] | Failure]:
         """Measured minus simulated of each recording [rad], shape (n_samples, n_outputs), or why there is none.
@@ -269,6 +274,9 @@ def _relaxations(memory: FadingState, p: list[float], x: list[float]) -> Relaxat
     shares, held = (tuple(v[i] for i in where) for v, where in ((p, memory.shares), (x, memory.held)))
     return Relaxations(memory.state, shares, tuple(math.exp(p[i]) for i in memory.times), held)
 
+
+BESIDE = 10_000
+"""Steps times states that take as long as a run of no step: its tables, its start, its outputs."""
 
 EDGE = 9
 """Within so many steps of the beginning, where a solution rises like t^q, a run is read by its own rule."""

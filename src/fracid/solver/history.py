@@ -15,6 +15,7 @@ come out so by themselves; the five intrinsics below write the vector instructio
 from __future__ import annotations
 
 import platform
+from functools import lru_cache
 from typing import NamedTuple
 
 import numba as nb
@@ -65,13 +66,13 @@ class Kernels(NamedTuple):
     """w_0, the weight of the newest sample, and 8 where the weights have a linear part, (rows, 2)."""
 
 
-def stack(kernels: list[Kernel]) -> Kernels:
+@lru_cache(maxsize=16)
+def stack(*kernels: Kernel) -> Kernels:
     """Make the table for one kernel per state; states that share a kernel share its row."""
-    rows = list({id(k): k for k in kernels}.values())
-    row_of = {id(k): r for r, k in enumerate(rows)}
+    rows = list(dict.fromkeys(kernels))
     sizes = np.array([(_eights(k.lags), _eights(len(k.decay) + (k.ramp != 0.0))) for k in rows])
     L, M = map(int, sizes.max(axis=0))
-    of = np.array([row_of[id(k)] for k in kernels])
+    of = np.array([rows.index(k) for k in kernels])
     own = np.array([(k.weights[0], BLOCK * (k.ramp != 0.0)) for k in rows])
     stacked = Kernels(_zeros(len(rows), 2 * (L + 16) + 18 * M), L, M, of, sizes, own)
     for r, k in enumerate(rows):

@@ -432,4 +432,4 @@ def _row(f: Relaxations, step: float) -> list[float]:
 def _kernels(memory: Memory, family: str, orders: FloatArray, steps: int, own: Mapping[int, Kernel]) -> Kernels:
     """One kernel per state, its own if it has one; states of the same order share its construction."""
     of = {q: memory.kernel(family, q, steps) for q in set(orders.tolist())}
-    return stack([own.get(i, of[q]) for i, q in enumerate(orders.tolist())])
+    return stack(*(own.get(i, of[q]) for i, q in enumerate(orders.tolist())))

@@ -368,11 +368,11 @@ def begun(rhs: int, runs: Sequence[Run], family: str) -> list[Start]:
 
 def _uncorrected(run: Run) -> Start:
     """A start with nothing to correct but what finite memories hold."""
-    knots, C = np.array([0, 1, 2**62]), np.zeros((len(run.orders), 3))
+    knots, parabolas = np.array([0, 1, 2**62]), np.zeros((1, len(run.orders), 3))
     if np.any(run.fading[:, 4::3]):
         knots = knots_up_to(len(run.past) + run.steps + 7)
-        C = _held(run, knots)
-    return Start(run.past, run.past[0].copy(), 0, knots, _parabolas(knots, C))
+        parabolas = _parabolas(knots, _held(run, knots))
+    return Start(run.past, run.past[0].copy(), 0, knots, parabolas)
 
 
 def _held(run: Run, n: FloatArray | NDArray[np.int64]) -> FloatArray:

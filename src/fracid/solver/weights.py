@@ -36,9 +36,9 @@ from fracid.arrays import FloatArray
 from fracid.solver.operators import gl_weights
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kernel:
-    """The weights of one history sum, in units of the step, for one order."""
+    """The weights of one history sum, in units of the step, for one order; each is equal to itself alone."""
 
     weights: FloatArray
     """Exact weights w_0 … w_L, shape (L + 1,)."""
