@@ -353,6 +353,9 @@ FORGOTTEN = {"a": FIT_ONLY["a"] | {"initial_state": {"z_alpha": estimate(0.3, 1.
 LINES = {
     "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
+    "a model that is off by half the motion": (
+        "Fit", {"claim_codes": ["no-fit"]}, False, "does not follow the recording: it is off by 0.57° (α) rms",
+    ),
     "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: there is no evidence of fractional"),
     "orders off 1 that a rival cannot do without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
@@ -380,6 +383,10 @@ LINES = {
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
     "all values known": ("Values", {}, True, "2 of 2 free values are identifiable"),
+    "values of a model that does not fit, one at its bound": (
+        "Values", {"orders": {"mu": estimate(0.9, kind="unknown")},
+                   "parameters": {"C1": estimate(0, kind="at its bound")}}, False, "Of the 2 free values there are no",
+    ),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of 2 free values is identifiable; C1 is not",

@@ -108,7 +108,7 @@ def _fit(material: Material) -> Line:
     lost = does_not_fit(material.result["claim_codes"])
     follows = f"does not follow {what}: it is off by" if lost else f"follows {what} to"
     sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
-    return Line("Fit", sentence, not poor and not misfit)
+    return Line("Fit", sentence, not poor and not misfit and not lost)
 
 
 def _followed(material: Material, use: str) -> tuple[dict[str, Any], list[str], list[float], bool]:
@@ -238,7 +238,7 @@ def _values(material: Material) -> Line:
     kinds, held_out = (dict(_free_kinds(material, use)) for use in ("fit", "validate"))
     moved = [letter(n) for n in moved_by_the_step(material.result)]
     sentence, all_known = _identifiable(kinds, "free values")
-    if kinds and {*kinds.values()} == {"unknown"}:
+    if "unknown" in kinds.values():
         sentence = f"Of the {len(kinds)} free values there are no intervals"
     if moved:
         its = "its interval" if len(moved) == 1 else "their intervals"
