@@ -37,6 +37,7 @@ from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
 from fracid.validation.residual_analyses import first_part
+from fracid.validation.residual_records import Level
 from twins import RIG, write_release
 
 HOSTILE = "</script><img src=x onerror=\"window.hit=1\"> & 'swing'"
@@ -435,7 +436,7 @@ CLAIMED = {"claim": "fractional", "claim_reasons": [], "orders": {"mu": estimate
 def residual(use, *, white, rms=1.0):
     whiteness = SimpleNamespace(thinning=2, white=white, correlation_time=1.0)
     return SimpleNamespace(use=use, output="alpha", recording="b", whiteness=whiteness,
-                           level=SimpleNamespace(rms=rms, floor=0.1))  # fmt: skip
+                           level=Level("", rms=rms, floor=0.1))  # fmt: skip
 
 
 @pytest.mark.parametrize(("white", "rms", "good"), [(True, 1.0, True), (False, 1.0, False), (False, 0.1, True)])

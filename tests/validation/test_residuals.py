@@ -430,6 +430,15 @@ def test_the_rounding_of_a_slow_motion_is_correlated_and_no_fault_of_the_model()
     assert "that is the rounding of a slow motion" in found.sentences["whiteness"]
 
 
+@pytest.mark.parametrize(("times", "rounding"), [(1.5, True), (2.5, False)])
+def test_a_residual_that_rounding_may_explain_is_put_down_to_it_by_every_sentence(times, rounding):
+    e = analysed(times * ENCODER / np.sqrt(6) * np.sin(2 * np.pi * 0.7 * TIME), resolution={"alpha": ENCODER})
+    assert (e.level.rounding, e.whiteness.white) == (rounding, False)
+    assert ("no fault of the model" in e.sentences["whiteness"]) is rounding
+    assert ("cannot distinguish a better model" in e.sentences["level"]) is rounding
+    assert ("the model lacks something" in e.sentences["whiteness"]) is not rounding
+
+
 @pytest.mark.parametrize(
     ("noise", "words"),
     [

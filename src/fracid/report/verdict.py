@@ -15,7 +15,6 @@ from fracid.safety.door import own_text
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
-from fracid.signals.left_over import ROUNDING
 from fracid.units import letter, number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_records import ResidualAnalysis
@@ -336,4 +335,4 @@ def _tested(material: Material, use: str) -> list[ResidualAnalysis]:
 
 def _structured(material: Material, use: str) -> list[ResidualAnalysis]:
     """Those that are neither white noise nor the encoder's rounding."""
-    return [a for a in _tested(material, use) if not (a.whiteness.white or a.level.rms < ROUNDING * a.level.floor)]
+    return [a for a in _tested(material, use) if not (a.whiteness.white or a.level.rounding)]

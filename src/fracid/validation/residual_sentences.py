@@ -9,9 +9,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Words
-from fracid.signals.left_over import NEXT_TO_WHITE, SIGNIFICANT, TESTABLE
+from fracid.signals.left_over import ROUNDING, SIGNIFICANT, TESTABLE
 from fracid.units import signed, with_time_unit, with_unit
-from fracid.validation.residual_records import Contrast, Spectrum, Variance
+from fracid.validation.residual_records import Contrast, Spectrum, Variance, Whiteness
 
 SAYS = Words("validation/residual_sentences.toml")
 
@@ -31,7 +31,7 @@ BROAD = 0.5
 """Share of the power around the swing, beyond that of white noise, which says that the swing is missed."""
 
 AT_THE_FLOOR = 1.3
-"""Of rounding's own rms: below it the encoder is all there is to see."""
+"""Of rounding's own rms: what is white and below it is rounding alone."""
 
 FAST = 0.05
 """Of the swing's period: a correlation shorter than that is not of what swings."""
@@ -55,26 +55,28 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     return ""
 
 
-def correlation_cause(
-    power: float, lag_one: float, T: float, step: float, quantum: float | None, swing: float | None, use: str
-) -> str:
+def correlation_cause(found: Whiteness, step: float, swing: float | None, use: str, *, rounding: bool) -> str:
     """Where a correlation comes from, most likely."""
-    if lag_one < 0 and T < 10:
+    T = found.correlation_time / step
+    if found.lag_one < 0 and T < 10:
         return SAYS("alternates")
-    if power < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12:
+    if rounding:
         return SAYS("at-floor")
-    if swing and T * step * swing < FAST:
+    if swing and found.correlation_time * swing < FAST:
         return SAYS("short", period=with_time_unit(1 / swing, ".2g"))
     return SAYS(f"lacks-{use}", times=_times(math.sqrt(T)))
 
 
-def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: float, cause: str) -> str:
+def whiteness_sentence(found: Whiteness, n: int, cause: str) -> str:
     """What the autocorrelation shows, and how many samples count."""
-    if p >= SIGNIFICANT:
-        return SAYS("white", n=n, p=_p(p))
-    if n / T >= NEXT_TO_WHITE * n:
-        return SAYS("next-to-white", lag_one=signed(lag_one), n=n, p=_p(p), count=n / T)
-    return SAYS("autocorrelated", time=with_time_unit(seconds, ".2g"), n=n, p=_p(p), count=n / T, cause=cause)
+    p, count = _p(found.p_value), found.effective_samples
+    if found.p_value >= SIGNIFICANT:
+        return SAYS("white", n=n, p=p)
+    if found.white:
+        return SAYS("next-to-white", lag_one=signed(found.lag_one), n=n, p=p, count=count)
+    return SAYS(
+        "autocorrelated", time=with_time_unit(found.correlation_time, ".2g"), n=n, p=p, count=count, cause=cause
+    )
 
 
 def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]:
@@ -156,10 +158,10 @@ def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool)
     floor, of, rest = step / math.sqrt(12), words_of(unit), "noise" if white else "the model or a disturbance"
     steps = f"{_times(rms / step)} steps of the {of['reader']}"
     text = f"rms {with_unit(rms, unit, '.2g')}, {steps}{offset_phrase(mean, rms, unit)}"
-    if rms < AT_THE_FLOOR * floor:
+    if rms < (AT_THE_FLOOR if white else ROUNDING) * floor:
         return SAYS("rounding", text=text, least=floor / step, of=of)
-    if rms < 2 * floor:
-        return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2), rest=rest)
+    if rms < ROUNDING * floor:
+        return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2))
     return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest, of=of)
 
 

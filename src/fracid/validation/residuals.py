@@ -157,13 +157,15 @@ def residual_analysis(
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
     said = {"unit": unit, "use": recording.use}
     spectrum = _spectrum(e, speed, step, **said) if even else Spectrum("")
-    whiteness = _whiteness(e, ρ, step, quantum, spectrum, use=recording.use)
+    figures = _whiteness(e, ρ, step)
+    level = _level(raw[part], quantum, unit, white=figures.white)
+    cause = correlation_cause(figures, step, spectrum.swing, recording.use, rounding=level.rounding)
+    whiteness = replace(figures, sentence=whiteness_sentence(figures, e.size, cause))
     thin = slice(None, None, whiteness.thinning)
     variance = _variance(e, fitted, speed, whiteness, **said)
     return ResidualAnalysis(
         *head, whiteness, spectrum, _normality(e, e[thin], variance, unit), variance,
-        _level(raw[part], quantum, unit, white=whiteness.white), unit,
-        residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
+        level, unit, residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
     )  # fmt: skip
 
 
@@ -177,16 +179,13 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     return step, even
 
 
-def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, near: Spectrum, use: str) -> Whiteness:
-    T = correlation_time(ρ)
-    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=near.swing, use=use)
-    lags, Q, p = box_pierce(e)
+def _whiteness(e: FloatArray, ρ: FloatArray, step: float) -> Whiteness:
+    T, (lags, Q, p) = correlation_time(ρ), box_pierce(e)
     k = max(2, round(2 * T))
     thin = e[::k]
     return Whiteness(
-        whiteness_sentence(e.size, T, T * step, float(ρ[1]), p=p, cause=cause),
-        p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]), correlation_time=T * step,
-        effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
+        "", p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]),
+        correlation_time=T * step, effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
         thinned_p_value=box_pierce(thin)[2] if is_testable(thin) else NAN,
     )  # fmt: skip
 
