@@ -79,8 +79,8 @@ def whiteness_sentence(found: Whiteness, n: int, cause: str) -> str:
     )
 
 
-def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]:
-    """What the spectrum shows: drift, the swing's band, a line."""
+def spectrum_sentences(spectrum: Spectrum, unit: str, use: str, *, simulated: bool) -> Iterator[str]:
+    """What the spectrum shows: drift, the swing's band, a line, which the simulated motion may have too."""
     line, slow = spectrum.line, SAYS("slow", share=_percent(spectrum.slow_share), below=spectrum.slow_below)
     if spectrum.slow_share >= DRIFT:
         yield SAYS("drift", slow=slow, of=words_of(unit))
@@ -91,12 +91,14 @@ def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]
         yield SAYS("no-line", slow=slow)
     if line is None:
         return
-    if line.harmonic is None:
-        where, code = SAYS("no-multiple" if spectrum.swing else "nothing-simulated", swing=spectrum.swing), "other-part"
+    if line.harmonic is None and not simulated:
+        where, code = SAYS("no-multiple" if spectrum.swing else "no-peak", swing=spectrum.swing), "other-part"
+    elif line.harmonic is None:
+        where, code = SAYS("own-peak"), "harmonic-1"
     else:
         where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
         code = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
-    what = SAYS(code, of=words_of(unit)) + SAYS(f"remedy-{use}", of=words_of(unit)) * (line.harmonic == 1)
+    what = SAYS(code, of=words_of(unit)) + SAYS(f"remedy-{use}", of=words_of(unit)) * (code == "harmonic-1")
     yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=what)
 
 

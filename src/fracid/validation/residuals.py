@@ -200,12 +200,12 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str, use: str
     width = max(2.5 * f[1], 0.1 * peak)
     near, beside = np.abs(f - peak) <= width, (np.abs(f - peak) > width) & (np.abs(f - peak) <= 3 * width)
     part = _beyond_white(share, near)
-    stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
-    line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
+    denser = [np.mean(P[near]) > DENSER * np.mean(P[beside]) for P in (share, power_spectrum(speed, step)[1])]
+    line = Line(peak, part, harmonic_number(peak, band, f[1])) if part >= STANDS_OUT and denser[0] else None
     around = NAN if band is None else _beyond_white(share, (f >= band[0] - band[1] / 2) & (f <= band[2] + band[1] / 2))
     spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
                         swing_share=around)  # fmt: skip
-    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use)))
+    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use, simulated=bool(denser[1]))))
 
 
 def _beyond_white(share: FloatArray, near: NDArray[np.bool_]) -> float:
