@@ -59,7 +59,7 @@ from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import schwarz
-from fracid.selection.claim import OrderFound, claim_of, no_run
+from fracid.selection.claim import OrderFound, claim_of, is_of_a_swing, no_run
 from fracid.selection.comparison_records import (
     Comparison,
     EvidenceBlock,
@@ -688,7 +688,8 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         how = "To decide: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     widths = _half_widths(fractional)
-    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), beyond_bounds=o.beyond_bounds)
+    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), beyond_bounds=o.beyond_bounds,
+                         rungs=frozenset(), swings=is_of_a_swing(base.model, n))
               for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()
