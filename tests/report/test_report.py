@@ -448,6 +448,16 @@ def test_a_prediction_is_in_order_only_where_its_residual_is_noise_or_rounding(w
     assert ("The residual of α is correlated: it is not noise alone." in line.sentence) is not good
 
 
+def test_the_checks_name_the_residual_that_is_more_than_rounding_not_the_one_that_is_correlated_longest():
+    run, rest = said(), residual("fit", white=False, rms=0.1)
+    rest.output, rest.whiteness.correlation_time = "theta", 9.0
+    run.residuals = {"a": {"alpha": residual("fit", white=False), "theta": rest}}
+    line = next(line for line in verdict(run) if line.about == "Checks")
+    assert line.sentence.endswith("The residual of α is correlated over 1 s: it is not noise alone.")
+    run.residuals = {"a": {"theta": rest}}
+    assert verdict(run)[-1].sentence.endswith("The residuals are noise and rounding.")
+
+
 def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_the_claim():
     orders = {"lambda": estimate(1.2), "mu": estimate(1.18, 0.12)}
     changes = {"claim": "integer", "claim_reasons": [], "orders": orders, "alternative": RIVAL | {"warning": "It is."}}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fracid.safety.schema import as_json, record_of
-from fracid.selection.claim import FLOOR, OrderFound, claim_of, damping
+from fracid.selection.claim import FLOOR, OrderFound, claim_of
 from fracid.selection.integer_rival import Alternative, Trial
 from fracid.signals.left_over import LeftOver, left_over
 
@@ -93,7 +93,7 @@ def test_the_floor_is_taken_from_the_near_end_of_the_interval():
     far, near = OrderFound("mu", 0.98, 0.001), OrderFound("mu", 0.98, 0.010)
     assert far.least_distance == pytest.approx(0.019)
     assert far.least_distance > FLOOR > near.least_distance
-    assert damping(FLOOR) == pytest.approx(0.02)
+    assert math.pi / 2 * FLOOR == pytest.approx(0.02)
     assert [claim_of([o], nearest(), NOISE).claim for o in (far, near)] == ["fractional", "undecided"]
 
 

@@ -160,8 +160,8 @@ def _profiled(record: Mapping[str, Any]) -> Found:
         rows.append(_row(name, p, says, reason="" if known else p["sentence"],
                          verdict="identifiable" if known else p["verdict"]))  # fmt: skip
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
-    names, several = joined([letter(r["name"]) for r in rows]), len(rows) > 1
-    closed = f"The 95 % {'intervals' if several else 'interval'} of {names} {'are' if several else 'is'} closed."
+    names, s = joined([letter(r["name"]) for r in rows]), "s" * (len(rows) > 1)
+    closed = f"The 95 % interval{s} of {names} {'are' if s else 'is'} closed."
     answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else closed
     return Found(answer, not open_, facts=(f"cost {record['cost']['name']}",),
                  notes=(*record["notes"], *_beside(beside)),

@@ -314,17 +314,13 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
-    if not (tested := _tested(material, "fit")):
-        return
-    worst = max(tested, key=lambda a: a.whiteness.correlation_time)
-    if all(a.whiteness.white for a in tested):
-        yield "The residuals are white noise.", True
-    elif not _structured(material, "fit"):
-        yield "The residuals are noise and rounding.", True
-    else:
+    if structured := _structured(material, "fit"):
+        worst = max(structured, key=lambda a: a.whiteness.correlation_time)
         time = number(worst.whiteness.correlation_time, ".2g")
-        what = f"The residual of {letter(worst.output)}"
-        yield f"{what} is correlated over {time} s: it is not noise alone.", False
+        yield f"The residual of {letter(worst.output)} is correlated over {time} s: it is not noise alone.", False
+    elif tested := _tested(material, "fit"):
+        white = all(a.whiteness.white for a in tested)
+        yield f"The residuals are {'white noise' if white else 'noise and rounding'}.", True
 
 
 def _tested(material: Material, use: str) -> list[ResidualAnalysis]:

@@ -21,13 +21,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
 from fracid.estimation.covariance import Uncertainty
 from fracid.findings import Note, Words
-from fracid.models.base import Model
 from fracid.models.friction import SPRINGPOT
 from fracid.problem import Problem
 from fracid.selection.bic import EVEN, STRONG
@@ -121,8 +120,8 @@ class OrderFound:
 
     def says(self, key: str) -> str:
         """A clause on its distance from the integer: of a swing the damping ratio that it stands for."""
-        distance, floor = (damping(d) if self.swings else d for d in (self.distance, FLOOR))
-        return SAYS(f"{key}-{'swing' if self.swings else 'other'}", distance=distance, floor=floor)
+        kind, scale = ("swing", math.pi / 2) if self.swings else ("other", 1.0)
+        return SAYS(f"{key}-{kind}", distance=scale * self.distance, floor=scale * FLOOR)
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
@@ -132,36 +131,28 @@ class OrderFound:
         return f"{letter(self.name)} = {shown}"
 
 
-def damping(off: float) -> float:
-    r"""The damping ratio that the order of a swing stands for: :math:`\tfrac{π}{2}|1 - q|`.
+def of_model(problem: Problem, order: str) -> dict[str, Any]:
+    """What the model says of an order: a coordinate and its rate have it, as of a swing, or they do not.
 
     Examples
     --------
-    >>> round(damping(0.05), 3)
-    0.079
+    >>> import fracid, numpy as np
+    >>> still = fracid.Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> [of_model(problem, order)["swings"] for order in ("mu", "springpot_order_alpha")]
+    [True, False]
     """
-    return math.pi / 2 * off
-
-
-def is_of_a_swing(model: Model, order: str) -> bool:
-    """Whether a coordinate and its rate have an order.
-
-    Examples
-    --------
-    >>> from fracid.models import rotary_pendulum
-    >>> is_of_a_swing(rotary_pendulum(), "mu"), is_of_a_swing(rotary_pendulum(), "springpot_order_alpha")
-    (True, False)
-    """
-    return any(model.orders[i] == order == model.orders[j] for i, j in model.rates.items())
+    model, rungs = problem.model, {kind.rung for kind in problem.model.friction.values()}
+    swings = any(model.orders[i] == order == model.orders[j] for i, j in model.rates.items())
+    return {"integers": integers_of(problem, order), "rungs": frozenset(rungs), "swings": swings}
 
 
 def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failure) -> tuple[OrderFound, ...]:
     """The free orders at a minimum, those of springpots among them, with their intervals."""
-    found, rungs = [], frozenset(kind.rung for kind in problem.model.friction.values())
+    found = []
     for i in claimable(problem):
         name, value = problem.unknowns[i].target, float(x[i])
-        order = OrderFound(name, value, math.inf, integers_of(problem, name), rungs=rungs,
-                           swings=is_of_a_swing(problem.model, name))  # fmt: skip
+        order = OrderFound(name, value, math.inf, **of_model(problem, name))
         if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
@@ -220,9 +211,8 @@ def claim_of(
     if element is not None:
         lacks = SAYS("lacks", orders=" and ".join(map(str, orders)))
         return _undecided(lacks, *unexplained, str(element), element.remedy)
-    springpot = SPRINGPOT.rung in rungs
-    such = SAYS("such") if springpot or any(order.swings for order in orders) else ""
-    excluded = SAYS("not-excluded", such=such, looks=SAYS("looks") if springpot else "")
+    such = "springpot" if any(order.swings for order in orders) else "fractional-element"
+    excluded = SAYS("not-excluded", element=SAYS("compared-springpot" if SPRINGPOT.rung in rungs else such))
     open_question = (*unexplained, *[excluded] * bool(unexplained), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
@@ -272,8 +262,7 @@ def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
     if not determined:
         return _undecided(*unknown)
     inside = [order for order in determined if order.distance <= order.half]
-    beside = [order for order in determined if order not in inside]
-    next_to = [SAYS("next-to", order=order, least=OFF) for order in beside]
+    next_to = [SAYS("next-to", order=order, least=OFF) for order in determined if order not in inside]
     which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in inside))
     said = SAYS("inside", orders=" and ".join(map(str, inside)), which=which, s="s" * (len(inside) > 1))
     return Claim("integer", (*([said] if inside else []), *next_to, *unknown))

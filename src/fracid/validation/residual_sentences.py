@@ -10,7 +10,7 @@ import numpy as np
 from fracid.arrays import FloatArray
 from fracid.findings import Words
 from fracid.signals.left_over import ROUNDING, SIGNIFICANT, TESTABLE
-from fracid.units import signed, with_time_unit, with_unit
+from fracid.units import plain, signed, with_time_unit, with_unit
 from fracid.validation.residual_records import Contrast, Spectrum, Variance, Whiteness
 
 SAYS = Words("validation/residual_sentences.toml")
@@ -29,9 +29,6 @@ DRIFT = 0.5
 
 BROAD = 0.5
 """Share of the power around the swing, beyond that of white noise, which says that the swing is missed."""
-
-AT_THE_FLOOR = 1.3
-"""Of rounding's own rms: what is white and below it is rounding alone."""
 
 FAST = 0.05
 """Of the swing's period: a correlation shorter than that is not of what swings."""
@@ -64,19 +61,14 @@ def correlation_cause(found: Whiteness, step: float, swing: float | None, use: s
         return SAYS("at-floor")
     if swing and found.correlation_time * swing < FAST:
         return SAYS("short", period=with_time_unit(1 / swing, ".2g"))
-    return SAYS(f"lacks-{use}", times=_times(math.sqrt(T)))
+    return SAYS(f"lacks-{use}", times=plain(math.sqrt(T)))
 
 
 def whiteness_sentence(found: Whiteness, n: int, cause: str) -> str:
     """What the autocorrelation shows, and how many samples count."""
-    p, count = _p(found.p_value), found.effective_samples
-    if found.p_value >= SIGNIFICANT:
-        return SAYS("white", n=n, p=p)
-    if found.white:
-        return SAYS("next-to-white", lag_one=signed(found.lag_one), n=n, p=p, count=count)
-    return SAYS(
-        "autocorrelated", time=with_time_unit(found.correlation_time, ".2g"), n=n, p=p, count=count, cause=cause
-    )
+    code = "white" if found.p_value >= SIGNIFICANT else "next-to-white" if found.white else "autocorrelated"
+    return SAYS(code, n=n, p=_p(found.p_value), lag_one=signed(found.lag_one), count=found.effective_samples,
+                time=with_time_unit(found.correlation_time, ".2g"), cause=cause)  # fmt: skip
 
 
 def spectrum_sentences(spectrum: Spectrum, unit: str, use: str, *, simulated: bool) -> Iterator[str]:
@@ -91,10 +83,9 @@ def spectrum_sentences(spectrum: Spectrum, unit: str, use: str, *, simulated: bo
         yield SAYS("no-line", slow=slow)
     if line is None:
         return
-    if line.harmonic is None and not simulated:
-        where, code = SAYS("no-multiple" if spectrum.swing else "no-peak", swing=spectrum.swing), "other-part"
-    elif line.harmonic is None:
-        where, code = SAYS("own-peak"), "harmonic-1"
+    if line.harmonic is None:
+        where = SAYS("own-peak" if simulated else "no-multiple" if spectrum.swing else "no-peak", swing=spectrum.swing)
+        code = "harmonic-1" if simulated else "other-part"
     else:
         where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
         code = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
@@ -131,7 +122,7 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float,
     if not uneven:
         return SAYS("even", worst=max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0))
     sure = [(c, name) for c, name in uneven if c.sure]
-    text = ", ".join(f"{_times(c.ratio)} times as large {SAYS(name)}{_tail(c)}" for c, name in sure or uneven)
+    text = ", ".join(f"{plain(c.ratio)} times as large {SAYS(name)}{_tail(c)}" for c, name in sure or uneven)
     if not sure:
         return SAYS("by-chance", text=text, worth=effective_samples)
     most, name = _telling(sure)
@@ -158,13 +149,11 @@ def _tail(c: Contrast) -> str:
 def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     """What the size of the residual shows beside the encoder's step."""
     floor, of, rest = step / math.sqrt(12), words_of(unit), "noise" if white else "the model or a disturbance"
-    steps = f"{_times(rms / step)} steps of the {of['reader']}"
+    steps = f"{plain(rms / step)} steps of the {of['reader']}"
     text = f"rms {with_unit(rms, unit, '.2g')}, {steps}{offset_phrase(mean, rms, unit)}"
-    if rms < (AT_THE_FLOOR if white else ROUNDING) * floor:
-        return SAYS("rounding", text=text, least=floor / step, of=of)
     if rms < ROUNDING * floor:
-        return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2))
-    return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest, of=of)
+        return SAYS("rounding", text=text, least=floor / step, of=of)
+    return SAYS("beyond-rounding", text=text, times=plain(rms / floor), rest=rest, of=of)
 
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
@@ -178,10 +167,6 @@ def offset_phrase(mean: float, rms: float, unit: str) -> str:
 
 def _p(p: float) -> str:
     return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
-
-
-def _times(factor: float) -> str:
-    return f"{factor:,.0f}" if factor >= 100 else f"{factor:.2g}"
 
 
 def _percent(share: float) -> str:

@@ -155,16 +155,14 @@ def residual_analysis(
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
-    said = {"unit": unit, "use": recording.use}
-    spectrum = _spectrum(e, speed, step, **said) if even else Spectrum("")
+    spectrum = _spectrum(e, speed, step, unit, recording.use) if even else Spectrum("")
     figures = _whiteness(e, ρ, step)
     level = _level(raw[part], quantum, unit, white=figures.white)
     cause = correlation_cause(figures, step, spectrum.swing, recording.use, rounding=level.rounding)
     whiteness = replace(figures, sentence=whiteness_sentence(figures, e.size, cause))
-    thin = slice(None, None, whiteness.thinning)
-    variance = _variance(e, fitted, speed, whiteness, **said)
+    variance = _variance(e, fitted, speed, whiteness, unit, recording.use)
     return ResidualAnalysis(
-        *head, whiteness, spectrum, _normality(e, e[thin], variance, unit), variance,
+        *head, whiteness, spectrum, _normality(e, e[:: whiteness.thinning], variance, unit), variance,
         level, unit, residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
     )  # fmt: skip
 
@@ -253,5 +251,5 @@ def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Leve
     if step is None or not 0 < step < math.inf:
         text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No rounding is seen."
         return Level(text, mean, rms)
-    floor = step / math.sqrt(12)
-    return Level(level_sentence(mean, rms, step, unit, white=white), mean, rms, step, steps=rms / step, floor=floor)
+    said = level_sentence(mean, rms, step, unit, white=white)
+    return Level(said, mean, rms, step, steps=rms / step, floor=step / math.sqrt(12))
