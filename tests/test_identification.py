@@ -557,6 +557,16 @@ def test_a_model_that_explains_nothing_is_told():
     assert not any("--multi-start" in w for w in identify(other, starts=2).warnings)
 
 
+def test_a_model_that_does_not_fit_has_no_interval_anywhere():
+    other = replace(twin("other", noise=1e-3, end=1.0), initial={"alpha": Free(0.5, 0.45, 0.8)})
+    wrong = {"parameters": {"C4": 0.05}, "orders": {"lambda": 0.9, "mu": Free(1.0, 0.95, 1.05)}}
+    fit = fracid.identify(problem(twin(noise=1e-3, end=1.0), **wrong), validation=(other,))
+    assert fit.claim_codes == ("no-fit", "decide-model")
+    for e, bound in ((fit.orders["mu"], 0.95), (fit.recordings["other"].initial["alpha"], 0.45)):
+        assert (e.bound, e.identifiable, e.reason) == (bound, "at its bound", f"{bound}")
+        assert (e.interval95, e.white95, e.standard_error) == (None, None, None)
+
+
 def test_a_step_too_coarse_for_steep_friction_is_told():
     run = fracid.simulate(RIG, orders=[1.0] * 4, initial={"alpha": 0.4}, step=1e-3, end=3.0,
                           parameters={"coulomb_theta": 0.05, "slip_speed": 5e-3})  # fmt: skip

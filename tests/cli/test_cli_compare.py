@@ -75,6 +75,7 @@ def test_the_ladder_is_printed_with_its_verdict_and_where_everything_is(capsys, 
     rows = [line.split() for line in out.splitlines()]
     assert [row[:2] for row in rows if row[:1] == ["viscous"]] == [["viscous", "1"], ["viscous", "free"]] * 3
     assert "free ←" in out
+    assert "free values  BIC" in out
     assert "held out: low" in out
     assert "effective samples" in out
     assert "mu " in out

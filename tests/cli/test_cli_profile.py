@@ -48,7 +48,7 @@ def folder(tmp_path_factory):
 def test_a_run_is_profiled_into_its_own_folder_with_a_table_and_a_figure(capsys, folder):
     code, out, err = run(capsys, "profile", folder / "run")
     assert (code, err) == (0, "")
-    assert "Every 95 % interval is closed." in out
+    assert "The 95 % intervals of λ and μ are closed." in out
     for line in ("lambda", "mu"):
         (row,) = [text for text in out.splitlines() if text.startswith(line + " ")]
         assert row.count("±") == 3

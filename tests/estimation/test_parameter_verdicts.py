@@ -265,7 +265,7 @@ def test_what_does_nothing_is_not_known_at_all():
     rig = RIG.with_parameters(coulomb_theta=0.0)
     p = twin(rig, parameters={"slip_speed": Free(0.02, 0.01, 0.1)})
     found = verdicts(p, x=p.start)
-    assert found["slip_speed"].sentence == "not at all: nothing that was measured depends on it"
+    assert found["slip_speed"].sentence == "not identifiable: nothing that was measured depends on it"
 
 
 def test_a_spring_that_is_not_there_leaves_its_rest_where_it_began_and_says_that_it_does_nothing():
@@ -276,9 +276,9 @@ def test_a_spring_that_is_not_there_leaves_its_rest_where_it_began_and_says_that
     assert settled(p, np.array([1e-3, -1.0])).x.tolist() == [0.0, 0.1]
     says = "it does nothing where cable_stiffness is 0, and the interval of cable_stiffness includes 0"
     found = verdicts(p, x=np.array([0.0, -1.0]))["theta_rest"]
-    assert found.sentence == f"not at all: {says}"
+    assert found.sentence == f"not identifiable: {says}"
     found = verdicts(p, x=np.array([1e-9, -1.0]))["theta_rest"]
-    assert found.sentence == f"practically not: its interval is wider than its bounds, −1 … 1; {says}"
+    assert found.sentence == f"practically non-identifiable: its interval is wider than its bounds, −1 … 1; {says}"
 
 
 def test_a_bound_is_told_and_with_a_profile_what_the_data_say_beyond():

@@ -221,8 +221,11 @@ def test_a_posture_is_found_where_the_input_acts_by_its_square_and_states_are_sm
 
 
 def test_a_loop_is_drawn_with_its_margins_and_the_worst_draw(found):
-    titles = [axes.get_title() for axes in found.plot().axes]
+    figure = found.plot()
+    titles = [axes.get_title() for axes in figure.axes]
     assert "margins of 5 draws" in " ".join(titles)
+    entries = [(line.get_color(), line.get_marker(), line.get_linestyle()) for line in figure.legends[0].get_lines()]
+    assert len(set(entries)) == len(entries) > 3
 
 
 @pytest.fixture(scope="module")

@@ -37,6 +37,7 @@ from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
 from fracid.validation.residual_analyses import first_part
+from fracid.validation.residual_records import Level
 from twins import RIG, write_release
 
 HOSTILE = "</script><img src=x onerror=\"window.hit=1\"> & 'swing'"
@@ -353,6 +354,9 @@ FORGOTTEN = {"a": FIT_ONLY["a"] | {"initial_state": {"z_alpha": estimate(0.3, 1.
 LINES = {
     "a good fit": ("Fit", {}, True, "follows the recording to 0.57° (α) rms, a fit of 95 %"),
     "a poor fit": ("Fit", {"recordings": POOR}, False, "hardly better than a constant"),
+    "a model that is off by half the motion": (
+        "Fit", {"claim_codes": ["no-fit"]}, False, "does not follow the recording: it is off by 0.57° (α) rms",
+    ),
     "orders next to 1": ("Orders", {}, True, "1 lies in the interval of μ: there is no evidence of fractional"),
     "orders off 1 that a rival cannot do without": (
         "Orders", {"orders": {"mu": estimate(0.9, 0.01)}, "alternative": RIVAL}, True,
@@ -380,6 +384,10 @@ LINES = {
     "a prediction": ("Prediction", {}, True, "It predicts b, which was held out, to 0.57°"),
     "no prediction": ("Prediction", {"recordings": FIT_ONLY}, False, "no recording was held out"),
     "all values known": ("Values", {}, True, "2 of 2 free values are identifiable"),
+    "values of a model that does not fit, one at its bound": (
+        "Values", {"orders": {"mu": estimate(0.9, kind="unknown")},
+                   "parameters": {"C1": estimate(0, kind="at its bound")}}, False, "Of the 2 free values there are no",
+    ),
     "values unknown": (
         "Values", {"parameters": {"C1": estimate(0.004, 1.0, kind="practically not")}}, False,
         "1 of 2 free values is identifiable; C1 is not",
@@ -428,7 +436,7 @@ CLAIMED = {"claim": "fractional", "claim_reasons": [], "orders": {"mu": estimate
 def residual(use, *, white, rms=1.0):
     whiteness = SimpleNamespace(thinning=2, white=white, correlation_time=1.0)
     return SimpleNamespace(use=use, output="alpha", recording="b", whiteness=whiteness,
-                           level=SimpleNamespace(rms=rms, floor=0.1))  # fmt: skip
+                           level=Level("", rms=rms, floor=0.1))  # fmt: skip
 
 
 @pytest.mark.parametrize(("white", "rms", "good"), [(True, 1.0, True), (False, 1.0, False), (False, 0.1, True)])
@@ -438,6 +446,16 @@ def test_a_prediction_is_in_order_only_where_its_residual_is_noise_or_rounding(w
     line = next(line for line in verdict(run) if line.about == "Prediction")
     assert line.good is good
     assert ("The residual of α is correlated: it is not noise alone." in line.sentence) is not good
+
+
+def test_the_checks_name_the_residual_that_is_more_than_rounding_not_the_one_that_is_correlated_longest():
+    run, rest = said(), residual("fit", white=False, rms=0.1)
+    rest.output, rest.whiteness.correlation_time = "theta", 9.0
+    run.residuals = {"a": {"alpha": residual("fit", white=False), "theta": rest}}
+    line = next(line for line in verdict(run) if line.about == "Checks")
+    assert line.sentence.endswith("The residual of α is correlated over 1 s: it is not noise alone.")
+    run.residuals = {"a": {"theta": rest}}
+    assert verdict(run)[-1].sentence.endswith("The residuals are noise and rounding.")
 
 
 def test_an_integer_order_alternative_is_a_reason_and_a_misfit_speaks_against_the_claim():

@@ -119,6 +119,15 @@ def test_the_controllers_of_a_table_have_the_same_columns_whatever_their_weights
     assert len({tuple(row) for row in rows}) == 1
 
 
+@pytest.mark.parametrize(("names", "answer"), [
+    (["q"], "The 95 % interval of q is closed."), (["lambda", "mu"], "The 95 % intervals of λ and μ are closed."),
+])  # fmt: skip
+def test_profiles_answer_for_the_values_that_were_profiled(names, answer):
+    ends = [0.88, 0.94]
+    one = profiles()["profiles"]["mu"] | {"interval95": ends, "wald95": ends, "verdict": "two-sided"}
+    assert STUDIES["profiles.json"].found(profiles() | {"profiles": dict.fromkeys(names, one)}).answer == answer
+
+
 def test_every_study_that_has_a_page_is_tried_here():
     assert set(RECORDS) == set(STUDIES)
 

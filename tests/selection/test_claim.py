@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fracid.safety.schema import as_json, record_of
-from fracid.selection.claim import FLOOR, OrderFound, claim_of, damping
+from fracid.selection.claim import FLOOR, OrderFound, claim_of
 from fracid.selection.integer_rival import Alternative, Trial
 from fracid.signals.left_over import LeftOver, left_over
 
@@ -91,9 +91,23 @@ def test_a_finding_that_contradicts_forbids_the_word_fractional():
 
 def test_the_floor_is_taken_from_the_near_end_of_the_interval():
     far, near = OrderFound("mu", 0.98, 0.001), OrderFound("mu", 0.98, 0.010)
-    assert far.least_damping == pytest.approx(damping(0.019))
-    assert far.least_damping > FLOOR > near.least_damping
+    assert far.least_distance == pytest.approx(0.019)
+    assert far.least_distance > FLOOR > near.least_distance
+    assert math.pi / 2 * FLOOR == pytest.approx(0.02)
     assert [claim_of([o], nearest(), NOISE).claim for o in (far, near)] == ["fractional", "undecided"]
+
+
+def test_only_the_order_of_a_swing_is_said_to_act_like_a_damping_ratio():
+    """Of a material or a cell the distance from the integer is said, and nothing that a rig alone has."""
+    for swings, ratio in ((True, True), (False, False)):
+        orders = [OrderFound("q", q, 0.002, rungs=frozenset(), swings=swings) for q in (0.7, 0.99)]
+        fractional, little = (claim_of([order], nearest(), NOISE) for order in orders)
+        settled = claim_of(orders, nearest(as_well=True), MISFIT)
+        assert (fractional.claim, little.claim) == ("fractional", "undecided")
+        assert (fractional.codes[0], little.codes[0]) == ("effect", "too-little")
+        said = " ".join((*fractional.reasons, *little.reasons, *settled.reasons))
+        assert [w in said for w in ("damping ratio", "a cable or a bearing", "springpot")] == [ratio] * 3
+        assert ("q = 0.7000 ± 0.0020 differs from 1 by 0.3." in said) is not ratio
 
 
 def test_a_claim_shows_the_half_width_of_the_tables_unless_that_seems_to_tell_otherwise():

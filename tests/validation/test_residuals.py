@@ -226,7 +226,19 @@ def test_a_motion_that_does_not_swing_has_no_multiples():
     for fitted in (np.full(N, 0.2), 0.3 * np.exp(-TIME)):
         found = analysed(wave(5.0, 0.5), fitted)
         assert found.spectrum.swing is None
-        assert "5 Hz, where nothing is simulated" in found.sentences["spectrum"]
+        assert "5 Hz, where the simulated motion has no peak: another part that moves" in found.sentences["spectrum"]
+
+
+@pytest.mark.parametrize("slow", [0.3 * np.exp(-TIME), 0.3 * np.cos(2 * np.pi * 0.7 * TIME)])
+def test_a_resonance_that_the_model_has_too_is_not_put_down_to_another_part(slow):
+    rings = slow + 1e-3 * np.exp(-TIME) * np.cos(2 * np.pi * 18.2 * TIME)
+    said = analysed(wave(18.2, 0.5), rings).sentences["spectrum"]
+    assert "18.2 Hz, where the simulated motion has a peak too: the simulated swing is too large, too small" in said
+    assert (
+        "18.2 Hz, where the simulated motion has a peak too"
+        not in analysed(wave(33.0, 0.5), rings).sentences["spectrum"]
+    )
+    assert "another part that moves" in analysed(wave(33.0, 0.5), rings).sentences["spectrum"]
 
 
 def test_a_broad_band_around_the_swing_is_said_and_white_noise_is_not_one():
@@ -430,10 +442,19 @@ def test_the_rounding_of_a_slow_motion_is_correlated_and_no_fault_of_the_model()
     assert "that is the rounding of a slow motion" in found.sentences["whiteness"]
 
 
+@pytest.mark.parametrize(("times", "rounding"), [(1.5, True), (2.5, False)])
+def test_a_residual_that_rounding_may_explain_is_put_down_to_it_by_every_sentence(times, rounding):
+    e = analysed(times * ENCODER / np.sqrt(6) * np.sin(2 * np.pi * 0.7 * TIME), resolution={"alpha": ENCODER})
+    assert (e.level.rounding, e.whiteness.white) == (rounding, False)
+    assert ("no fault of the model" in e.sentences["whiteness"]) is rounding
+    assert ("cannot distinguish a better model" in e.sentences["level"]) is rounding
+    assert ("the model lacks something" in e.sentences["whiteness"]) is not rounding
+
+
 @pytest.mark.parametrize(
     ("noise", "words"),
     [
-        (0.4, "rounding has 3[3-6] % of its power, the rest is noise"),
+        (0.4, "0.49 steps of the encoder: rounding alone leaves 0.29. This encoder cannot distinguish a better model"),
         (3.0, "10 times what rounding leaves: it is noise, not the encoder"),
     ],
 )

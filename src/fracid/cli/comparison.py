@@ -69,7 +69,7 @@ def _worth(c: Comparison, row: Row) -> dict[str, str]:
     own = {n: with_half_width(o.value, half_of(o.interval95)) * row.fractional for n, o in row.orders.items()}
     orders = {n: own.get(n, "") for other in c.rows for n in other.orders}  # an alternative has its own, or none
     odds = {"log odds": number(row.log_odds, "+.1f")} if any(isfinite(r.log_odds) for r in c.rows) else {}
-    return _structure(row) | orders | {"free": f"{row.parameters}", "BIC": number(row.bic, "+.4g")} | odds
+    return _structure(row) | orders | {"free values": f"{row.parameters}", "BIC": number(row.bic, "+.4g")} | odds
 
 
 def _errors(c: Comparison, scores: Sequence[Score]) -> dict[str, str]:

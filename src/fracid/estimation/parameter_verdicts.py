@@ -45,6 +45,7 @@ from fracid.estimation.block_covariance import summed
 from fracid.estimation.cost_profile import Profile
 from fracid.estimation.covariance import Uncertainty, half_width, uncertainty
 from fracid.estimation.derivatives import by_blocks
+from fracid.estimation.records import in_words
 from fracid.findings import Words
 from fracid.models.friction import LUGRE
 from fracid.problem import Experiment, Problem, Unknown
@@ -95,8 +96,8 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """The verdict and its reason."""
-        return f"{self.kind}: {self.reason}" if self.reason else self.kind
+        """The verdict, as tables say it, and its reason."""
+        return ": ".join(filter(None, (in_words(self.kind), self.reason)))
 
     @property
     def says(self) -> str:
@@ -142,7 +143,7 @@ def identifiability(
     >>> problem = Problem(rig, (swing,), {"lambda": 0.9, "mu": Free(0.95, 0.5, 1.2)},
     ...                   {"slip_speed": Free(0.02, 0.01, 0.1)}, initial_state="held")
     >>> {name: verdict.sentence for name, verdict in identifiability(problem, problem.start).items()}
-    {'mu': 'identifiable', 'slip_speed': 'not at all: nothing that was measured depends on it'}
+    {'mu': 'identifiable', 'slip_speed': 'not identifiable: nothing that was measured depends on it'}
     """
     known = uncertainty(problem, x, jobs=jobs) if known is None else known
     if isinstance(known, Failure):

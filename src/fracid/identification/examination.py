@@ -394,7 +394,7 @@ class Examination:
         noise = all(e.noise for e in self.residuals.values())
         contradictions = [f.note for f in (*setting.findings, *self.findings, *self.missed())]
         undecided = claim_of(orders, None, self.residuals, contradictions).claim == "undecided"
-        slow = any(order.least_damping > FLOOR for order in orders) and noise
+        slow = any(order.least_distance > FLOOR for order in orders) and noise
         halves = {} if isinstance(at.uncertainty, Failure) else {order.name: order.half for order in orders}
         nearest = integer_alternatives(
             where, beside, halves, slow=slow and not contradictions and undecided,

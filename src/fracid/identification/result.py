@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 from fracid.arrays import FloatArray
-from fracid.cards import listed
+from fracid.cards import brief, listed
 from fracid.errors import Failure, FailureReason
 from fracid.estimation.covariance import OF_FITS, Uncertainty
 from fracid.estimation.drift import drift_of
@@ -55,6 +55,7 @@ def as_fit(found: Examination, evaluations: int, timing: Mapping[str, float]) ->
         check = check.on_all_samples(at.problem, at.best.cost, cost)
     estimates = _estimates(found, problem, fits)
     fitted = fits_at(problem, at.x, estimates, use="fit")
+    validated = found.validated if fits else {n: _alone(r) for n, r in found.validated.items()}
     findings = _findings(found, problem, fitted)
     precision = at.uncertainty if fits else Failure(FailureReason.NO_FIT, "the model does not fit")
     messages = (PARTIAL * (found.outcome is Outcome.INTERRUPTED),
@@ -72,7 +73,7 @@ def as_fit(found: Examination, evaluations: int, timing: Mapping[str, float]) ->
             n: OrderEstimate(**vars(estimates[n]), integer=model.integer_order(n)) for n in problem.orders
         }),
         parameters=Estimates({n: estimates[n] for n in model.parameter_names if n in estimates}),
-        recordings=fitted | found.validated, opened_bounds=opened,
+        recordings=fitted | validated, opened_bounds=opened,
         starts=setting.attempts, start_that_won=None if winner is None else winner.origin,
         alternative=found.alternative, spread=found.spread, window=setting.window,
         cut=found.cut if isinstance(found.cut, CutCheck) else None,
@@ -85,16 +86,24 @@ def as_fit(found: Examination, evaluations: int, timing: Mapping[str, float]) ->
 
 
 def _estimates(found: Examination, problem: Problem, fits: bool) -> dict[str, Estimate]:
-    """Of a model that does not fit the value alone, and the bound that it may lie at."""
     estimates, nearest = estimates_at(problem, found.at.x, found.at.uncertainty, found.verdicts), found.alternative
-    if not fits:
-        estimates = {n: e if not e.free or e.at_bound else Estimate(e.value, e.unit, True, identifiable="unknown")
-                     for n, e in estimates.items()}  # fmt: skip
+    estimates = estimates if fits else _values_alone(estimates)
     if nearest is not None and nearest.warning and found.claim.claim == "integer":
         for n in nearest.orders:
             verdict = IMITATION if nearest.parameters else CHANCE.format(problem.model.integer_order(n))
             estimates[n] = replace(estimates[n], identifiable=verdict, reason="")
     return estimates
+
+
+def _values_alone(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Of a model that does not fit the values, and the bounds that they lie at."""
+    return {n: Estimate(e.value, e.unit, True, at_bound=e.at_bound, bound=e.bound, reason=brief(e.bound) * e.at_bound,
+                        identifiable="at its bound" if e.at_bound else "unknown") if e.free else e
+            for n, e in estimates.items()}  # fmt: skip
+
+
+def _alone(r: RecordingFit) -> RecordingFit:
+    return replace(r, initial=_values_alone(r.initial), parameters=_values_alone(r.parameters))
 
 
 def _findings(found: Examination, problem: Problem, fitted: Mapping[str, RecordingFit]) -> list[Finding]:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fracid.figures import Style
-from fracid.plots.appearance import BLUE, INK, ORANGE, VERMILLION, axis_unit, finish, label, new, plain, symbol
+from fracid.plots.appearance import BLUE, GREEN, INK, ORANGE, VERMILLION, axis_unit, finish, label, new, plain, symbol
 from fracid.schemas.feedback import ControlRecord
 
 AROUND = 3.0
@@ -49,7 +49,7 @@ def control_loop(control: ControlRecord, *, style: str | Style = "screen") -> Fi
                          label=name)  # fmt: skip
     label(scatter, f"margins of {len(control.trials)} draws", "gain margin [dB]", "phase margin [°]")
     time, y, u = loop.run(worst, controller, control.seed + control.worst_draw)
-    for i, (n, colour) in enumerate(zip(c.outputs, (BLUE, ORANGE, VERMILLION, INK), strict=False)):
+    for i, (n, colour) in enumerate(zip(c.outputs, (GREEN, ORANGE, INK, "0.6"), strict=False)):
         unit, factor = axis_unit(c.units[n])
         motion.plot(time, factor * y[:, i], color=colour, label=f"{symbol(n)} [{unit}]")
     label(motion, "motion of the worst draw", "time [s]", f"from {c.posture}")

@@ -29,7 +29,7 @@ from fracid.report.charts import Axis
 from fracid.report.drawing import drawn
 from fracid.report.frame import rendered
 from fracid.report.samples import base64_floats
-from fracid.report.sentences import counted, in_unit, interval
+from fracid.report.sentences import counted, in_unit, interval, joined
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import bytes_of, own_text, text_of, write_files
 from fracid.safety.json_files import plain
@@ -160,7 +160,9 @@ def _profiled(record: Mapping[str, Any]) -> Found:
         rows.append(_row(name, p, says, reason="" if known else p["sentence"],
                          verdict="identifiable" if known else p["verdict"]))  # fmt: skip
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
-    answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else "Every 95 % interval is closed."
+    names, s = joined([letter(r["name"]) for r in rows]), "s" * (len(rows) > 1)
+    closed = f"The 95 % interval{s} of {names} {'are' if s else 'is'} closed."
+    answer = f"Without a closed 95 % interval: {', '.join(open_)}." if open_ else closed
     return Found(answer, not open_, facts=(f"cost {record['cost']['name']}",),
                  notes=(*record["notes"], *_beside(beside)),
                  values={"Profile likelihood: values and 95 % intervals": rows})  # fmt: skip

@@ -15,7 +15,6 @@ from fracid.safety.door import own_text
 from fracid.selection.claim import NO_FIT
 from fracid.selection.doubts import POOR, doubts
 from fracid.selection.integer_rival import OFF
-from fracid.signals.left_over import ROUNDING
 from fracid.units import letter, number
 from fracid.validation.discretisation import COARSE_STEP
 from fracid.validation.residual_records import ResidualAnalysis
@@ -108,7 +107,7 @@ def _fit(material: Material) -> Line:
     lost = does_not_fit(material.result["claim_codes"])
     follows = f"does not follow {what}: it is off by" if lost else f"follows {what} to"
     sentence = f"The model {follows} {_errors(material, recordings)} rms{_fits(percents)}.{doubt}"
-    return Line("Fit", sentence, not poor and not misfit)
+    return Line("Fit", sentence, not poor and not misfit and not lost)
 
 
 def _followed(material: Material, use: str) -> tuple[dict[str, Any], list[str], list[float], bool]:
@@ -238,7 +237,7 @@ def _values(material: Material) -> Line:
     kinds, held_out = (dict(_free_kinds(material, use)) for use in ("fit", "validate"))
     moved = [letter(n) for n in moved_by_the_step(material.result)]
     sentence, all_known = _identifiable(kinds, "free values")
-    if kinds and {*kinds.values()} == {"unknown"}:
+    if "unknown" in kinds.values():
         sentence = f"Of the {len(kinds)} free values there are no intervals"
     if moved:
         its = "its interval" if len(moved) == 1 else "their intervals"
@@ -315,17 +314,13 @@ def _step(material: Material) -> Iterator[tuple[str, bool]]:
 
 
 def _left_over(material: Material) -> Iterator[tuple[str, bool]]:
-    if not (tested := _tested(material, "fit")):
-        return
-    worst = max(tested, key=lambda a: a.whiteness.correlation_time)
-    if all(a.whiteness.white for a in tested):
-        yield "The residuals are white noise.", True
-    elif not _structured(material, "fit"):
-        yield "The residuals are noise and rounding.", True
-    else:
+    if structured := _structured(material, "fit"):
+        worst = max(structured, key=lambda a: a.whiteness.correlation_time)
         time = number(worst.whiteness.correlation_time, ".2g")
-        what = f"The residual of {letter(worst.output)}"
-        yield f"{what} is correlated over {time} s: it is not noise alone.", False
+        yield f"The residual of {letter(worst.output)} is correlated over {time} s: it is not noise alone.", False
+    elif tested := _tested(material, "fit"):
+        white = all(a.whiteness.white for a in tested)
+        yield f"The residuals are {'white noise' if white else 'noise and rounding'}.", True
 
 
 def _tested(material: Material, use: str) -> list[ResidualAnalysis]:
@@ -336,4 +331,4 @@ def _tested(material: Material, use: str) -> list[ResidualAnalysis]:
 
 def _structured(material: Material, use: str) -> list[ResidualAnalysis]:
     """Those that are neither white noise nor the encoder's rounding."""
-    return [a for a in _tested(material, use) if not (a.whiteness.white or a.level.rms < ROUNDING * a.level.floor)]
+    return [a for a in _tested(material, use) if not (a.whiteness.white or a.level.rounding)]

@@ -2,8 +2,8 @@ r"""What is claimed of a rig: ``fractional``, ``integer`` or ``undecided``, with
 
 A tool for fractional orders is worth as much as its "no".  So **fractional** is said only where all of this holds:
 
-1. the 95 % interval of an order excludes its integer by more than :data:`FLOOR` of damping: an order q damps a swing
-   like a damping ratio of :math:`|ζ| = \tfrac{π}{2}|1 - q|`, and less than that a clock, a cable or a bearing may do;
+1. the 95 % interval of an order excludes its integer by more than :data:`FLOOR`: the order q of a coordinate and its
+   rate damps like a damping ratio of :math:`|ζ| = \tfrac{π}{2}|1 - q|`, and 0.02 a clock, a cable or a bearing may do;
    so it must where no other unknown is stopped by a bound, which may be all that keeps the order off its integer;
 2. what is left over is noise or the encoder's rounding (:mod:`fracid.signals.left_over`): where a model lacks
    something, its orders stand in for that;
@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from fracid.arrays import FloatArray
 from fracid.errors import Failure
@@ -40,8 +40,8 @@ SAYS = Words("selection/claim.toml")
 MANY = 100.0
 """From here on a difference of BIC is a whole number."""
 
-FLOOR = 0.02
-"""The damping ratio by which an order must differ from an integer, its interval taken off: 0.013 in an order."""
+FLOOR = 0.04 / math.pi
+"""By how much an order must differ from an integer, its interval taken off: of a swing a damping ratio of 0.02."""
 
 KNOWN = 0.1
 """An order whose interval is wider than this to each side is not known; half of it where residuals are no noise, for
@@ -95,6 +95,8 @@ class OrderFound:
     """Its interval, as tables have it; None: as long as that side on both."""
     rungs: frozenset[str] = frozenset({SPRINGPOT.rung})
     """What compare can look for in its place."""
+    swings: bool = True
+    """Whether a coordinate and its rate have it, so that it acts like a damping ratio."""
 
     @property
     def nearest(self) -> float:
@@ -102,42 +104,55 @@ class OrderFound:
         return min(self.integers, key=lambda i: abs(self.value - i))
 
     @property
-    def off(self) -> bool:
-        """Whether its interval excludes the integers."""
-        return bool(self.integers) and abs(self.value - self.nearest) > max(OFF, self.half)
+    def distance(self) -> float:
+        """How far it is from the nearest integer; 0 where it has no integer value."""
+        return abs(self.value - self.nearest) if self.integers else 0.0
 
     @property
-    def least_damping(self) -> float:
-        """The damping ratio that the near end of its interval stands for; 0 where it has no integer value."""
-        half = max(self.half, self.beyond_bounds)
-        return damping(abs(self.value - self.nearest) - half) if self.integers else 0.0
+    def off(self) -> bool:
+        """Whether its interval excludes the integers."""
+        return self.distance > max(OFF, self.half)
+
+    @property
+    def least_distance(self) -> float:
+        """How far the near end of its interval is from the integer."""
+        return self.distance - max(self.half, self.beyond_bounds)
+
+    def says(self, key: str) -> str:
+        """A clause on its distance from the integer: of a swing the damping ratio that it stands for."""
+        kind, scale = ("swing", math.pi / 2) if self.swings else ("other", 1.0)
+        return SAYS(f"{key}-{kind}", distance=scale * self.distance, floor=scale * FLOOR)
 
     def __str__(self) -> str:
         """``μ = 0.9570 ± 0.0030``: as tables have it, unless that seems to tell otherwise than what decides."""
-        distance, half = abs(self.value - self.nearest) if self.integers else math.inf, half_of(self.shown)
-        shown = "" if self.shown is None else with_interval(self.value, *self.shown)
-        if not shown or ("±" in shown and (distance > half) != (distance > self.half)):
+        shown, half = "" if self.shown is None else with_interval(self.value, *self.shown), half_of(self.shown)
+        if not shown or ("±" in shown and (self.distance > half) != (self.distance > self.half)):
             shown = with_half_width(self.value, self.half)
         return f"{letter(self.name)} = {shown}"
 
 
-def damping(off: float) -> float:
-    r"""The damping ratio that an order stands for: :math:`\tfrac{π}{2}|1 - q|`.
+def of_model(problem: Problem, order: str) -> dict[str, Any]:
+    """What the model says of an order: a coordinate and its rate have it, as of a swing, or they do not.
 
     Examples
     --------
-    >>> round(damping(0.05), 3)
-    0.079
+    >>> import fracid, numpy as np
+    >>> still = fracid.Experiment("still", 0.1, np.zeros((9, 2)), np.zeros((1, 1)))
+    >>> problem = fracid.Problem(fracid.rotary_pendulum(), (still,), {"lambda": 1.0, "mu": 1.0})
+    >>> [of_model(problem, order)["swings"] for order in ("mu", "springpot_order_alpha")]
+    [True, False]
     """
-    return math.pi / 2 * off
+    model, rungs = problem.model, {kind.rung for kind in problem.model.friction.values()}
+    swings = any(model.orders[i] == order == model.orders[j] for i, j in model.rates.items())
+    return {"integers": integers_of(problem, order), "rungs": frozenset(rungs), "swings": swings}
 
 
 def orders_found(problem: Problem, x: FloatArray, precision: Uncertainty | Failure) -> tuple[OrderFound, ...]:
     """The free orders at a minimum, those of springpots among them, with their intervals."""
-    found, rungs = [], frozenset(kind.rung for kind in problem.model.friction.values())
+    found = []
     for i in claimable(problem):
         name, value = problem.unknowns[i].target, float(x[i])
-        order = OrderFound(name, value, math.inf, integers_of(problem, name), rungs=rungs)
+        order = OrderFound(name, value, math.inf, **of_model(problem, name))
         if not isinstance(precision, Failure) and (interval := precision.interval(x, i)) is not None:
             below = bool(order.integers) and order.nearest < value
             half = value - interval[0] if below else interval[1] - value
@@ -196,7 +211,8 @@ def claim_of(
     if element is not None:
         lacks = SAYS("lacks", orders=" and ".join(map(str, orders)))
         return _undecided(lacks, *unexplained, str(element), element.remedy)
-    excluded = SAYS("not-excluded", looks=SAYS("looks") if SPRINGPOT.rung in rungs else "")
+    such = "springpot" if any(order.swings for order in orders) else "fractional-element"
+    excluded = SAYS("not-excluded", element=SAYS("compared-springpot" if SPRINGPOT.rung in rungs else such))
     open_question = (*unexplained, *[excluded] * bool(unexplained), *coloured)
     if alternative is not None and any(t.as_well for t in alternative.trials):
         if alternative.settles:
@@ -209,7 +225,7 @@ def claim_of(
         decides = decides if unexplained else SAYS("decide-longer")
         remedy = [decides] if claim.claim == "undecided" and any(order.integers for order in orders) else []
         return replace(claim, reasons=(*claim.reasons, *open_question, *remedy))
-    clear = [order for order in off if order.least_damping > FLOOR]
+    clear = [order for order in off if order.least_distance > FLOOR]
     if not clear:
         return _too_little(off, open_question)
     orders_off = " and ".join(map(str, clear))
@@ -228,7 +244,7 @@ def claim_of(
     memories = alternative.memories
     if memories and (memories[-1].as_well or not math.isfinite(memories[-1].gain)):
         return _no_more_than(memories[-1], orders_off, coloured)
-    effects = (SAYS("effect", order=order, ratio=damping(abs(order.value - order.nearest))) for order in clear)
+    effects = (SAYS("effect", order=order, size=order.says("size")) for order in clear)
     return Claim("fractional", (*effects, *_beaten(alternative), *_worth(memories), *coloured, *support))
 
 
@@ -245,20 +261,18 @@ def _not_off(orders: Sequence[OrderFound], known: float) -> Claim:
     unknown += [SAYS("no-integer", order=order) for order in without]
     if not determined:
         return _undecided(*unknown)
-    inside = [order for order in determined if abs(order.value - order.nearest) <= order.half]
-    beside = [order for order in determined if order not in inside]
-    next_to = [SAYS("next-to", order=order, least=OFF) for order in beside]
+    inside = [order for order in determined if order.distance <= order.half]
+    next_to = [SAYS("next-to", order=order, least=OFF) for order in determined if order not in inside]
     which = " and ".join(dict.fromkeys(f"{order.nearest:g}" for order in inside))
     said = SAYS("inside", orders=" and ".join(map(str, inside)), which=which, s="s" * (len(inside) > 1))
     return Claim("integer", (*([said] if inside else []), *next_to, *unknown))
 
 
 def _too_little(off: Sequence[OrderFound], open_question: Sequence[str]) -> Claim:
-    most, orders = max(off, key=lambda order: order.least_damping), " and ".join(map(str, off))
-    distance = abs(most.value - most.nearest)
-    if damping(distance - most.half) > FLOOR:  # but for a bound
+    most, orders = max(off, key=lambda order: order.least_distance), " and ".join(map(str, off))
+    if most.distance - most.half > FLOOR:  # but for a bound
         return _undecided(SAYS("bound", orders=orders, most=most), *open_question, SAYS("decide-decades"))
-    said = SAYS("too-little", orders=orders, most=most, ratio=damping(distance), floor=FLOOR)
+    said = SAYS("too-little", orders=orders, most=most, little=most.says("little"))
     return _undecided(said, *(open_question or [SAYS("no-recording")]))
 
 

@@ -59,7 +59,7 @@ from fracid.safety.json_files import json_number
 from fracid.safety.schema import as_json, record_of
 from fracid.selection.amplitude import AmplitudeTest, amplitude_test
 from fracid.selection.bic import schwarz
-from fracid.selection.claim import OrderFound, claim_of, no_run
+from fracid.selection.claim import OrderFound, claim_of, no_run, of_model
 from fracid.selection.comparison_records import (
     Comparison,
     EvidenceBlock,
@@ -73,7 +73,7 @@ from fracid.selection.comparison_records import (
 )
 from fracid.selection.comparison_verdict import ORDERS_HELP, as_good_as_integer, not_helped, verdict_of
 from fracid.selection.integer_alternatives import LEAST, TIMES, integer_alternatives
-from fracid.selection.integer_rival import Alternative, integers_of
+from fracid.selection.integer_rival import Alternative
 from fracid.selection.ladder import PAPER, Ladder, Structure, assignment, ladder, name_of
 from fracid.selection.opened_bounds import OpenedBound, open_bounds, opened_bounds, reopened
 from fracid.selection.residual_noise import leftovers
@@ -688,7 +688,7 @@ def _claimed(study: _Study, comparison: Comparison, base: Problem) -> Comparison
         how = "To decide: fit that structure with fracid fit, and look at the interval of its order."
         return replace(comparison, claim="undecided", claim_reasons=(why, how))
     widths = _half_widths(fractional)
-    orders = [OrderFound(n, o.value, widths.get(n, math.inf), integers_of(base, n), beyond_bounds=o.beyond_bounds)
+    orders = [OrderFound(n, o.value, widths.get(n, math.inf), beyond_bounds=o.beyond_bounds, **of_model(base, n))
               for n, o in fractional.orders.items() if n not in base.ties]  # fmt: skip
     if not (fractional.fits or comparison.best(fractional=False).fits):
         none = claim_of(orders, None, fractional.left_over) if math.isfinite(fractional.cost) else no_run()

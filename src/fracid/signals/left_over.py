@@ -99,10 +99,8 @@ def left_over(residual: FloatArray, measured: FloatArray, *, known: bool = False
     e = residual[longest_stretch(np.isfinite(residual))]
     floor = 1.0 if known else (resolution(measured[np.isfinite(measured)]) or 0.0) / math.sqrt(12)
     rms = float(np.sqrt(np.mean(e**2))) if e.size else math.inf
-    if rms <= NOTHING * (1.0 if known else float(np.std(measured))):
+    nothing = rms <= NOTHING * (1.0 if known else float(np.std(measured)))
+    if nothing or (e.size >= TESTABLE and np.ptp(e) > 0.0 and box_pierce(e)[2] >= SIGNIFICANT):
         return LeftOver(rms, floor, 1.0, known)
-    if e.size < SHORT or np.ptp(e) == 0.0:
-        return LeftOver(rms, floor, 0.0, known)
-    if e.size >= TESTABLE and box_pierce(e)[2] >= SIGNIFICANT:
-        return LeftOver(rms, floor, 1.0, known)
-    return LeftOver(rms, floor, 1.0 / correlation_time(autocorrelation(e)), known)
+    short = e.size < SHORT or np.ptp(e) == 0.0
+    return LeftOver(rms, floor, 0.0 if short else 1.0 / correlation_time(autocorrelation(e)), known)

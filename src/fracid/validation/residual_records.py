@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay
 from fracid.safety.schema import UNREAD, Beside, Block, Number, Record, Unknown
-from fracid.signals.left_over import SIGNIFICANT
+from fracid.signals.left_over import ROUNDING, SIGNIFICANT
 
 ENOUGH = 20
 """Independent samples below which a p-value is not given."""
@@ -153,6 +153,11 @@ class Level(Answer):
     """rms in steps of the encoder."""
     floor: Unknown = NAN
     """What rounding alone leaves, step/√12 [rad]."""
+
+    @property
+    def rounding(self) -> bool:
+        """Whether it may be the encoder's rounding alone, as :attr:`fracid.signals.left_over.LeftOver.explained`."""
+        return self.rms < ROUNDING * self.floor
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.findings import Words
-from fracid.signals.left_over import NEXT_TO_WHITE, SIGNIFICANT, TESTABLE
-from fracid.units import signed, with_time_unit, with_unit
-from fracid.validation.residual_records import Contrast, Spectrum, Variance
+from fracid.signals.left_over import ROUNDING, SIGNIFICANT, TESTABLE
+from fracid.units import plain, signed, with_time_unit, with_unit
+from fracid.validation.residual_records import Contrast, Spectrum, Variance, Whiteness
 
 SAYS = Words("validation/residual_sentences.toml")
 
@@ -29,9 +29,6 @@ DRIFT = 0.5
 
 BROAD = 0.5
 """Share of the power around the swing, beyond that of white noise, which says that the swing is missed."""
-
-AT_THE_FLOOR = 1.3
-"""Of rounding's own rms: below it the encoder is all there is to see."""
 
 FAST = 0.05
 """Of the swing's period: a correlation shorter than that is not of what swings."""
@@ -55,30 +52,27 @@ def untestable_reason(e: FloatArray, size: float, whole: int, unit: str) -> str:
     return ""
 
 
-def correlation_cause(
-    power: float, lag_one: float, T: float, step: float, quantum: float | None, swing: float | None, use: str
-) -> str:
+def correlation_cause(found: Whiteness, step: float, swing: float | None, use: str, *, rounding: bool) -> str:
     """Where a correlation comes from, most likely."""
-    if lag_one < 0 and T < 10:
+    T = found.correlation_time / step
+    if found.lag_one < 0 and T < 10:
         return SAYS("alternates")
-    if power < AT_THE_FLOOR**2 * (quantum or 0.0) ** 2 / 12:
+    if rounding:
         return SAYS("at-floor")
-    if swing and T * step * swing < FAST:
+    if swing and found.correlation_time * swing < FAST:
         return SAYS("short", period=with_time_unit(1 / swing, ".2g"))
-    return SAYS(f"lacks-{use}", times=_times(math.sqrt(T)))
+    return SAYS(f"lacks-{use}", times=plain(math.sqrt(T)))
 
 
-def whiteness_sentence(n: int, T: float, seconds: float, lag_one: float, p: float, cause: str) -> str:
+def whiteness_sentence(found: Whiteness, n: int, cause: str) -> str:
     """What the autocorrelation shows, and how many samples count."""
-    if p >= SIGNIFICANT:
-        return SAYS("white", n=n, p=_p(p))
-    if n / T >= NEXT_TO_WHITE * n:
-        return SAYS("next-to-white", lag_one=signed(lag_one), n=n, p=_p(p), count=n / T)
-    return SAYS("autocorrelated", time=with_time_unit(seconds, ".2g"), n=n, p=_p(p), count=n / T, cause=cause)
+    code = "white" if found.p_value >= SIGNIFICANT else "next-to-white" if found.white else "autocorrelated"
+    return SAYS(code, n=n, p=_p(found.p_value), lag_one=signed(found.lag_one), count=found.effective_samples,
+                time=with_time_unit(found.correlation_time, ".2g"), cause=cause)  # fmt: skip
 
 
-def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]:
-    """What the spectrum shows: drift, the swing's band, a line."""
+def spectrum_sentences(spectrum: Spectrum, unit: str, use: str, *, simulated: bool) -> Iterator[str]:
+    """What the spectrum shows: drift, the swing's band, a line, which the simulated motion may have too."""
     line, slow = spectrum.line, SAYS("slow", share=_percent(spectrum.slow_share), below=spectrum.slow_below)
     if spectrum.slow_share >= DRIFT:
         yield SAYS("drift", slow=slow, of=words_of(unit))
@@ -90,11 +84,12 @@ def spectrum_sentences(spectrum: Spectrum, unit: str, use: str) -> Iterator[str]
     if line is None:
         return
     if line.harmonic is None:
-        where, code = SAYS("no-multiple" if spectrum.swing else "nothing-simulated", swing=spectrum.swing), "other-part"
+        where = SAYS("own-peak" if simulated else "no-multiple" if spectrum.swing else "no-peak", swing=spectrum.swing)
+        code = "harmonic-1" if simulated else "other-part"
     else:
         where = SAYS("own-frequency" if line.harmonic == 1 else "multiple", times=line.harmonic)
         code = f"harmonic-{line.harmonic if line.harmonic < 4 else line.harmonic - 2}"
-    what = SAYS(code, of=words_of(unit)) + SAYS(f"remedy-{use}", of=words_of(unit)) * (line.harmonic == 1)
+    what = SAYS(code, of=words_of(unit)) + SAYS(f"remedy-{use}", of=words_of(unit)) * (code == "harmonic-1")
     yield SAYS("line", share=_percent(line.share), frequency=line.frequency, where=where, what=what)
 
 
@@ -127,7 +122,7 @@ def variance_sentence(contrasts: tuple[Contrast, ...], effective_samples: float,
     if not uneven:
         return SAYS("even", worst=max((max(c.ratio, 1 / c.ratio) for c, _ in pairs), default=1.0))
     sure = [(c, name) for c, name in uneven if c.sure]
-    text = ", ".join(f"{_times(c.ratio)} times as large {SAYS(name)}{_tail(c)}" for c, name in sure or uneven)
+    text = ", ".join(f"{plain(c.ratio)} times as large {SAYS(name)}{_tail(c)}" for c, name in sure or uneven)
     if not sure:
         return SAYS("by-chance", text=text, worth=effective_samples)
     most, name = _telling(sure)
@@ -154,13 +149,11 @@ def _tail(c: Contrast) -> str:
 def level_sentence(mean: float, rms: float, step: float, unit: str, white: bool) -> str:
     """What the size of the residual shows beside the encoder's step."""
     floor, of, rest = step / math.sqrt(12), words_of(unit), "noise" if white else "the model or a disturbance"
-    steps = f"{_times(rms / step)} steps of the {of['reader']}"
+    steps = f"{plain(rms / step)} steps of the {of['reader']}"
     text = f"rms {with_unit(rms, unit, '.2g')}, {steps}{offset_phrase(mean, rms, unit)}"
-    if rms < AT_THE_FLOOR * floor:
+    if rms < ROUNDING * floor:
         return SAYS("rounding", text=text, least=floor / step, of=of)
-    if rms < 2 * floor:
-        return SAYS("part-rounding", text=text, share=_percent((floor / rms) ** 2), rest=rest)
-    return SAYS("beyond-rounding", text=text, times=_times(rms / floor), rest=rest, of=of)
+    return SAYS("beyond-rounding", text=text, times=plain(rms / floor), rest=rest, of=of)
 
 
 def offset_phrase(mean: float, rms: float, unit: str) -> str:
@@ -174,10 +167,6 @@ def offset_phrase(mean: float, rms: float, unit: str) -> str:
 
 def _p(p: float) -> str:
     return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
-
-
-def _times(factor: float) -> str:
-    return f"{factor:,.0f}" if factor >= 100 else f"{factor:.2g}"
 
 
 def _percent(share: float) -> str:

@@ -155,15 +155,15 @@ def residual_analysis(
         none = (Whiteness(because), Spectrum(""), Normality(""), Variance(""))
         return ResidualAnalysis(*head, *none, _level(raw[part], quantum, unit, white=False), unit)
     ρ, speed = autocorrelation(e), np.gradient(fitted, step if even else np.asarray(recording.time)[part])
-    said = {"unit": unit, "use": recording.use}
-    spectrum = _spectrum(e, speed, step, **said) if even else Spectrum("")
-    whiteness = _whiteness(e, ρ, step, quantum, spectrum, use=recording.use)
-    thin = slice(None, None, whiteness.thinning)
-    variance = _variance(e, fitted, speed, whiteness, **said)
+    spectrum = _spectrum(e, speed, step, unit, recording.use) if even else Spectrum("")
+    figures = _whiteness(e, ρ, step)
+    level = _level(raw[part], quantum, unit, white=figures.white)
+    cause = correlation_cause(figures, step, spectrum.swing, recording.use, rounding=level.rounding)
+    whiteness = replace(figures, sentence=whiteness_sentence(figures, e.size, cause))
+    variance = _variance(e, fitted, speed, whiteness, unit, recording.use)
     return ResidualAnalysis(
-        *head, whiteness, spectrum, _normality(e, e[thin], variance, unit), variance,
-        _level(raw[part], quantum, unit, white=whiteness.white), unit,
-        residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
+        *head, whiteness, spectrum, _normality(e, e[:: whiteness.thinning], variance, unit), variance,
+        level, unit, residual_curves(e, ρ, step, whiteness.correlation_time, even=even),
     )  # fmt: skip
 
 
@@ -177,16 +177,13 @@ def _step(recording: RecordingFit) -> tuple[float, bool]:
     return step, even
 
 
-def _whiteness(e: FloatArray, ρ: FloatArray, step: float, quantum: float | None, near: Spectrum, use: str) -> Whiteness:
-    T = correlation_time(ρ)
-    cause = correlation_cause(float(np.mean(e**2)), float(ρ[1]), T, step, quantum=quantum, swing=near.swing, use=use)
-    lags, Q, p = box_pierce(e)
+def _whiteness(e: FloatArray, ρ: FloatArray, step: float) -> Whiteness:
+    T, (lags, Q, p) = correlation_time(ρ), box_pierce(e)
     k = max(2, round(2 * T))
     thin = e[::k]
     return Whiteness(
-        whiteness_sentence(e.size, T, T * step, float(ρ[1]), p=p, cause=cause),
-        p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]), correlation_time=T * step,
-        effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
+        "", p >= SIGNIFICANT or T * NEXT_TO_WHITE <= 1, lags, Q, p_value=p, lag_one=float(ρ[1]),
+        correlation_time=T * step, effective_samples=e.size / T, thinning=k, thinned_samples=thin.size,
         thinned_p_value=box_pierce(thin)[2] if is_testable(thin) else NAN,
     )  # fmt: skip
 
@@ -201,12 +198,12 @@ def _spectrum(e: FloatArray, speed: FloatArray, step: float, unit: str, use: str
     width = max(2.5 * f[1], 0.1 * peak)
     near, beside = np.abs(f - peak) <= width, (np.abs(f - peak) > width) & (np.abs(f - peak) <= 3 * width)
     part = _beyond_white(share, near)
-    stands_out = part >= STANDS_OUT and np.mean(share[near]) >= DENSER * np.mean(share[beside])
-    line = Line(peak, part, harmonic_number(peak, band, f[1])) if stands_out else None
+    denser = [np.mean(P[near]) > DENSER * np.mean(P[beside]) for P in (share, power_spectrum(speed, step)[1])]
+    line = Line(peak, part, harmonic_number(peak, band, f[1])) if part >= STANDS_OUT and denser[0] else None
     around = NAN if band is None else _beyond_white(share, (f >= band[0] - band[1] / 2) & (f <= band[2] + band[1] / 2))
     spectrum = Spectrum("", swing, float(np.sum(share[~faster])), slow, peak=peak, peak_share=part, line=line,
                         swing_share=around)  # fmt: skip
-    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use)))
+    return replace(spectrum, sentence=" ".join(spectrum_sentences(spectrum, unit, use, simulated=bool(denser[1]))))
 
 
 def _beyond_white(share: FloatArray, near: NDArray[np.bool_]) -> float:
@@ -254,5 +251,5 @@ def _level(e: FloatArray, step: float | None, unit: str, *, white: bool) -> Leve
     if step is None or not 0 < step < math.inf:
         text = f"rms {with_unit(rms, unit, '.2g')}{offset_phrase(mean, rms, unit)}. No rounding is seen."
         return Level(text, mean, rms)
-    floor = step / math.sqrt(12)
-    return Level(level_sentence(mean, rms, step, unit, white=white), mean, rms, step, steps=rms / step, floor=floor)
+    said = level_sentence(mean, rms, step, unit, white=white)
+    return Level(said, mean, rms, step, steps=rms / step, floor=step / math.sqrt(12))
