@@ -31,15 +31,19 @@ STEPS = 300
 
 MAIN = """
 #include <stdio.h>
+#include <string.h>
 #include "fracid_model.h"
 static fracid_state s;
 int main(void)
 {
-    double x[FRACID_STATES], u[FRACID_INPUTS];
+    double x[FRACID_STATES], u[2][FRACID_INPUTS];
     if (fread(x, sizeof x, 1, stdin) != 1 || fread(u, sizeof u, 1, stdin) != 1) return 2;
-    fracid_init(&s, x, u);
-    do fwrite(x, sizeof x, 1, stdout);
-    while (fread(u, sizeof u, 1, stdin) == 1 && !fracid_step(&s, u, x));
+    fracid_init(&s, x, u[1]);
+    fwrite(x, sizeof x, 1, stdout);
+    while (fread(u, sizeof u, 1, stdin) == 1 && !fracid_step(&s, u[0], x)) {
+        if (memcmp(u[0], u[1], sizeof u[0])) fracid_jump(&s, u[1]);
+        fwrite(x, sizeof x, 1, stdout);
+    }
     return 0;
 }
 """
@@ -81,20 +85,50 @@ def tables_and_case(p):
     return Recursion.of(p, p.start), Case.of(p, p.start, p.experiments[0])
 
 
+def in_c(folder, p):
+    """The states by the compiled function, whose inputs jump where they are held."""
+    tables, case = tables_and_case(p)
+    for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-O2"]
+    done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder,
+                          capture_output=True, text=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    sides = [np.broadcast_to(side, (case.steps + 1, side.shape[1])) for side in case.driven_after]
+    given = np.concatenate([case.past[-1], np.stack(sides, axis=1).ravel()]).tobytes()
+    done = subprocess.run([folder / "model"], input=given, capture_output=True, check=False)
+    return np.frombuffer(done.stdout).reshape(-1, len(p.model.states))
+
+
+def held(model, method="pi2", step=5e-3):
+    """Driven by inputs that are held and jump after the first steps."""
+    u = np.sign(np.sin(np.linspace(0.01, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
+    e = fracid.Experiment("twin", step, np.zeros((201, len(model.outputs))), u,
+                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
+    orders = dict.fromkeys(model.order_names, 0.9)
+    return fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+
+
+HELD = [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")]
+
+
+def mixing_tank():
+    """A state that relaxes, with a rate that jumps with the flow."""
+    T = Equation("(2 + flow)/V*(20 - T)", forgets="(2 + flow)/V", size="V")
+    return Equations({"T": T}, {}, {"flow": "1"}).model("tank", [fracid.Parameter("V", "1", 4.0, "")])
+
+
 @pytest.mark.broad
 @pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 def test_in_c_they_step_as_fracid_does(problems, tmp_path):
     for name, (p, ours) in problems.items():
-        tables, case = tables_and_case(p)
-        for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
-            (tmp_path / file).write_text(text, encoding="utf-8")
-        strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-O2"]
-        done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
-                              capture_output=True, text=True, check=False)  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
-        done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
-        same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
+        same(in_c(tmp_path, p), ours, name)
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_in_c_what_relaxes_forgets_after_a_jump_of_its_input_as_fracid_does(tmp_path):
+    p = held(mixing_tank(), step=0.5)
+    same(in_c(tmp_path, p), p.simulate(p.start, p.experiments[0]).states, "tank")
 
 
 @pytest.mark.broad
@@ -127,12 +161,7 @@ def vessel_in_pascal():
 def test_a_model_in_pascal_leaves_its_limits_in_no_language_where_the_fit_does_not(tmp_path):
     p = vessel_in_pascal()
     ours, (tables, case) = p.simulate(p.start, p.experiments[0]).states, tables_and_case(p)
-    for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
-        (tmp_path / file).write_text(text, encoding="utf-8")
-    subprocess.run([GCC, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path, check=True)
-    given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
-    done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
-    same(np.frombuffer(done.stdout).reshape(-1, 1), ours, "C")
+    same(in_c(tmp_path, p), ours, "C")
     text = javascript_model(p, p.start, p.experiments[0], "run")
     (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log(JSON.stringify(simulate().states.map(x => x[0])));")
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -151,14 +180,10 @@ def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
-@pytest.mark.parametrize(("name", "method"), [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")])
+@pytest.mark.parametrize(("name", "method"), [*HELD, ("tank", "pi2")])
 def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tmp_path):
-    model = fracid.model(name)
-    u = np.sign(np.sin(np.linspace(0, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
-    e = fracid.Experiment("twin", 5e-3, np.zeros((201, len(model.outputs))), u,
-                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
-    orders = dict.fromkeys(model.order_names, 0.9)
-    p = fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+    p = held(mixing_tank(), step=0.5) if name == "tank" else held(fracid.model(name), method)
+    e = p.experiments[0]
     text = javascript_model(p, p.start, e, "run")
     rows = "[run.states, run.outputs].map(a => a.map(v => Array.from(v)))"
     (tmp_path / "run.mjs").write_text(f"{text}\nconst run = simulate();\nconsole.log(JSON.stringify({rows}));")
