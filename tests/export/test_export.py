@@ -317,7 +317,7 @@ def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exporte
         d = load('results.mat');
         for j = 1:numel(d.recordings)
           r = d.recordings{j};
-          [t, x] = model(r.past_states, r.inputs, r.steps, r.step, r.constants);
+          [t, x] = model(r.past_states, r.inputs, r.steps, r.step, r.constants, r.inputs_after);
           printf('%s %.3g\\n', r.use, max(max(abs(x(:, [1 3]) - [r.fitted.theta, r.fitted.alpha]))));
         end
         [t, x] = model();
@@ -418,7 +418,7 @@ def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
     for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
         tables, case = tables_and_case(VARIANTS[name])
         text = matlab_model(tables, case, "a test")
-        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.mean)};" in text
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.before)};\n  after = u;" in text
 
 
 def door(seal):

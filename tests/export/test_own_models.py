@@ -3,10 +3,11 @@
 import json
 import re
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.io import loadmat, savemat
+from scipy.io import loadmat
 
 import fracid
 from fracid.export.c import c_model
@@ -109,6 +110,19 @@ def held(model, method="pi2", step=5e-3):
     return fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
 
 
+def in_octave(folder, problems):
+    """The states by ``model()`` of each problem, all in one process."""
+    lines = []
+    for k, p in enumerate(problems):
+        (folder / str(k)).mkdir()
+        (folder / str(k) / "model.m").write_text(matlab_model(*tables_and_case(p), "a test"), encoding="utf-8")
+        lines.append(f"clear all; cd {folder / str(k)}; [t, x] = model(); save('-v6', 'out.mat', 'x');")
+    (folder / "script.m").write_text("\n".join(lines) + "\n")
+    done = subprocess.run([OCTAVE, "-q", "script.m"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [loadmat(folder / str(k) / "out.mat")["x"] for k in range(len(problems))]
+
+
 HELD = [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")]
 
 
@@ -196,17 +210,16 @@ def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tm
 @pytest.mark.broad
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
 def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
-    lines = []
-    for k, (p, _) in enumerate(problems.values()):
-        tables, case = tables_and_case(p)
-        (tmp_path / str(k)).mkdir()
-        (tmp_path / str(k) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
-        lines.append(
-            f"clear all; cd {tmp_path / str(k)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 'x');"
-        )
-    (tmp_path / "script.m").write_text("\n".join(lines) + "\n")
-    done = subprocess.run([OCTAVE, "-q", "script.m"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    for k, (name, (_, ours)) in enumerate(problems.items()):
-        same(loadmat(tmp_path / str(k) / "out.mat")["x"], ours, name)
+    found = in_octave(tmp_path, [p for p, _ in problems.values()])
+    for x, (name, (_, ours)) in zip(found, problems.items(), strict=True):
+        same(x, ours, name)
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
+def test_in_octave_an_input_that_is_held_in_the_fit_is_held(tmp_path):
+    problems = [held(fracid.model(name), method) for name, method in HELD]
+    problems += [held(mixing_tank(), step=0.5), held(fracid.model("pendulum"), "pi3")]
+    low = dict.fromkeys(fracid.model("pendulum").order_names, 0.6)
+    problems.append(replace(held(fracid.model("pendulum"), "pi2-implicit"), orders=low))
+    for p, x in zip(problems, in_octave(tmp_path, problems), strict=True):
+        same(x, p.simulate(p.start, p.experiments[0]).states, f"{p.model.name}, {p.method}")

@@ -23,6 +23,7 @@ from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
+from fracid.solver.solve import ALIKE
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
@@ -53,7 +54,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> x = problem.start
     >>> text = matlab_model(Recursion.of(problem, x), Case.of(problem, x, swing), "runs/twin")
     >>> text.splitlines()[0]
-    'function [t, x] = model(x0, u, n, h, p)'
+    'function [t, x] = model(x0, u, n, h, p, after)'
     """
     family = tables.scheme.family
     template = f"model_{'gl' if family == 'gl' else 'pi'}.m.in"
@@ -61,7 +62,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
         rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
         starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
-        inputs=case.driven.mean[:, : len(tables.model.inputs)],
+        inputs=[side[:, : len(tables.model.inputs)] for side in case.driven], alike=ALIKE,
     )  # fmt: skip
 
 
@@ -94,7 +95,8 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
         case = of_recording(run, name)
         recordings.append({
             "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,
-            "inputs": case.driven.mean, "step": case.step, "steps": float(case.steps), "start": case.start,
+            "inputs": case.driven.before, "inputs_after": case.driven.jumps, "step": case.step,
+            "steps": float(case.steps), "start": case.start,
             "constants": by_name(p.model.parameter_names, case.parameters),
         })  # fmt: skip
     content = {
