@@ -6,6 +6,7 @@ same memory, the same corrections of the start.  Its right-hand side is the mode
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 
 from fracid._version import __version__
 from fracid.arrays import by_name
+from fracid.errors import InputError
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.table import curves_of
-from fracid.export.whole import words_of, written
+from fracid.export.whole import SAYS, words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text
@@ -90,6 +92,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     from scipy.io import savemat
 
     p, result = run.problem, run.result
+    name_of = Matlab(p.model.program).name  # as model.m has them
     recordings = []
     for name, fit in run.recordings.items():
         case = of_recording(run, name)
@@ -97,7 +100,7 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
             "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,
             "inputs": case.driven.before, "inputs_after": case.driven.jumps, "step": case.step,
             "steps": float(case.steps), "start": case.start,
-            "constants": by_name(p.model.parameter_names, case.parameters),
+            "constants": by_name(map(name_of, p.model.parameter_names), case.parameters),
         })  # fmt: skip
     content = {
         "about": f"fracid {__version__}: {run.folder.name}; angles in rad, time in s",
@@ -139,6 +142,8 @@ def _cell(values: list[Any]) -> NDArray[Any]:
 def _plain(value: Any) -> Any:
     """As savemat takes it: None becomes an empty matrix, a list of texts a cell array, truth a logical."""
     if isinstance(value, Mapping):
+        if twins := [n for n, count in Counter(map(_field, value)).items() if count > 1]:
+            raise InputError(SAYS("one-field", field=twins[0], names=[n for n in value if _field(n) == twins[0]]))
         return {_field(n): _plain(v) for n, v in value.items()} or np.zeros((0, 0))
     if value is None:
         return np.zeros((0, 0))
@@ -151,5 +156,5 @@ def _plain(value: Any) -> Any:
 
 def _field(name: str) -> str:
     """A name that MATLAB takes for a field: letters, digits and underscores, a letter first, 63 at most."""
-    text = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
+    text = "".join((c if c.isalnum() else "_") if c.isascii() else f"u{ord(c):x}" for c in name)[:63]
     return text if text[:1].isalpha() else f"x_{text}"[:63]
