@@ -184,13 +184,67 @@ def test_a_model_in_pascal_leaves_its_limits_in_no_language_where_the_fit_does_n
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
-def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
+def test_the_calls_that_a_module_shows_run_a_driven_model(tmp_path):
     p = problem_of("duffing")
     text = javascript_model(p, p.start, p.experiments[0], "run")
-    (call,) = re.findall(r"simulate\(\{ initial.*\}\)", text)
-    (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log({call}.completed);", encoding="utf-8")
+    calls = re.findall(r"//  .*(simulate\(.*\));", text)
+    assert len(calls) == 3
+    shown = "\n".join(f"console.log({call}.completed);" for call in calls)
+    (tmp_path / "run.mjs").write_text(f"{text}\n{shown}", encoding="utf-8")
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout == "true\n", done.stderr
+    assert done.stdout == "true\n" * 3, done.stderr
+
+
+WRONG = {
+    "{ orders: { mu: 1 } }": "unknown order mu: expected r",
+    "{ parameters: { damping: 0 } }": "unknown parameter damping: expected ",
+    "{ setps: 10 }": "unknown option setps: expected initial, step,",
+    "{ initial: [0] }": "initial has 1 numbers: expected 3",
+    "{ steps: 2, inputs: [0, 1] }": "inputs has 2 numbers: expected 1 or 3",
+    "{ steps: 1, inputs: [0, 1], jumps: [0] }": "jumps has 1 numbers: expected 2",
+}
+
+
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+def test_a_module_refuses_what_it_does_not_know_in_place_of_passing_over_it(tmp_path):
+    p = problem_of("duffing")
+    calls = "".join(f"\ntry {{ simulate({call}); }} catch (e) {{ console.log(e.message); }}" for call in WRONG)
+    (tmp_path / "run.mjs").write_text(javascript_model(p, p.start, p.experiments[0], "run") + calls, encoding="utf-8")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    for said, expected in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
+        assert said.startswith(expected)
+
+
+def spinning(name, other):
+    """Two constants of a model of one's own, whose names may be anything."""
+
+    def rhs(t, x, u, p, out):
+        out[0] = -p[0] * x[0] - p[1] * x[0] ** 3
+
+    parameters = tuple(fracid.Parameter(n, "1", v, "") for n, v in ((name, 0.5), (other, 0.1)))
+    return fracid.Model("spin", rhs, ("w",), ("mu",), {"w": 0}, (), parameters, "", "")
+
+
+def problem_in(model):
+    e = fracid.Experiment("decay", 0.01, np.zeros((101, 1)), np.zeros((1, 0)), initial={"w": 1.0})
+    return fracid.Problem(model, (e,), {"mu": 0.9}, initial_state="held")
+
+
+@pytest.mark.parametrize(("write", "names"), [
+    (c_model, ("γ", "u3b3")), (matlab_model, ("γ", "u3b3")), (matlab_model, ("a" * 63, "a" * 64)),
+], ids=["C", "MATLAB", "MATLAB, long"])  # fmt: skip
+def test_two_names_that_would_become_one_are_refused(write, names):
+    with pytest.raises(fracid.InputError, match=rf"{names[0]} and {names[1]} would both be called .*rename one"):
+        write(*tables_and_case(problem_in(spinning(*names))), "run")
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_a_parameter_may_be_called_as_a_word_of_the_compilers_own(tmp_path):
+    words = ("asm", "linux", "unix", "typeof", "M_PI", "NULL", "true", "i386")
+    for names in zip(words[::2], words[1::2], strict=True):
+        for file, text in c_model(*tables_and_case(problem_in(spinning(*names))), "run").items():
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        subprocess.run([GCC, "-c", "fracid_model.c"], cwd=tmp_path, check=True)  # in its own dialect
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
