@@ -53,8 +53,10 @@ def source_of(run: SavedRun) -> str:
 
 
 def columns_of(run: SavedRun) -> list[str]:
-    """How the columns of the first recording are taken for outputs and inputs, as its project file has it."""
-    table, problem = tomllib.loads(run.project.text)["recording"][0], run.problem
+    """How the columns of the first recording that is fitted are taken, as its project file has it."""
+    problem, tables = run.problem, tomllib.loads(run.project.text)["recording"]
+    names = [r.name for r in run.project.recordings]
+    table = tables[names.index(problem.experiments[0].recording.name)]
     return [f"{n} = {toml_value(table[n])}" for n in (*problem.outputs, *problem.model.inputs) if n in table]
 
 
