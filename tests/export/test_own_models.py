@@ -140,6 +140,20 @@ def test_in_c_they_step_as_fracid_does(problems, tmp_path):
 
 
 @pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_in_c_a_held_input_is_that_of_the_fit_where_it_keeps_its_value_for_eight_steps_as_the_head_says(tmp_path):
+    p = held(fracid.model("capacitor"))
+    e = p.experiments[0]
+    same(in_c(tmp_path, p), p.simulate(p.start, e).states, "capacitor")
+    head = " ".join((tmp_path / "fracid_model.h").read_text(encoding="utf-8").split(" * "))
+    assert "Where the inputs keep their values for 8 steps, nothing differs" in head
+    assert "begin anew with fracid_init" in head
+    u = e.inputs.copy()
+    u[3] *= -1
+    p = replace(p, experiments=(replace(e, inputs=u),))
+    assert np.abs(in_c(tmp_path, p) - p.simulate(p.start, p.experiments[0]).states).max() > 1e-5
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 def test_in_c_what_relaxes_forgets_after_a_jump_of_its_input_as_fracid_does(tmp_path):
     p = held(mixing_tank(), step=0.5)
     same(in_c(tmp_path, p), p.simulate(p.start, p.experiments[0]).states, "tank")
