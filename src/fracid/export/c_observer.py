@@ -55,15 +55,14 @@ def c_observer(
     if missing := [n for n in watch.slow if n not in used and n not in model.order_names]:
         raise InputError(f"{missing[0]} is in none of the equations that are written: leave it out of slow.")
     y = measured[:SAMPLES]
-    u = input_rows(inputs[: len(y)], len(y))
     lowest, spacing, count = F.rates.tolist()
     kind = "static" if any(n in used for n in watch.slow) else "static const"
     slow = [f"&p.{name(n)}" if n in used else "0" for n in watch.slow]
     text = c_text(
-        "observer.c.in", model, single=single, w=watch, F=F, u=u, run=run, values=[*model.states, *watch.slow],
+        "observer.c.in", model, single=single, w=watch, F=F, run=run, values=[*model.states, *watch.slow],
         constants=constants_of(model, F.p, kind), constant=[*slow, "0"], spacing=spacing, pi=math.pi, far=FAR,
         before_lowest=lowest * math.exp(-spacing), rate=lowest * np.exp(spacing * np.arange(count + 1)),
-        columns=columns, units={n: model.output_unit(n) for n in watch.sensors},
+        columns=columns, units={n: model.output_unit(n) for n in watch.sensors}, u=input_rows(inputs[: len(y)], len(y)),
         sensor=[list(model.shown).index(n) for n in watch.sensors], tolerance=TOLERANCE[single],
         variance=[watch.noise[n] ** 2 for n in watch.sensors],
         test_y=y, test_values=_values(watch, y, inputs[: len(y)]),

@@ -158,9 +158,8 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
         if isinstance(library := library_of(texts, "fmu.c", name), str):
             notes.append(library)
         else:
-            folder, suffix, _ = PLATFORMS[name]
-            folder = folder if version == "2" else name
-            files[f"binaries/{folder}/{model.identifier}{suffix}"] = library
+            folder = PLATFORMS[name].folder if version == "2" else name
+            files[f"binaries/{folder}/{model.identifier}{PLATFORMS[name].suffix}"] = library
     archive = BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
         for name in sorted(files):

@@ -92,10 +92,11 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     from scipy.io import savemat
 
     p, result = run.problem, run.result
-    name_of = Matlab(p.model.program).name  # as model.m has them
+    name_of, there = Matlab(p.model.program).name, {e.name: (own, e) for own in run.problems for e in own.experiments}
     recordings = []
     for name, fit in run.recordings.items():
-        case = of_recording(run, name)
+        own, e = there[name]
+        case = Case.of(own, own.point(run.values), e)
         recordings.append({
             "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,
             "inputs": case.driven.before, "inputs_after": case.driven.jumps, "step": case.step,
@@ -115,15 +116,6 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     memory = BytesIO()
     savemat(memory, _plain(content), do_compression=True, oned_as="column", long_field_names=True)
     return memory.getvalue()
-
-
-def of_recording(run: SavedRun, name: str) -> Case:
-    """One recording of a run as it was simulated, validation recordings with their own values."""
-    problem, there = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
-    e = there[name]
-    if e not in problem.experiments:
-        problem = problem.with_shared(run.x, (e,))
-    return Case.of(problem, problem.point(run.values), e)
 
 
 def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:
