@@ -6,6 +6,7 @@ import math
 import re
 import shutil
 import subprocess
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,14 +22,16 @@ from fracid.export import FORMATS, ON_REQUEST, export_run
 from fracid.export.c import c_model, error_of_single
 from fracid.export.identified import Identified, columns_of
 from fracid.export.javascript import javascript_model
-from fracid.export.markup import literal
-from fracid.export.matlab import matlab_model
+from fracid.export.markup import literal, program
+from fracid.export.matlab import _plain, matlab_model
 from fracid.export.recursion import Case, Recursion
 from fracid.export.state_space import integer_model, linear_sentences
 from fracid.export.whole import written
 from fracid.models import Parameter
 from fracid.models.written.equations import Equation, Equations
+from fracid.problem.toml_text import toml_value
 from fracid.runs.saved import load_run
+from fracid.safety.door import own_text
 from fracid.solver.memory import compressed, full, short
 from program import run
 
@@ -135,7 +138,7 @@ def in_octave(tmp_path_factory):
         tables, case = tables_and_case(problem)
         (folder / str(i)).mkdir()
         (folder / str(i) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
+        savemat(folder / str(i) / "in.mat", {"x0": case.past, "u": case.driven.before, "n": float(case.steps)})
         lines.append(
             f"clear all; cd {folder / str(i)}; load in.mat; [t, x] = model(x0, u, n); "
             "[~, alone] = model(); save('-v6', 'out.mat', 't', 'x', 'alone');"
@@ -197,7 +200,7 @@ def in_c(folder, problem, real="double"):
                           capture_output=True, text=True, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     kind = {"double": "f8", "float": "f4"}[real]
-    inputs = np.broadcast_to(case.driven.mean, (case.steps + 1, 1))
+    inputs = np.broadcast_to(case.driven.before, (case.steps + 1, 1))
     given = np.concatenate([case.past[-1], inputs.ravel()]).astype(kind).tobytes()
     done = subprocess.run([folder / "model", str(case.steps)], input=given, capture_output=True, check=False)
     return np.frombuffer(done.stdout, kind).reshape(-1, len(problem.model.states)), done.returncode
@@ -241,6 +244,16 @@ def test_single_precision_says_how_far_it_is_off_along_the_recording(tmp_path):
     off = np.abs(in_c(tmp_path, problem)[0] - in_c(tmp_path, problem, "float")[0]).max(axis=0)
     shown = [float(v) for v in re.findall(r" (\d\S*?)[,.](?= |$)", said.split("at most")[1])]
     np.testing.assert_allclose(shown, off, rtol=0.5)
+
+
+@compiler
+def test_single_precision_is_measured_without_inputs_and_with_inputs_that_jump():
+    decay = Equations({"x": Equation("-x", "q")}).model("decay", [])
+    e = fracid.Experiment("decay", 0.01, np.zeros((101, 1)), np.zeros((1, 0)), initial={"x": 1.0})
+    held = problem_of((1.0, 1.0), drive=True)
+    swing = replace(held.experiments[0], between={"voltage": "hold"})
+    for problem in (fracid.Problem(decay, (e,), {"q": 0.9}, initial_state="held"), replace(held, experiments=(swing,))):
+        assert "it is off the double-precision function by at most" in error_of_single(*tables_and_case(problem))
 
 
 @compiler
@@ -317,7 +330,7 @@ def test_in_octave_the_files_alone_give_every_recording_as_it_was_fitted(exporte
         d = load('results.mat');
         for j = 1:numel(d.recordings)
           r = d.recordings{j};
-          [t, x] = model(r.past_states, r.inputs, r.steps, r.step, r.constants);
+          [t, x] = model(r.past_states, r.inputs, r.steps, r.step, r.constants, r.inputs_after);
           printf('%s %.3g\\n', r.use, max(max(abs(x(:, [1 3]) - [r.fitted.theta, r.fitted.alpha]))));
         end
         [t, x] = model();
@@ -414,11 +427,17 @@ def test_model_m_without_arguments_has_the_recordings_inputs_and_past(in_octave,
     np.testing.assert_array_equal(in_octave[name]["alone"], in_octave[name]["x"])
 
 
+def test_a_field_of_results_mat_has_a_name_of_its_own():
+    assert list(_plain({"γ": 1.0, "u_2": 2.0})) == ["u3b3", "u_2"]
+    with pytest.raises(InputError, match=r"a-b and a_b would be one field of results\.mat, a_b; rename one"):
+        _plain({"a-b": 1.0, "a_b": 2.0})
+
+
 def test_the_inputs_and_the_past_of_the_recording_stand_in_model_m():
     for name in ("pi2, driven", "gl-sequential, driven", "pi2, a measured past"):
         tables, case = tables_and_case(VARIANTS[name])
         text = matlab_model(tables, case, "a test")
-        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.mean)};" in text
+        assert f"x0 = {literal(case.past)};\n  u = {literal(case.driven.before)};\n  after = u;" in text
 
 
 def door(seal):
@@ -508,6 +527,18 @@ def test_how_columns_are_read_is_what_the_project_file_says(fitted):
     lines = columns_of(load_run(fitted))
     assert [line.partition(" =")[0] for line in lines] == ["theta", "alpha"]
     assert all(line in text for line in lines)
+
+
+def test_columns_are_those_of_the_first_recording_that_is_fitted_and_rest_is_explained(fitted):
+    run = load_run(fitted)
+    held_out, first = tomllib.loads(run.project.text)["recording"][::-1]
+    assert run.problem.experiments[0].name == first["name"]
+    tables = [held_out | {"alpha": {"column": 2, "sign": -1}}, first | {"alpha": {"column": 2, "zero": "rest"}}]
+    text = "".join(f"[[recording]]\nalpha = {toml_value(table['alpha'])}\n" for table in tables)
+    project = replace(run.project, text=text, recordings=run.project.recordings[::-1])
+    lines = columns_of(replace(run, project=project))
+    assert lines == ['alpha = { column = 2, zero = "rest" }']
+    assert "where the rig rests" in program(own_text("export/columns.c.in"), columns=lines, star=" * ")
 
 
 def test_a_folder_that_is_no_run_or_cannot_be_written_is_told(capsys, fitted, tmp_path):

@@ -14,6 +14,7 @@ from fracid.errors import InputError
 from fracid.export.c import along_recording
 from fracid.export.c_observer import c_observer, error_of_observer
 from fracid.filtering import first_samples, observer
+from fracid.models.written.equations import Equation, Equations
 from languages import STRICT
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -36,11 +37,15 @@ CASES = {
 }  # fmt: skip
 
 
+DECAY = Equations({"x": Equation("-k*x", "q")}).model("decay", [fracid.Parameter("k", "1/s", 1.0, "")])
+CASES["no input"] = (DECAY, {"q": 0.9}, {"x": 1.0}, {}, {})
+
+
 def case(name):
     """An observer of a simulated recording, its samples and its inputs; some samples are missing."""
     model, orders, initial, how, more = CASES[name]
     random, t = np.random.default_rng(1), STEP * np.arange(SAMPLES)
-    u = 0.3 * np.sin(3 * t)[:, None] * (np.arange(max(1, len(model.inputs))) == 0)
+    u = 0.3 * np.sin(3 * t)[:, None] * (np.arange(len(model.inputs)) == 0) if model.inputs else np.zeros((1, 0))
     between = dict.fromkeys(model.inputs, "hold" if more.get("held") else "line")
     outputs = tuple(model.shown)
     e = fracid.Experiment("twin", STEP, np.zeros((SAMPLES, len(outputs))), u, initial=initial, between=between)
@@ -109,3 +114,11 @@ def test_a_run_is_exported_on_request_and_what_has_no_observer_is_refused(tmp_pa
     assert "observer.c is off Python's by at most" in made.notes[-1]
     with pytest.raises(InputError, match=r"'beta'.*There is no observer\.c"):
         fracid.export_run(run, tmp_path, ["observer"], slow={"beta": 1e-6})
+
+
+def test_a_model_without_inputs_has_an_observer():
+    watch, y, u = case("no input")
+    text = c_observer(watch, y, u, "a run")
+    assert u.shape == (1, 0)
+    assert "u is nothing" in text
+    assert "over" in error_of_observer(text, watch, y, u, single=False).lower()

@@ -3,10 +3,11 @@
 import json
 import re
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.io import loadmat, savemat
+from scipy.io import loadmat
 
 import fracid
 from fracid.export.c import c_model
@@ -31,15 +32,19 @@ STEPS = 300
 
 MAIN = """
 #include <stdio.h>
+#include <string.h>
 #include "fracid_model.h"
 static fracid_state s;
 int main(void)
 {
-    double x[FRACID_STATES], u[FRACID_INPUTS];
+    double x[FRACID_STATES], u[2][FRACID_INPUTS];
     if (fread(x, sizeof x, 1, stdin) != 1 || fread(u, sizeof u, 1, stdin) != 1) return 2;
-    fracid_init(&s, x, u);
-    do fwrite(x, sizeof x, 1, stdout);
-    while (fread(u, sizeof u, 1, stdin) == 1 && !fracid_step(&s, u, x));
+    fracid_init(&s, x, u[1]);
+    fwrite(x, sizeof x, 1, stdout);
+    while (fread(u, sizeof u, 1, stdin) == 1 && !fracid_step(&s, u[0], x)) {
+        if (memcmp(u[0], u[1], sizeof u[0])) fracid_jump(&s, u[1]);
+        fwrite(x, sizeof x, 1, stdout);
+    }
     return 0;
 }
 """
@@ -81,20 +86,77 @@ def tables_and_case(p):
     return Recursion.of(p, p.start), Case.of(p, p.start, p.experiments[0])
 
 
+def in_c(folder, p):
+    """The states by the compiled function, whose inputs jump where they are held."""
+    tables, case = tables_and_case(p)
+    for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-O2"]
+    done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=folder,
+                          capture_output=True, text=True, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    sides = [np.broadcast_to(side, (case.steps + 1, side.shape[1])) for side in case.driven_after]
+    given = np.concatenate([case.past[-1], np.stack(sides, axis=1).ravel()]).tobytes()
+    done = subprocess.run([folder / "model"], input=given, capture_output=True, check=False)
+    return np.frombuffer(done.stdout).reshape(-1, len(p.model.states))
+
+
+def held(model, method="pi2", step=5e-3):
+    """Driven by inputs that are held and jump after the first steps."""
+    u = np.sign(np.sin(np.linspace(0.01, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
+    e = fracid.Experiment("twin", step, np.zeros((201, len(model.outputs))), u,
+                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
+    orders = dict.fromkeys(model.order_names, 0.9)
+    return fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+
+
+def in_octave(folder, problems):
+    """The states by ``model()`` of each problem, all in one process."""
+    lines = []
+    for k, p in enumerate(problems):
+        (folder / str(k)).mkdir()
+        (folder / str(k) / "model.m").write_text(matlab_model(*tables_and_case(p), "a test"), encoding="utf-8")
+        lines.append(f"clear all; cd {folder / str(k)}; [t, x] = model(); save('-v6', 'out.mat', 'x');")
+    (folder / "script.m").write_text("\n".join(lines) + "\n")
+    done = subprocess.run([OCTAVE, "-q", "script.m"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return [loadmat(folder / str(k) / "out.mat")["x"] for k in range(len(problems))]
+
+
+HELD = [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")]
+
+
+def mixing_tank():
+    """A state that relaxes, with a rate that jumps with the flow."""
+    T = Equation("(2 + flow)/V*(20 - T)", forgets="(2 + flow)/V", size="V")
+    return Equations({"T": T}, {}, {"flow": "1"}).model("tank", [fracid.Parameter("V", "1", 4.0, "")])
+
+
 @pytest.mark.broad
 @pytest.mark.skipif(GCC is None, reason="gcc is not installed")
 def test_in_c_they_step_as_fracid_does(problems, tmp_path):
     for name, (p, ours) in problems.items():
-        tables, case = tables_and_case(p)
-        for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
-            (tmp_path / file).write_text(text, encoding="utf-8")
-        strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-O2"]
-        done = subprocess.run([GCC, *strict, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path,
-                              capture_output=True, text=True, check=False)  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
-        done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
-        same(np.frombuffer(done.stdout).reshape(-1, len(p.model.states)), ours, name)
+        same(in_c(tmp_path, p), ours, name)
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_in_c_a_held_input_is_that_of_the_fit_where_it_keeps_its_value_for_eight_steps_as_the_head_says(tmp_path):
+    p = held(fracid.model("capacitor"))
+    e = p.experiments[0]
+    same(in_c(tmp_path, p), p.simulate(p.start, e).states, "capacitor")
+    head = " ".join((tmp_path / "fracid_model.h").read_text(encoding="utf-8").split(" * "))
+    assert "Where the inputs keep their values for 8 steps, nothing differs" in head
+    assert "begin anew with fracid_init" in head
+    u = e.inputs.copy()
+    u[3] *= -1
+    p = replace(p, experiments=(replace(e, inputs=u),))
+    assert np.abs(in_c(tmp_path, p) - p.simulate(p.start, p.experiments[0]).states).max() > 1e-5
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_in_c_what_relaxes_forgets_after_a_jump_of_its_input_as_fracid_does(tmp_path):
+    p = held(mixing_tank(), step=0.5)
+    same(in_c(tmp_path, p), p.simulate(p.start, p.experiments[0]).states, "tank")
 
 
 @pytest.mark.broad
@@ -127,12 +189,7 @@ def vessel_in_pascal():
 def test_a_model_in_pascal_leaves_its_limits_in_no_language_where_the_fit_does_not(tmp_path):
     p = vessel_in_pascal()
     ours, (tables, case) = p.simulate(p.start, p.experiments[0]).states, tables_and_case(p)
-    for file, text in {**c_model(tables, case, "a test"), "main.c": MAIN}.items():
-        (tmp_path / file).write_text(text, encoding="utf-8")
-    subprocess.run([GCC, "fracid_model.c", "main.c", "-o", "model", "-lm"], cwd=tmp_path, check=True)
-    given = np.concatenate([case.past[-1], case.driven.mean.ravel()]).tobytes()
-    done = subprocess.run([tmp_path / "model"], input=given, capture_output=True, check=False)
-    same(np.frombuffer(done.stdout).reshape(-1, 1), ours, "C")
+    same(in_c(tmp_path, p), ours, "C")
     text = javascript_model(p, p.start, p.experiments[0], "run")
     (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log(JSON.stringify(simulate().states.map(x => x[0])));")
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -141,24 +198,74 @@ def test_a_model_in_pascal_leaves_its_limits_in_no_language_where_the_fit_does_n
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
-def test_the_call_that_a_module_shows_runs_a_driven_model(tmp_path):
+def test_the_calls_that_a_module_shows_run_a_driven_model(tmp_path):
     p = problem_of("duffing")
     text = javascript_model(p, p.start, p.experiments[0], "run")
-    (call,) = re.findall(r"simulate\(\{ initial.*\}\)", text)
-    (tmp_path / "run.mjs").write_text(f"{text}\nconsole.log({call}.completed);", encoding="utf-8")
+    calls = re.findall(r"//  .*(simulate\(.*\));", text)
+    assert len(calls) == 3
+    shown = "\n".join(f"console.log({call}.completed);" for call in calls)
+    (tmp_path / "run.mjs").write_text(f"{text}\n{shown}", encoding="utf-8")
     done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout == "true\n", done.stderr
+    assert done.stdout == "true\n" * 3, done.stderr
+
+
+WRONG = {
+    "{ orders: { mu: 1 } }": "unknown order mu: expected r",
+    "{ parameters: { damping: 0 } }": "unknown parameter damping: expected ",
+    "{ setps: 10 }": "unknown option setps: expected initial, step,",
+    "{ initial: [0] }": "initial has 1 numbers: expected 3",
+    "{ steps: 2, inputs: [0, 1] }": "inputs has 2 numbers: expected 1 or 3",
+    "{ steps: 1, inputs: [0, 1], jumps: [0] }": "jumps has 1 numbers: expected 2",
+}
 
 
 @pytest.mark.skipif(NODE is None, reason="Node is not installed")
-@pytest.mark.parametrize(("name", "method"), [("rotary-pendulum", "pi2"), ("capacitor", "pi2"), ("joint", "gl")])
+def test_a_module_refuses_what_it_does_not_know_in_place_of_passing_over_it(tmp_path):
+    p = problem_of("duffing")
+    calls = "".join(f"\ntry {{ simulate({call}); }} catch (e) {{ console.log(e.message); }}" for call in WRONG)
+    (tmp_path / "run.mjs").write_text(javascript_model(p, p.start, p.experiments[0], "run") + calls, encoding="utf-8")
+    done = subprocess.run([NODE, "run.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    for said, expected in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
+        assert said.startswith(expected)
+
+
+def spinning(name, other):
+    """Two constants of a model of one's own, whose names may be anything."""
+
+    def rhs(t, x, u, p, out):
+        out[0] = -p[0] * x[0] - p[1] * x[0] ** 3
+
+    parameters = tuple(fracid.Parameter(n, "1", v, "") for n, v in ((name, 0.5), (other, 0.1)))
+    return fracid.Model("spin", rhs, ("w",), ("mu",), {"w": 0}, (), parameters, "", "")
+
+
+def problem_in(model):
+    e = fracid.Experiment("decay", 0.01, np.zeros((101, 1)), np.zeros((1, 0)), initial={"w": 1.0})
+    return fracid.Problem(model, (e,), {"mu": 0.9}, initial_state="held")
+
+
+@pytest.mark.parametrize(("write", "names"), [
+    (c_model, ("γ", "u3b3")), (matlab_model, ("γ", "u3b3")), (matlab_model, ("a" * 63, "a" * 64)),
+], ids=["C", "MATLAB", "MATLAB, long"])  # fmt: skip
+def test_two_names_that_would_become_one_are_refused(write, names):
+    with pytest.raises(fracid.InputError, match=rf"{names[0]} and {names[1]} would both be called .*rename one"):
+        write(*tables_and_case(problem_in(spinning(*names))), "run")
+
+
+@pytest.mark.skipif(GCC is None, reason="gcc is not installed")
+def test_a_parameter_may_be_called_as_a_word_of_the_compilers_own(tmp_path):
+    words = ("asm", "linux", "unix", "typeof", "M_PI", "NULL", "true", "i386")
+    for names in zip(words[::2], words[1::2], strict=True):
+        for file, text in c_model(*tables_and_case(problem_in(spinning(*names))), "run").items():
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        subprocess.run([GCC, "-c", "fracid_model.c"], cwd=tmp_path, check=True)  # in its own dialect
+
+
+@pytest.mark.skipif(NODE is None, reason="Node is not installed")
+@pytest.mark.parametrize(("name", "method"), [*HELD, ("tank", "pi2")])
 def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tmp_path):
-    model = fracid.model(name)
-    u = np.sign(np.sin(np.linspace(0, 6, 201) ** 2))[:, None] * np.ones(len(model.inputs))
-    e = fracid.Experiment("twin", 5e-3, np.zeros((201, len(model.outputs))), u,
-                          between=dict.fromkeys(model.inputs, "hold"))  # fmt: skip
-    orders = dict.fromkeys(model.order_names, 0.9)
-    p = fracid.Problem(model, (e,), orders, outputs=tuple(model.outputs), initial_state="held", method=method)
+    p = held(mixing_tank(), step=0.5) if name == "tank" else held(fracid.model(name), method)
+    e = p.experiments[0]
     text = javascript_model(p, p.start, e, "run")
     rows = "[run.states, run.outputs].map(a => a.map(v => Array.from(v)))"
     (tmp_path / "run.mjs").write_text(f"{text}\nconst run = simulate();\nconsole.log(JSON.stringify({rows}));")
@@ -171,17 +278,16 @@ def test_in_javascript_an_input_that_is_held_in_the_fit_is_held(name, method, tm
 @pytest.mark.broad
 @pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
 def test_in_octave_they_simulate_as_fracid_does(problems, tmp_path):
-    lines = []
-    for k, (p, _) in enumerate(problems.values()):
-        tables, case = tables_and_case(p)
-        (tmp_path / str(k)).mkdir()
-        (tmp_path / str(k) / "model.m").write_text(matlab_model(tables, case, "a test"), encoding="utf-8")
-        savemat(tmp_path / str(k) / "in.mat", {"x0": case.past, "u": case.driven.mean, "n": float(case.steps)})
-        lines.append(
-            f"clear all; cd {tmp_path / str(k)}; load in.mat; [t, x] = model(x0, u, n); save('-v6', 'out.mat', 'x');"
-        )
-    (tmp_path / "script.m").write_text("\n".join(lines) + "\n")
-    done = subprocess.run([OCTAVE, "-q", "script.m"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    for k, (name, (_, ours)) in enumerate(problems.items()):
-        same(loadmat(tmp_path / str(k) / "out.mat")["x"], ours, name)
+    found = in_octave(tmp_path, [p for p, _ in problems.values()])
+    for x, (name, (_, ours)) in zip(found, problems.items(), strict=True):
+        same(x, ours, name)
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="Octave is not installed")
+def test_in_octave_an_input_that_is_held_in_the_fit_is_held(tmp_path):
+    problems = [held(fracid.model(name), method) for name, method in HELD]
+    problems += [held(mixing_tank(), step=0.5), held(fracid.model("pendulum"), "pi3")]
+    low = dict.fromkeys(fracid.model("pendulum").order_names, 0.6)
+    problems.append(replace(held(fracid.model("pendulum"), "pi2-implicit"), orders=low))
+    for p, x in zip(problems, in_octave(tmp_path, problems), strict=True):
+        same(x, p.simulate(p.start, p.experiments[0]).states, f"{p.model.name}, {p.method}")

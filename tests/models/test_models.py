@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mpmath import mp
 from scipy.integrate import solve_ivp
 
+import fracid
 from fracid.errors import InputError
 from fracid.models import (
     RIGS,
@@ -386,6 +387,12 @@ def test_a_state_whose_order_is_known_has_the_number_and_nobody_names_it():
 def test_order_names_may_carry_pythons_trailing_underscore():
     orders = rotary_pendulum().state_orders(dict(lambda_=0.8, mu=0.9))
     np.testing.assert_array_equal(orders, [0.8, 0.8, 0.9, 0.9])
+
+
+def test_an_order_whose_own_name_ends_so_keeps_its_underscore():
+    model = replace(SIMPLE, orders=("mu_", "mu_"))
+    assert model.state_orders({"mu_": 0.4}).tolist() == [0.4, 0.4]
+    assert fracid.simulate(model, orders={"mu_": 0.4}, initial={}, step=0.1, end=1.0).orders.tolist() == [0.4, 0.4]
 
 
 def test_initial_states_are_given_by_name_and_default_to_zero():

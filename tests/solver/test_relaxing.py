@@ -62,6 +62,25 @@ def test_it_moves_from_the_first_step_on_where_the_first_steps_are_solved_togeth
     np.testing.assert_allclose(x[:, 1], np.arange(101) * 0.01, atol=1e-12)
 
 
+def vessel(t, x, u, p, out):
+    """Mixed with what flows in, at u[1]."""
+    out[0] = u[0] * (u[1] - x[0])
+    if len(out) > 1:
+        out[1] = u[0]
+
+
+@pytest.mark.parametrize("method", ["pi2", "pi2-implicit"])
+def test_a_rate_that_jumps_with_its_input_is_that_after_the_jump(method):
+    flow, inflow = np.tile(np.repeat([0.1, 1.0, 0.02, 0.5], 10), 2), np.repeat([300.0, 330.0, 290.0, 340.0], 20)
+    exact = [310.0]
+    for a, T in zip(flow, inflow, strict=True):
+        exact.append(T + (exact[-1] - T) * math.exp(-0.5 * a))
+    inputs = np.column_stack([np.append(u, u[-1]) for u in (flow, inflow)])
+    found = solve_fde(vessel, 1.0, [310.0], step=0.5, end=40.0, inputs=inputs, between="hold", relaxing=(0,),
+                      method=method)  # fmt: skip
+    np.testing.assert_allclose(found.states[:, 0], exact, atol=0.3)
+
+
 @pytest.mark.few(2)
 @pytest.mark.parametrize("method", ["pi2", "pi2-implicit", "pi3"])
 @pytest.mark.parametrize(("s", "sigma1"), [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)], ids=["Dahl", "Stribeck", "LuGre"])

@@ -172,8 +172,6 @@ def _left_out(run: SavedRun, formats: Iterable[str]) -> Iterator[str]:
         yield f"In {' and '.join(lacking)} the model gives its states; {names} is a function of them, which it lacks."
     if channels := {c for e in run.problem.experiments for c in (*e.sensors, *e.actuators)}:
         yield f"The exported model is without delay, gain, bias and lowpass of {', '.join(sorted(channels))}."
-    if "matlab" in tables and any(kind != "line" for e in run.problem.experiments for kind in e.between.values()):
-        yield "In MATLAB inputs are straight lines; where one jumps, give it the mean of both values."
 
 
 def _matlab(run: SavedRun, _folder: Path, options: Options) -> Written:

@@ -4,8 +4,8 @@ No allocation, no library but ``<math.h>``, all memory in one struct, and the sa
 method, where dry friction asks for it): :mod:`fracid.solver.schemes` with the tables of :mod:`fracid.export.recursion`.
 
 A controller knows its input only when the step ends, so the first steps, which fracid solves together, are solved with
-the input of the moment for those to come.  With one such step (orders near 1), or an input that stays while
-they last, that is no difference.
+the input of the moment for those to come, and a held input jumps at once, of which fracid takes the mean within them.
+With an input in lines and one such step (orders near 1), or one that stays while they last, that is no difference.
 
 In single precision, for processors without a double unit, the same text has ``float`` and numbers rounded to it, and
 iterations end where those digits do.  Of strangers' names nothing reaches the text but as a word or within a comment.
@@ -122,20 +122,31 @@ def error_of_single(tables: Recursion, case: Case) -> str:
     >>> error_of_single.__name__
     'error_of_single'
     """
-    runs, u = [], case.driven_after.mean
-    u = np.broadcast_to(u, (case.steps + 1, max(1, u.shape[1])))
+    runs, sides = [], [input_rows(u, case.steps + 1) for u in case.driven_after]
     for single in (False, True):
         run = along_recording(c_model(tables, case, "", single=single), "export/run.c.in", single=single)
         if run is None:
             return UNMEASURED
         out = np.full((case.steps + 1, len(tables.model.states)), np.nan)
-        runs.append(run(case.past[-1], u, case.steps, out))
+        runs.append(run(case.past[-1], *sides, case.steps, out))
     exact, found = runs
     if not np.all(np.isfinite(found[np.isfinite(exact).all(axis=1)])):
         return f"It leaves its limits along the recording {case.name!r}, where the double-precision function does not."
     off = np.nanmax(np.abs(exact - found), axis=0)
     parts = ", ".join(f"{n} {v:.1g}" for n, v in zip(tables.model.states, off, strict=True))
     return f"Over the {case.steps:,} steps of {case.name!r} it is off the double-precision function by at most {parts}."
+
+
+def input_rows(inputs: FloatArray, count: int) -> FloatArray:
+    """Inputs as a program reads them: a row for each of `count` times; without inputs a column of zeros.
+
+    Examples
+    --------
+    >>> input_rows(np.zeros((1, 0)), 2).tolist()
+    [[0.0], [0.0]]
+    """
+    wide = inputs if inputs.shape[1] else np.zeros((1, 1))
+    return np.broadcast_to(wide, (count, wide.shape[1]))
 
 
 def along_recording(texts: Mapping[str, str], main: str, *, single: bool) -> Callable[..., FloatArray] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fracid.arrays import FloatArray
 from fracid.errors import InputError
-from fracid.export.c import UNMEASURED, along_recording, c_text, constants_of, used_constants
+from fracid.export.c import UNMEASURED, along_recording, c_text, constants_of, input_rows, used_constants
 from fracid.filtering import StateObserver
 from fracid.models.written.languages import C
 from fracid.solver.kalman import FAR
@@ -55,15 +55,14 @@ def c_observer(
     if missing := [n for n in watch.slow if n not in used and n not in model.order_names]:
         raise InputError(f"{missing[0]} is in none of the equations that are written: leave it out of slow.")
     y = measured[:SAMPLES]
-    u = np.broadcast_to(inputs, (len(measured), max(1, len(model.inputs))))[: len(y)]
     lowest, spacing, count = F.rates.tolist()
     kind = "static" if any(n in used for n in watch.slow) else "static const"
     slow = [f"&p.{name(n)}" if n in used else "0" for n in watch.slow]
     text = c_text(
-        "observer.c.in", model, single=single, w=watch, F=F, u=u, run=run, values=[*model.states, *watch.slow],
+        "observer.c.in", model, single=single, w=watch, F=F, run=run, values=[*model.states, *watch.slow],
         constants=constants_of(model, F.p, kind), constant=[*slow, "0"], spacing=spacing, pi=math.pi, far=FAR,
         before_lowest=lowest * math.exp(-spacing), rate=lowest * np.exp(spacing * np.arange(count + 1)),
-        columns=columns, units={n: model.output_unit(n) for n in watch.sensors},
+        columns=columns, units={n: model.output_unit(n) for n in watch.sensors}, u=input_rows(inputs[: len(y)], len(y)),
         sensor=[list(model.shown).index(n) for n in watch.sensors], tolerance=TOLERANCE[single],
         variance=[watch.noise[n] ** 2 for n in watch.sensors],
         test_y=y, test_values=_values(watch, y, inputs[: len(y)]),
@@ -91,7 +90,7 @@ def error_of_observer(
     run = along_recording({"observer.c": text}, "export/observer_run.c.in", single=single)
     if run is None:
         return UNMEASURED
-    exact, u = _values(watch, measured, inputs), np.broadcast_to(inputs, (len(measured), max(1, inputs.shape[1])))
+    exact, u = _values(watch, measured, inputs), input_rows(inputs, len(measured))
     found, names = run(measured, u, len(measured), np.zeros_like(exact)), (*watch.model.states, *watch.slow)
     off, deviations = np.abs(found - exact).max(axis=0), exact.mean(axis=0)[len(names) :]
     parts = ", ".join(f"{n} {v:.1g} (of {d:.1g})" for n, v, d in zip(names, off, deviations, strict=False))

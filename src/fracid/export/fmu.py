@@ -147,21 +147,19 @@ def fmu(model: Identified, version: Version = "2", platforms: Sequence[str] = ()
     >>> list(PLATFORMS)
     ['x86_64-linux', 'aarch64-linux', 'x86_64-windows', 'x86_64-darwin', 'aarch64-darwin']
     """
-    files: dict[str, bytes] = {}
     texts = sources(model, version)
     token = texts["fmu.c"].partition('#define TOKEN "')[2].partition('"')[0]
-    files["modelDescription.xml"] = description(model, version, token).encode()
-    files |= {f"sources/{name}": text.encode() for name, text in texts.items()}
+    files: dict[str, str | bytes] = {f"sources/{name}": text for name, text in texts.items()}
+    files["modelDescription.xml"] = description(model, version, token)
     if version == "3":
-        files["sources/buildDescription.xml"] = (DECLARATION + xml("build.xml.in", model=model)).encode()
+        files["sources/buildDescription.xml"] = DECLARATION + xml("build.xml.in", model=model)
     notes = []
     for name in platforms or [here()]:
         if isinstance(library := library_of(texts, "fmu.c", name), str):
             notes.append(library)
         else:
-            folder, suffix, _ = PLATFORMS[name]
-            folder = folder if version == "2" else name
-            files[f"binaries/{folder}/{model.identifier}{suffix}"] = library
+            folder = PLATFORMS[name].folder if version == "2" else name
+            files[f"binaries/{folder}/{model.identifier}{PLATFORMS[name].suffix}"] = library
     archive = BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as out:
         for name in sorted(files):

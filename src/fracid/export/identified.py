@@ -53,9 +53,10 @@ def source_of(run: SavedRun) -> str:
 
 
 def columns_of(run: SavedRun) -> list[str]:
-    """How the columns of the first recording are taken for outputs and inputs, as its project file has it."""
-    table, problem = tomllib.loads(run.project.text)["recording"][0], run.problem
-    return [f"{n} = {toml_value(table[n])}" for n in (*problem.outputs, *problem.model.inputs) if n in table]
+    """How the columns of the first recording that is fitted are taken, as its project file has it."""
+    tables = zip(run.project.recordings, tomllib.loads(run.project.text)["recording"], strict=True)
+    first = next(table for r, table in tables if r.name == run.problem.experiments[0].recording.name)
+    return [f"{n} = {toml_value(first[n])}" for n in (*run.problem.outputs, *run.problem.model.inputs) if n in first]
 
 
 @dataclass(frozen=True)

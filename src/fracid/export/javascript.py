@@ -118,8 +118,7 @@ def javascript_model(problem: Problem, x: FloatArray, e: Experiment, run_name: s
     return filled(
         own_text("export/fracid_model.mjs.in"), model=model, case=case, run=run_name, solver=solver(),
         rhs=written(model, "javascript"), seen=seen, names=names, program=program(problem), recording=recording,
-        initial=", ".join(f"{v:g}" for v in recording["initial"]), order_values=orders,
-        orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()),
+        order_values=orders, orders=", ".join(f"{n} = {v!r}" for n, v in orders.items()),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ same memory, the same corrections of the start.  Its right-hand side is the mode
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
@@ -15,14 +16,16 @@ from numpy.typing import NDArray
 
 from fracid._version import __version__
 from fracid.arrays import by_name
+from fracid.errors import InputError
 from fracid.export.markup import program
 from fracid.export.recursion import Case, Recursion
 from fracid.export.table import curves_of
-from fracid.export.whole import words_of, written
+from fracid.export.whole import SAYS, words_of, written
 from fracid.models.written.languages import Matlab
 from fracid.runs.saved import SavedRun
 from fracid.safety.door import own_text
 from fracid.safety.text import printable
+from fracid.solver.solve import ALIKE
 
 
 def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
@@ -53,7 +56,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
     >>> x = problem.start
     >>> text = matlab_model(Recursion.of(problem, x), Case.of(problem, x, swing), "runs/twin")
     >>> text.splitlines()[0]
-    'function [t, x] = model(x0, u, n, h, p)'
+    'function [t, x] = model(x0, u, n, h, p, after)'
     """
     family = tables.scheme.family
     template = f"model_{'gl' if family == 'gl' else 'pi'}.m.in"
@@ -61,7 +64,7 @@ def matlab_model(tables: Recursion, case: Case, run_name: str) -> str:
         own_text(f"export/{template}"), t=tables, case=case, run=run_name, gl=family == "gl", third=family == "pi3",
         rhs=written(tables.model, "matlab", words_of(template)), name=Matlab(tables.model.program).name,
         starts=[k.start[1:] for k in tables.kernels], places=lambda numbers: np.array(numbers) + 1,
-        inputs=case.driven.mean[:, : len(tables.model.inputs)],
+        inputs=[side[:, : len(tables.model.inputs)] for side in case.driven], alike=ALIKE,
     )  # fmt: skip
 
 
@@ -89,13 +92,16 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     from scipy.io import savemat
 
     p, result = run.problem, run.result
+    name_of, there = Matlab(p.model.program).name, {e.name: (own, e) for own in run.problems for e in own.experiments}
     recordings = []
     for name, fit in run.recordings.items():
-        case = of_recording(run, name)
+        own, e = there[name]
+        case = Case.of(own, own.point(run.values), e)
         recordings.append({
             "name": name, **curves_of(fit), "rmse": dict(fit.rmse), "past_states": case.past,
-            "inputs": case.driven.mean, "step": case.step, "steps": float(case.steps), "start": case.start,
-            "constants": by_name(p.model.parameter_names, case.parameters),
+            "inputs": case.driven.before, "inputs_after": case.driven.jumps, "step": case.step,
+            "steps": float(case.steps), "start": case.start,
+            "constants": by_name(map(name_of, p.model.parameter_names), case.parameters),
         })  # fmt: skip
     content = {
         "about": f"fracid {__version__}: {run.folder.name}; angles in rad, time in s",
@@ -110,15 +116,6 @@ def matlab_results(run: SavedRun, **more: Any) -> bytes:
     memory = BytesIO()
     savemat(memory, _plain(content), do_compression=True, oned_as="column", long_field_names=True)
     return memory.getvalue()
-
-
-def of_recording(run: SavedRun, name: str) -> Case:
-    """One recording of a run as it was simulated, validation recordings with their own values."""
-    problem, there = run.problem, {e.name: e for e in (*run.problem.experiments, *run.project.validation)}
-    e = there[name]
-    if e not in problem.experiments:
-        problem = problem.with_shared(run.x, (e,))
-    return Case.of(problem, problem.point(run.values), e)
 
 
 def _estimates(estimates: Mapping[str, Any]) -> dict[str, Any]:
@@ -137,6 +134,8 @@ def _cell(values: list[Any]) -> NDArray[Any]:
 def _plain(value: Any) -> Any:
     """As savemat takes it: None becomes an empty matrix, a list of texts a cell array, truth a logical."""
     if isinstance(value, Mapping):
+        if twins := [n for n, count in Counter(map(_field, value)).items() if count > 1]:
+            raise InputError(SAYS("one-field", field=twins[0], names=[n for n in value if _field(n) == twins[0]]))
         return {_field(n): _plain(v) for n, v in value.items()} or np.zeros((0, 0))
     if value is None:
         return np.zeros((0, 0))
@@ -149,5 +148,5 @@ def _plain(value: Any) -> Any:
 
 def _field(name: str) -> str:
     """A name that MATLAB takes for a field: letters, digits and underscores, a letter first, 63 at most."""
-    text = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:63]
+    text = "".join((c if c.isalnum() else "_") if c.isascii() else f"u{ord(c):x}" for c in name)[:63]
     return text if text[:1].isalpha() else f"x_{text}"[:63]

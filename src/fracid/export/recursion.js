@@ -631,12 +631,12 @@ const Fracid = (() => {
       f(x, u, d);
       if (relaxing.length) relax(d);
       if (n >= free && (corrections === 0 || slow()) && !newton()) return;
-      if (relaxing.length) keepRelaxing();
       for (let i = 0; i < S; i++) {
         if (!(abs(x[i]) <= limit) || !Number.isFinite(d[i])) return;
         sums[i].v[n] = d[i];
       }
       if (jumps) enterJump(n);
+      if (relaxing.length) keepRelaxing();
       store(run, x, n, out);
     }
     out.completed = true;
@@ -650,8 +650,8 @@ const Fracid = (() => {
         if (!jumping) continue;
         sums[i].v[n] += jump[i] / 3;
         before[i] = trial[i] - (d[i] - before[i]);
-        d[i] = trial[i];
       }
+      if (jumping) d.set(trial);
     }
   }
 

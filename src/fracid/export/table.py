@@ -38,18 +38,16 @@ def csv_tables(run: SavedRun) -> dict[str, str]:
     >>> csv_tables.__name__
     'csv_tables'
     """
-    fitted = {name: e for name, (e, _) in run.problem.recordings.items()}
-    experiments = fitted | {e.name: e for e in run.project.validation}
+    experiments = {name: e for problem in run.problems for name, (e, _) in problem.recordings.items()}
     return {f"{stem}.csv": _csv(run.recordings[name], experiments[name], run.problem.model)
             for name, stem in file_stems(run.recordings).items()}  # fmt: skip
 
 
 def _csv(recording: RecordingFit, e: Experiment, model: Model) -> str:
-    columns = {"time [s]": recording.time}
+    columns, curves = {"time [s]": recording.time}, curves_of(recording)
     for output in recording.measured:
-        columns[f"{output} measured [{recording.unit(output)}]"] = recording.measured[output]
-        columns[f"{output} fitted [{recording.unit(output)}]"] = recording.fitted[output]
-        columns[f"{output} residual [{recording.unit(output)}]"] = recording.residual(output)
+        unit = recording.unit(output)
+        columns |= {f"{output} {kind} [{unit}]": curves[kind][output] for kind in ("measured", "fitted", "residual")}
     if len(e.inputs) > 1:
         columns |= {f"{n} [{model.input_units.get(n, 'SI')}]": u for n, u in zip(model.inputs, e.inputs.T, strict=True)}
     text = StringIO()

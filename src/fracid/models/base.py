@@ -589,6 +589,10 @@ class Model(CardDisplay):
         named = {q: v for q, v in zip(self.orders, orders.tolist(), strict=True) if isinstance(q, str)}
         return named | {nu: 1.0 - float(orders[i]) for i, nu in self.springpot_orders.items()}
 
+    def order_called(self, name: str) -> str:
+        """The order that a caller names, one of Python's keywords with an underscore behind it."""
+        return name if name in self.order_names else name.rstrip("_")
+
     def state_orders(self, orders: Mapping[str, float], parameters: FloatArray | None = None) -> FloatArray:
         """Return the order of each state.
 
@@ -609,7 +613,7 @@ class Model(CardDisplay):
         InputError
             For a missing or unknown name, or an order outside (0, 2).
         """
-        values = {name.rstrip("_"): order for name, order in orders.items()}
+        values = {self.order_called(name): order for name, order in orders.items()}
         for name, order in values.items():
             _check_order(self, name, order)
         if missing := [name for name in self.order_names if name not in values]:

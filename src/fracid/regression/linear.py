@@ -317,7 +317,7 @@ class Asked:
     def of(self, swings: Sequence[Swing], estimator: str, cutoff: float | None = None) -> Regression:
         """Find it in swings."""
         refuse_unknown("estimator", get_args(Estimator), estimator)
-        model, orders = self.model, {n.rstrip("_"): v for n, v in self.orders.items()}
+        model, orders = self.model, {self.model.order_called(n): v for n, v in self.orders.items()}
         if not any(s.arm for s in swings):
             orders |= {"lambda": 1.0}  # nothing sees it
         for side in ("lower", "upper"):

@@ -30,6 +30,7 @@ from fracid.errors import FracidError, InputError, NotTrusted
 from fracid.estimation.records import RecordingFit, fit_of
 from fracid.estimation.windows import windowed
 from fracid.fit import Fit
+from fracid.problem import Problem
 from fracid.problem.project import LARGEST_FILE, Project, project_from_text
 from fracid.runs.folder import RUN, SAYS, RunState
 from fracid.safety.door import text_if_any
@@ -66,6 +67,11 @@ class SavedRun(Fit):
     project: Beside[Project] = UNREAD
     values: Beside[Mapping[str, float]] = UNREAD
     """Name of each unknown → its value, those of validation recordings too."""
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """That of the fit, and one for each validation recording, with values of its own."""
+        return (self.problem, *(self.problem.with_shared(self.x, (e,)) for e in self.project.validation))
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``result.json``."""
@@ -111,9 +117,9 @@ class _Recordings(UserDict[str, RecordingFit]):
 
 def _simulated(run: SavedRun) -> dict[str, RecordingFit]:
     """Of a run that has its recordings as its file has them."""
-    validating = [run.problem.with_shared(run.x, (e,)) for e in run.project.validation]
+    validating = run.problems[1:]
     if run.window is not None:
-        validating = [windowed(p, run.window) for p in validating]
+        validating = tuple(windowed(p, run.window) for p in validating)
     return {
         name: fit_of(own, own.point(run.values), name, use, initial=there.initial, parameters=there.parameters)
         for own, use in [(run.problem, "fit"), *((p, "validate") for p in validating)] for name in own.recordings
@@ -196,8 +202,7 @@ def _strange(run: SavedRun) -> Iterator[str]:
     for name, r in result["recordings"].items():
         if set(r["rmse"]) != outputs or set(r["fit_percent"]) != outputs:
             yield f"the outputs of {ascii_short(name)} are others"
-    problems = (run.problem, *(run.problem.with_shared(run.x, (e,)) for e in project.validation))
-    for u in (u for problem in problems for u in problem.unknowns):
+    for u in (u for problem in run.problems for u in problem.unknowns):
         low, high = u.range.lower, u.range.upper
         slack = DIFFERENT * (high - low if math.isfinite(high - low) else abs(run.values.get(u.name, 0.0)))
         if not low - slack <= run.values.get(u.name, u.range.start) <= high + slack:

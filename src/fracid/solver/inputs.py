@@ -53,11 +53,6 @@ class Driven(NamedTuple):
         """Those after each grid point; None where there is no jump."""
         return None if self.before is self.after or np.array_equal(self.before, self.after) else self.after
 
-    @property
-    def mean(self) -> FloatArray:
-        """What straight lines between the grid points come closest with."""
-        return self.before if self.jumps is None else (self.before + self.after) / 2
-
 
 def between_samples(u: FloatArray, between: Between, first: float, spacing: float, count: int) -> Driven:
     """An input on a grid of `count` points; before its first and after its last sample it stays.

@@ -493,6 +493,7 @@ def _jump(rhs, n, t, x, u, after, p, f, before, jump, entered, trial):
         jump[i] = trial[i] - f[i]
         entered[i] += jump[i] / 3
         before[i] = trial[i] - (f[i] - before[i])
+    for i in range(len(f)):  # of states that relax the rates too
         f[i] = trial[i]
 
 

@@ -267,7 +267,7 @@ def simulate(
 
 def _with_integer_orders(model: Model, given: Mapping[str, float]) -> dict[str, float]:
     """Those given, and every other order at its integer value."""
-    named = {name.rstrip("_") for name in given}
+    named = {model.order_called(name) for name in given}
     others = {n: model.solved_at(n, None) for n in model.order_names if n not in named}
     if without := [n for n, q in others.items() if q is None]:
         raise InputError(SAYS("no-orders", without=' and '.join(without),

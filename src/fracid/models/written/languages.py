@@ -74,6 +74,8 @@ class Writer:
     """Before an integer that is used as a number."""
     first: ClassVar[int] = 0
     """Index of an array's first entry."""
+    longest: ClassVar[int | None] = None
+    """As many letters of a name count."""
     shorter: ClassVar[bool] = True
     """Whether it has ``+=``."""
     complex: ClassVar[Sequence[str]] = ()
@@ -90,7 +92,7 @@ class Writer:
         self, program: Program, taken: Sequence[str] = (), title: str = "", called: str = "static void right_hand_side"
     ) -> None:
         """Take a program; its functions are not called like `taken`, the names of what is written around it."""
-        self.program, self.title, self.called = program, title, called
+        self.program, self.title, self.called, self.origins = program, title, called, dict[str, str]()
         self.counters = {s.variable.name for s in parts((program.body, program.functions))
                          if isinstance(s, Loop) and s.variable}  # fmt: skip
         self.reserved = {*portable.__all__, *FUNCTIONS, *self.words.split()}
@@ -140,7 +142,10 @@ class Writer:
     def name(self, name: str) -> str:
         """As the language takes it."""
         plain = re.sub(r"^_+|^\d|\W", lambda m: "".join(f"u{ord(c):x}" for c in m[0]), name, flags=re.ASCII)
-        return f"{plain}_" if plain.rstrip("_") in self.reserved else plain
+        plain = f"{plain}_" if plain.rstrip("_") in self.reserved else plain[: self.longest]
+        if (other := self.origins.setdefault(plain, name)) != name:
+            raise Untranslatable(SAYS("one-name", other=other, name=name, plain=plain, language=type(self)))
+        return plain
 
     def expression(self, e: Expression, level: int = 0) -> str:
         """In brackets where it binds less tightly than asked for."""
