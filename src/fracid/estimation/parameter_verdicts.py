@@ -71,8 +71,9 @@ WIDE_ANGLE = 0.05
 STILL = 1e-2
 """A coordinate that moves by less than this part of the one that moves most stands still."""
 
-NONLINEAR = 1.5
-"""Sensitivities that grow with the swing to more than this power belong to a term of large swings."""
+NONLINEAR, LARGEST_POWER = 1.5, 4.0
+"""Sensitivities that grow with the swing to more than the one power belong to a term of large swings, and to more than
+the other to none: half the motion was another one."""
 
 TIGHT = 0.2
 """A ratio whose interval is below this part of its parts' is identifiable."""
@@ -454,7 +455,7 @@ def _because(view: _View, i: int) -> str:
             return SAYS("still", moved=moved, size=size, most=view.size(most), of=letter(most))
         if own and not set(own) & set(view.problem.outputs):
             return f"; {moved} is not scored: score it too, or fix {letter(u.name)}"
-    if u.kind == "parameter" and NONLINEAR < view.powers[i] < math.inf:
+    if u.kind == "parameter" and NONLINEAR < view.powers[i] <= LARGEST_POWER:
         return SAYS("nonlinear", power=view.powers[i], of=letter(most), size=view.size(most))
     return ""
 
