@@ -107,6 +107,7 @@ def test_a_clamped_arm_shows_no_lambda():
     space = fracid.DesignSpace(release=40, arm="clamped", seconds=2, rate=100)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
     assert plan.expected["lambda"].interval95 is None
+    assert "(not shown by this plan)" in plan.summary()
     assert plan.expected["mu"].interval95 is not None
 
 

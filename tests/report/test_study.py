@@ -10,7 +10,7 @@ import pytest
 
 import fracid
 from browser import CHROMIUM, Browser
-from fracid.cli.app import main
+from fracid.cli.app import main, new_console, print_values
 from fracid.errors import InputError
 from fracid.experiments.plan import Plan, Value
 from fracid.report.study import LARGEST_FIGURE, STUDIES, write_study
@@ -64,7 +64,8 @@ def posterior():
 
 
 def plan():
-    values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None)}
+    values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None),
+              "C1": Value(2.8, "F", 2.5, None, widest=2.8)}  # fmt: skip
     return as_json(Plan, {"for": HOSTILE, "criterion": "D", "of": ["mu"], "experiments": [{"text": "release"}],
                                "expected": values, "gain": {"mu": 10.0}, "candidates": 3, "excluded": 0,
                                "distances": None, "alone": None})  # fmt: skip
@@ -102,6 +103,8 @@ SAYS = {
         "1 × release.",
         "Expected 95 % interval of μ ± 0.0020, 10 times",
         "10 times narrower than today",
+        "not shown by this plan",
+        "practically non-identifiable",
     ),
     "profiles.json": ("Without a closed 95 % interval: μ.", "it lies above 0.88"),
 }
@@ -117,6 +120,14 @@ def test_the_controllers_of_a_table_have_the_same_columns_whatever_their_weights
     pid = record["design"] | {"controller": record["design"]["controller"] | {"weights": {"Kp": 2.0, "mu": 0.5}}}
     (rows,) = STUDIES["control.json"].found(record | {"tried": [record["design"], pid]}).tables.values()
     assert len({tuple(row) for row in rows}) == 1
+
+
+def test_the_terminal_says_of_a_plan_what_its_page_says_of_each_value(capsys):
+    (rows,) = STUDIES["plan.json"].found(plan()).values.values()
+    print_values(new_console(), rows)
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert ["not shown" in line for line in lines] == [False, True, False]
+    assert ["practically non-identifiable" in line for line in lines] == [False, False, True]
 
 
 def test_every_study_that_has_a_page_is_tried_here():

@@ -186,15 +186,12 @@ def _folded(notes: Sequence[str], outputs: Collection[str], recordings: Collecti
 
 def _estimates(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """What was estimated, and the orders that were given; with what its interval does not say."""
-    from fracid.estimation.records import in_words
-
     several = len(result["recordings"]) > 1
     own = [(f" [{name}]" * several, r["parameters"]) for name, r in result["recordings"].items()]
     free = {n: e for n, e in result["parameters"].items() if e["free"]}
     for of, estimates in (("", result["orders"] | free), *own):
         for n, e in estimates.items():
-            says = "" if e["identifiable"] in ("unknown", "identifiable") else in_words(e["identifiable"])
-            yield {**e, "name": f"{n}{of}", "says": says, "reason": ""}
+            yield {**e, "name": f"{n}{of}", "says": "", "reason": ""}
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:

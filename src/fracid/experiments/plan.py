@@ -30,6 +30,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.derivatives import jacobian
+from fracid.estimation.records import in_words
 from fracid.experiments.space import Candidate
 from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Figure, Style, draw
@@ -43,8 +44,8 @@ from fracid.recording.channel import si_unit
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
-from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
-from fracid.units import letter
+from fracid.safety.schema import UNREAD, Beside, Infinite, Listed, Number, Record, computed
+from fracid.units import half_of, letter
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
@@ -69,11 +70,25 @@ class Value(Record):
     """To be expected after the plan; None where the plan does not show it."""
     standard_error_now: Number
     """Of what has been recorded, predicted in the same way; None where that does not show it."""
+    widest: Infinite = math.inf
+    """Half-width of an interval that is just narrow enough to use."""
 
     @computed
     def interval95(self) -> tuple[float, float] | None:
         """To be expected after the plan."""
         return normal_interval(self.value, self.standard_error)
+
+    @computed
+    def identifiable(self) -> str:
+        """The verdict on that interval, as of a fit."""
+        if self.interval95 is None:
+            return "not shown by this plan"
+        return "practically not" if half_of(self.interval95) > self.widest else "identifiable"
+
+    @property
+    def doubt(self) -> str:
+        """What stands behind a value that is not identifiable."""
+        return "" if self.identifiable == "identifiable" else f" ({in_words(self.identifiable)})"
 
 
 if TYPE_CHECKING:
@@ -196,16 +211,14 @@ class Plan(CardDisplay, Record):
         lines = [repr(self), "", "Values with their expected 95 % intervals"]
         for n, v in self.expected.items():
             half = None if v.standard_error is None else NORMAL_95 * v.standard_error
-            ends = rounded(v.value, half) + " (not shown by this plan)" * (half is None)
-            lines.append(f"  {n:<20} {ends} {v.unit}".rstrip())
+            lines.append(f"  {n:<20} {rounded(v.value, half)} {v.unit}".rstrip() + v.doubt)
         return "\n".join(lines)
 
     def _card(self) -> Card:
         named = self.of or tuple(self.expected)
         rows = [(f"{count} ×", str(c)) for c, count in Counter(self.experiments).items()]
         shown = rows if len(rows) <= MOST_ROWS else [*rows[: MOST_ROWS - 1], ("…", "more experiments")]
-        texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + ("" if v.interval95 else " (not shown)")
-                 for n, v in self.expected.items()}  # fmt: skip
+        texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + v.doubt for n, v in self.expected.items()}
         excluded = f", {self.excluded} more excluded" if self.excluded else ""
         tail = [("expected", listed(texts[n] for n in named)), *self._comparisons(named),
                 ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}")]  # fmt: skip
