@@ -6,7 +6,7 @@ file                    holds
 ``sheet.txt``           the experiments one after the other, and the expected intervals
 ``next.toml``           a project for the recordings to come, at the values of now
 ``next-clamped.toml``   the same of those with the arm clamped
-``voltage-N.csv``       the voltage of experiment N, to be played to the motor
+``voltage-N.csv``       the input of experiment N, by its name, to be played
 ``expected-N.csv``      what experiment N should show, with its 95 % band
 ``plan.json``           the plan for programs
 ``figures/``            the expected curves, and the interval against angle of release and duration
@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,7 +45,7 @@ from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Infinite, Listed, Number, Record, computed
-from fracid.units import half_of, letter
+from fracid.units import half_of, letter, with_unit
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
@@ -183,7 +183,7 @@ class Plan(CardDisplay, Record):
         folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
         model = problem.model
         content = json.dumps(self.to_json(), indent=2, ensure_ascii=False)
-        texts = {"sheet.txt": _sheet(self), "plan.json": f"{content}\n"}
+        texts = {"sheet.txt": _sheet(self, curves), "plan.json": f"{content}\n"}
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}
@@ -194,11 +194,12 @@ class Plan(CardDisplay, Record):
                 name = driven(problem)
                 unit = si_unit(model.input_unit(name))
                 played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: unit})
-                signals[f"voltage-{number}.csv"] = played, note
-            bands = {n: y for o, y in curve.outputs.items() for n, y in
-                     ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
-            kinds = {n: "rad" if n.split()[0] in model.angles else "1" for n in bands}
-            signals[f"expected-{number}.csv"] = Recording.of("expected", curve.time, bands, kinds), f"{note}, 95 % band"
+                signals[f"{name}-{number}.csv"] = played, note
+            ends = {"": 0, " low": -1, " high": 1}
+            parts = [(o, f"{o}{end}", side) for o in curve.outputs for end, side in ends.items()]
+            bands = {part: curve.outputs[o] + side * curve.half[o] for o, part, side in parts}
+            units = {part: si_unit(self.subject.unit(o)) for o, part, _ in parts}
+            signals[f"expected-{number}.csv"] = Recording.of("expected", curve.time, bands, units), f"{note}, 95 % band"
         files = [*write_files(folder, texts)]
         files += [save_recording(signal, folder / name, note=note) for name, (signal, note) in signals.items()]
         files += save(draw("expected_curves", curves, model), folder / "figures", "expected")
@@ -294,16 +295,22 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     return tuple(curves)
 
 
-def _sheet(plan: Plan) -> str:
-    lines = [plan.summary(), "", "Experiments"]
+def _sheet(plan: Plan, curves: Sequence[Expected]) -> str:
+    lines, played = [plan.summary(), "", "Experiments"], driven(plan.subject.problem)
+    first_values = {curve.candidate: {n: float(y[0]) for n, y in curve.outputs.items()} for curve in curves}
     for k, c in enumerate(plan.experiments, 1):
         first = plan.experiments.index(c) + 1
-        play = "" if c.voltage is None else f"play voltage-{first}.csv; "
+        play = "" if c.voltage is None else f"play {played}-{first}.csv; "
+        begins = listed(f"{letter(n)} {with_unit(v, plan.subject.unit(n))}" for n, v in first_values.get(c, {}).items())
         lines += [f"  {k}. {c}", f"     {play}save it as recording-{k}.csv; compare with expected-{first}.csv"]
+        lines += [f"     it begins at {begins}"] * (c.release == 0)
     if len({c.arm for c in plan.experiments}) > 1:
         lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
                   "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
+    lines += ["Expected are the intervals of a fit of these together with the recordings so far."] * bool(
+        plan.subject.intervals
+    )
     return "\n".join(lines) + "\n"
 
 
@@ -328,7 +335,8 @@ def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
     said += ["# The model is a file of yours: copy it beside this one."] * (".py:" in str(head.get("name")))
     said += [f"# recording-{k}.csv: {c}" for k, c in experiments.items()]
     given = {"parameters": values, "orders": p.orders}
-    plain = {name: {n: plain_value(v) for n, v in some.items()} for name, some in given.items()}
+    plain = {name: {n: plain_value(v, own=table.get(name, {}).get(n)) for n, v in some.items()}
+             for name, some in given.items()}  # fmt: skip
     recordings = [_recording(subject, k, c) for k, c in experiments.items()]
     return "\n".join([*said, toml_document({"model": {**head, **plain}, "recording": recordings, "fit": fit})])
 
@@ -338,11 +346,11 @@ def _recording(subject: Subject, number: int, c: Candidate) -> dict[str, Any]:
     p, known, outputs = subject.problem, subject.table.get("recording", {}), subject.outputs
     entries: dict[str, Any] = {
         "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
-        "initial": {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs},
+        "initial": {n: plain_value(v) for n, v in subject.initial(c).items()},
         "parameters": {**p.experiments[0].constants, **dict(c.constants)},
     }  # fmt: skip
     signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
-    missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
+    missing = {n: {"column": n, "unit": si_unit(subject.unit(n))} for n in outputs if n not in signals}
     entries |= {**({} if "time" in signals else {"time": {"column": 0}}), **signals, **missing}
     if c.voltage is not None:
         name = driven(p)
