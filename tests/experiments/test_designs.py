@@ -371,7 +371,9 @@ def test_files_of_a_plan_have_the_names_and_units_of_what_is_in_them(tmp_path):
     fracid.design(read(oven(22.0), noise, np.random.default_rng(5)), space, experiments=1).write(tmp_path)
     assert (tmp_path / "heater-1.csv").exists()
     assert "plate [K],plate low [K],plate high [K]" in (tmp_path / "expected-1.csv").read_text("utf-8")
-    assert "it begins at plate 2" in (tmp_path / "sheet.txt").read_text("utf-8")
+    sheet = (tmp_path / "sheet.txt").read_text("utf-8")
+    assert "play heater-1.csv; " in sheet
+    assert "together with the recordings so far" in sheet
     assert 'plate = { column = "plate", unit = "K" }' in (project := (tmp_path / "next.toml").read_text("utf-8"))
     assert "initial = { block = { start = 18.0, lower = 0.0, upper = 40.0 } }" in project
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,7 +45,7 @@ from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
 from fracid.safety.schema import UNREAD, Beside, Infinite, Listed, Number, Record, computed
-from fracid.units import half_of, letter, with_unit
+from fracid.units import half_of, letter
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
@@ -183,7 +183,7 @@ class Plan(CardDisplay, Record):
         folder, problem, curves = Path(folder), self.subject.problem, expected_curves(self)
         model = problem.model
         content = json.dumps(self.to_json(), indent=2, ensure_ascii=False)
-        texts = {"sheet.txt": _sheet(self, curves), "plan.json": f"{content}\n"}
+        texts = {"sheet.txt": _sheet(self), "plan.json": f"{content}\n"}
         for arm, name in (("free", "next.toml"), ("clamped", "next-clamped.toml")):
             own = {k: c for k, c in enumerate(self.experiments, 1) if c.arm == arm}
             texts |= {name: _project(self.subject, own)} if own else {}
@@ -295,22 +295,18 @@ def expected_curves(plan: Plan) -> tuple[Expected, ...]:
     return tuple(curves)
 
 
-def _sheet(plan: Plan, curves: Sequence[Expected]) -> str:
-    lines, played = [plan.summary(), "", "Experiments"], driven(plan.subject.problem)
-    first_values = {curve.candidate: {n: float(y[0]) for n, y in curve.outputs.items()} for curve in curves}
+def _sheet(plan: Plan) -> str:
+    lines = [plan.summary(), "", "Experiments"]
     for k, c in enumerate(plan.experiments, 1):
         first = plan.experiments.index(c) + 1
-        play = "" if c.voltage is None else f"play {played}-{first}.csv; "
-        begins = listed(f"{letter(n)} {with_unit(v, plan.subject.unit(n))}" for n, v in first_values.get(c, {}).items())
+        play = "" if c.voltage is None else f"play {driven(plan.subject.problem)}-{first}.csv; "
         lines += [f"  {k}. {c}", f"     {play}save it as recording-{k}.csv; compare with expected-{first}.csv"]
-        lines += [f"     it begins at {begins}"] * (c.release == 0)
     if len({c.arm for c in plan.experiments}) > 1:
         lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
                   "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
-    lines += ["Expected are the intervals of a fit of these together with the recordings so far."] * bool(
-        plan.subject.intervals
-    )
+    so_far = "Expected are the intervals of a fit of these together with the recordings so far."
+    lines += [so_far] if plan.subject.intervals else []
     return "\n".join(lines) + "\n"
 
 

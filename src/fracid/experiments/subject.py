@@ -231,18 +231,18 @@ class Subject:
             raise InputError(f"release: the model {model.name} has no output that is a state; leave it out.")
 
 
-def longest(problem: Problem) -> Experiment:
-    """The longest recording of a problem, or the first window of it.
+def longest(problem: Problem) -> int:
+    """Which experiment is the longest recording of a problem, or the first window of it.
 
     Examples
     --------
     >>> import fracid
     >>> logs = [Experiment(f"{n}", 0.1, np.zeros((n, 1)), np.zeros((1, 1))) for n in (5, 9, 7)]
-    >>> longest(Problem(fracid.model("pendulum"), tuple(logs), {"mu": 1.0})).name
-    '9'
+    >>> longest(Problem(fracid.model("pendulum"), tuple(logs), {"mu": 1.0}))
+    1
     """
     _, windows = max(problem.recordings.values(), key=lambda recording: float(recording[0].time[-1]))
-    return problem.experiments[windows][0]
+    return int(windows.start)
 
 
 def driven(problem: Problem) -> str:
@@ -293,22 +293,22 @@ def subject_of_problem(
     if any(e.deviation is not None for e in problem.experiments):
         raise InputError(SAYS("deviations"))
     precision = uncertainty(problem, x, jobs=jobs) if precision is None else precision
-    J, pattern = differences(problem, x, np.arange(len(x)), jobs=jobs), longest(problem)
-    begun = problem.fitted(x, pattern)
-    if isinstance(precision, Failure) or isinstance(J, Failure) or isinstance(begun, Failure):
-        why = next(failed for failed in (precision, J, begun) if isinstance(failed, Failure))
-        raise InputError(f"There is nothing to design with: {why}.")
+    J = differences(problem, x, np.arange(len(x)), jobs=jobs)
+    if isinstance(precision, Failure) or isinstance(J, Failure):
+        raise InputError(f"There is nothing to design with: {precision if isinstance(precision, Failure) else J}.")
     unknowns = problem.unknowns
     shared = np.array([u.experiment is None for u in unknowns]) & ~problem.absent(x)
     if not shared.any():
         raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
     noise, encoder_alone = _noises(problem, J.errors, space)
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
+    k = longest(problem)
+    pattern, others = problem.experiments[k], problem.experiments[:k] + problem.experiments[k + 1 :]
     whose = None, pattern.name, pattern.recording.name
     values = {u.target: v for u, v in zip(unknowns, x.tolist(), strict=True) if u.experiment in whose}
     initial = {n: _moved(v, values.get(n)) for n, v in pattern.initial.items()}
-    others = [e for e in problem.experiments if e is not pattern]
-    as_fitted = replace(problem, memo=None, experiments=(replace(pattern, measured=begun, initial=initial), *others))
+    pattern = replace(pattern, measured=pattern.measured - J.errors[k], initial=initial)
+    as_fitted = replace(problem, memo=None, experiments=(pattern, *others))
     held = {u.target for u, k in zip(unknowns, shared, strict=True) if u.experiment is None and not k}
     priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
     recorded = Information(priors, priors)

@@ -225,20 +225,16 @@ def hidden_starts(p: Parametrisation, e: Experiment) -> dict[str, tuple[float, f
         if name in model.output_states and name not in e.sensors:
             x[:, model.output_states[name]] = e.measured[rows, k]
     u = e.inputs[np.linspace(0, len(e.inputs) - 1, ROWS).astype(int)]
-    known = {*p.told, *e.initial, *(v.target for v in p.unknowns if v.kind == "initial")}
-    speeds = {*model.rates.values()}
-    hidden = [i for i, n in enumerate(model.states) if not (n in known or i in speeds or start.initial[i])]
     at_start = model.derivatives(x[0], u[0], start.parameters)
     slopes = [model.derivatives(x[0] + d, u[0], start.parameters) - at_start for d in PROBE * np.eye(len(x[0]))]
-    hidden = [i for i in hidden if slopes[i][i] < 0.0]
+    hidden = [i for i in p.unstated(p.start, e) if slopes[i][i] < 0.0 and i not in model.rates.values()]
     if not hidden or e.past is not None:
         return {}
     J = np.array([slopes[i][hidden] / PROBE for i in hidden]).T
     driven = np.array([model.derivatives(*at, start.parameters)[hidden] for at in zip(x, u, strict=True)])
     levels = -np.linalg.lstsq(J, np.nan_to_num(driven).T)[0]
-    ranges = zip(hidden, levels, np.ptp(levels, axis=1).tolist(), strict=True)
-    return {model.states[i]: (float(at[0]), max(size, abs(float(at[0])))) for i, at, size in ranges
-            if abs(at[0]) > ELSEWHERE * size}  # fmt: skip
+    ranges = zip(hidden, levels[:, 0].tolist(), np.ptp(levels, axis=1).tolist(), strict=True)
+    return {model.states[i]: (at, max(size, abs(at))) for i, at, size in ranges if abs(at) > ELSEWHERE * size}
 
 
 def typed_starts(around: Mapping[str, tuple[float, float]]) -> str:

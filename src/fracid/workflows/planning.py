@@ -99,7 +99,7 @@ def run_design(
 
 def _as_recorded(space: DesignSpace, problem: Problem, unsaid: Collection[str]) -> DesignSpace:
     """What is `unsaid` of the space as in the longest recording."""
-    e, name = longest(problem).recording, driven(problem)
+    e, name = problem.experiments[longest(problem)].recording, driven(problem)
     seconds = float(e.time[-1])
     rate = min(1 / e.step, MOST_SAMPLES / seconds)
     known: dict[str, Any] = {"seconds": seconds, "rate": rate}
