@@ -118,6 +118,10 @@ volts = { equals = "cell", unit = "V" }
     [
         (LAG_PROJECT, 'current = { column = "current", unit = "A", between = "hold" }'),
         (WRITTEN, 'cell = { equals = "gain*current - rate*cell", order = "q" }'),
+        (
+            WRITTEN.replace("5.0 }\n[model.orders]", '5.0, unit = "s^-q" }\n[model.orders]'),
+            'upper = 5.0, unit = "s^-q" }',
+        ),
         (WRITTEN, 'current = { column = "current", between = "hold" }'),
     ],
 )

@@ -433,8 +433,14 @@ def test_a_terminal_that_showed_a_fault_before_the_search_does_not_repeat_it(mon
 
 def test_notes_that_differ_in_output_and_numbers_are_one():
     notes = ["low: theta: the residual is 0.22°, 8.5 steps.", "no fault", "low: alpha: the residual is 0.21°, 7 steps."]
-    folded = cli_fit._folded(notes, ("theta", "alpha"))
+    folded = cli_fit._folded(notes, ("theta", "alpha"), ("low",))
     assert folded == ["low: theta: the residual is 0.22°, 8.5 steps. The same holds for alpha.", "no fault"]
+
+
+def test_notes_that_differ_in_the_recording_or_in_numbers_alone_are_several():
+    names = ("1: multisine, peak 2", "2: multisine, peak 2", "alpha 3")
+    notes = [*(f"{name}: alpha: the residual is 0.2°." for name in names), "alpha 3: alpha: the residual is 0.4°."]
+    assert cli_fit._folded(notes, ("theta", "alpha"), names) == notes
 
 
 # --- as a process -----------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from fracid.estimation.cost_plane import CostPlane, cost_plane
 from fracid.estimation.cost_profile import profile
 from fracid.estimation.covariance import uncertainty
 from fracid.estimation.minimum import settled
-from fracid.estimation.parameter_verdicts import _halved, _halved_angles, identifiability
+from fracid.estimation.parameter_verdicts import _halved, _halved_angles, _View, identifiability
 from fracid.estimation.profile_walk import refit
 from fracid.estimation.records import Estimate
 from fracid.models import Model, Parameter
@@ -174,6 +174,14 @@ def test_a_small_angle_record_names_the_inertia_term_that_it_cannot_see():
     assert "record a larger motion" in small["C6"].reason
     assert {n for n, v in small.items() if v.kind == "identifiable"} == {"J_theta", "b_alpha"}
     assert {v.kind for v in large.values()} == {"identifiable"}
+
+
+def test_a_power_that_no_term_of_a_model_has_gives_no_advice(monkeypatch):
+    p = twin(alpha=0.05, parameters=free("C6", "J_theta", "b_alpha"))
+    monkeypatch.setattr(_View, "powers", np.full(len(p.names), 23.2))
+    small = verdicts(p)
+    assert small["C6"].kind == "practically not"
+    assert "amplitude" not in small["C6"].reason
 
 
 @pytest.mark.broad

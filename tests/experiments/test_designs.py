@@ -16,7 +16,8 @@ from fracid.experiments.alternatives import alternatives_of, orders_alone, rival
 from fracid.experiments.choice import informations, subject_of
 from fracid.experiments.criteria import objective_named
 from fracid.experiments.exchange import Criterion, exchange
-from fracid.experiments.information import Information
+from fracid.experiments.information import Information, Noise
+from fracid.experiments.subject import subject_of_problem
 from fracid.optimise import least_squares, minimise
 from fracid.selection.integer_rival import freed_friction, integer_values
 from fracid.twins.encoder import encoder, simulated
@@ -107,6 +108,7 @@ def test_a_clamped_arm_shows_no_lambda():
     space = fracid.DesignSpace(release=40, arm="clamped", seconds=2, rate=100)
     plan = fracid.design(RIG, space, experiments=1, free=FREE, orders=ORDERS)
     assert plan.expected["lambda"].interval95 is None
+    assert "(not shown by this plan)" in plan.summary()
     assert plan.expected["mu"].interval95 is not None
 
 
@@ -303,9 +305,77 @@ def test_a_stretch_is_played_in_lines_with_the_rate_that_they_have():
 def test_a_driven_model_is_planned_as_it_was_recorded_where_nothing_is_said():
     space = _as_recorded(fracid.DesignSpace(rate=200), driven_by(2.0 + np.sin(np.arange(201))), ("seconds", "voltage"))
     assert (space.seconds, space.rate, space.around) == (10.0, 200, 2.0)
-    assert (space.voltage.low, space.voltage.high, space.voltage.peak) == (0.2, 2.0, 1.0)
+    assert (space.voltage.low, space.voltage.high) == (0.2, 2.0)
+    assert space.voltage.peak == pytest.approx(1.0, rel=1e-4)
+    assert "peak 1, offset 2, 10 s" in str(space.candidates[0])
     still = _as_recorded(fracid.DesignSpace(), driven_by(0.0), ("seconds", "rate", "voltage"))
     assert (still.seconds, still.rate, still.voltage) == (10.0, 20.0, None)
+
+
+@pytest.mark.parametrize(
+    "values", [np.repeat([0.0, 12.0, 6.0], 67), np.repeat([-1.0, 2.0, 0.0], 67), np.minimum(np.arange(201), 9.0)]
+)
+def test_what_is_planned_stays_within_the_input_that_was_recorded(values):
+    space = _as_recorded(fracid.DesignSpace(), driven_by(values), ("seconds", "rate", "voltage"))
+    low, high = space.around - space.voltage.peak, space.around + space.voltage.peak
+    assert np.min(values) <= low < high <= np.max(values)
+    assert high - low >= 0.45 * np.ptp(values)
+
+
+def oven(begin):
+    """Two heated masses, of which one is measured, that begin elsewhere than at 0."""
+
+    def rhs(t, x, u, p, out):
+        out[0], out[1] = u[0] - p[0] * (x[0] - 20.0) - (x[0] - x[1]), p[0] * (x[0] - x[1])
+
+    model = fracid.Model(
+        "oven",
+        rhs,
+        ("plate", "block"),
+        (1.0, 1.0),
+        {"plate": 0},
+        ("heater",),
+        (fracid.Parameter("loss", "1/s", 0.5, "to the room"),),
+        "",
+        "",
+        output_units={"plate": "K"},
+    )
+    inputs = (np.arange(101) // 20 % 2).astype(float)[:, None]
+    log = fracid.Experiment(
+        "log",
+        0.1,
+        np.full((101, 1), begin),
+        inputs,
+        between={"heater": "hold"},
+        initial={"block": fracid.Free(18.0, 0.0, 40.0)},
+    )
+    short = fracid.Experiment("short", 0.1, np.zeros((11, 1)), np.zeros((11, 1)), initial={"block": 0.0})
+    problem = fracid.Problem(model, (short, log), {}, {"loss": fracid.Free(0.5, 0.1, 2.0)}, initial_state="rest")
+    return simulated(problem, problem.start, finer=1)
+
+
+def test_a_plan_begins_where_the_longest_recording_did_as_fitted():
+    problem = oven(22.0)
+    x = problem.point({"block(0) [log]": 25.0, "plate(0) [log]": 23.0})
+    space = fracid.DesignSpace(seconds=10, rate=10, voltage=fracid.Multisine(0.2, 1.0, 0.5), noise=0.05)
+    planned = subject_of_problem(problem, x, space).problem_of(space.candidates[0])
+    e = planned.experiments[0]
+    assert (e.measured[0, 0], e.initial["block"].start, e.units) == (23.0, 25.0, {"plate": "K"})
+    assert planned.fitted(planned.start, e)[0, 0] == 23.0
+
+
+@pytest.mark.broad
+def test_files_of_a_plan_have_the_names_and_units_of_what_is_in_them(tmp_path):
+    space = fracid.DesignSpace(seconds=10, rate=10, voltage=fracid.Multisine(0.2, 1.0, 0.5), noise=0.05)
+    noise = {"plate": Noise(0.05, 0.0)}
+    fracid.design(read(oven(22.0), noise, np.random.default_rng(5)), space, experiments=1).write(tmp_path)
+    assert (tmp_path / "heater-1.csv").exists()
+    assert "plate [K],plate low [K],plate high [K]" in (tmp_path / "expected-1.csv").read_text("utf-8")
+    sheet = (tmp_path / "sheet.txt").read_text("utf-8")
+    assert "play heater-1.csv; " in sheet
+    assert "together with the recordings so far" in sheet
+    assert 'plate = { column = "plate", unit = "K" }' in (project := (tmp_path / "next.toml").read_text("utf-8"))
+    assert "initial = { block = { start = 18.0, lower = 0.0, upper = 40.0 } }" in project
 
 
 # --- what is refused ---------------------------------------------------------------------------------------

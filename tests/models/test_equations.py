@@ -379,6 +379,20 @@ def test_an_input_of_the_projects_equations_that_no_column_has_is_told(tmp_path,
     assert ("taken as 0" in notes) == bool(says)
 
 
+@pytest.mark.usefixtures("project")
+@pytest.mark.parametrize(("block", "initial", "noted"), [
+    ("1 - block", "", True),
+    ("1 - block", "initial = { block = 0.0 }", False),
+    ("-block", "", False),  # it rests at 0
+    ("1", "", False),  # it rests nowhere
+])  # fmt: skip
+def test_a_hidden_state_that_does_not_rest_at_0_is_noted_with_what_to_type(tmp_path, block, initial, noted):
+    text = PROJECT.replace("[model.outputs]", f'block = "{block}"\n[model.outputs]') + initial
+    notes = " ".join(project_from_text(text, tmp_path / "axis.toml").notes)
+    assert ("axis: no output shows block, whose start is taken as 0" in notes) == noted
+    assert ('initial = { "block" = { start = 1, lower = 0, upper = 2 } }' in notes) == noted
+
+
 @pytest.mark.parametrize(("old", "new", "why"), [
     ("(force - b*speed)/m", "(force - b*sped)/m", "`sped` is no state, input or parameter; did you mean `speed`"),
     ('name = "linear-axis"', 'name = "rotary-pendulum"', "give the equations a name of their own"),

@@ -478,6 +478,16 @@ def test_a_built_in_model_is_found_by_name():
     assert (model.zero, model.inputs, model.parameter("C1").value) == ("upright", ("torque",), 1e-3)
 
 
+@pytest.mark.parametrize(("gain", "lag"), [(2.0, 3.0), (1.0, 2.0), (0.5, 0.05)])
+def test_round_constants_do_not_make_the_rate_of_a_state_of_another(gain, lag):
+    def rhs(t, x, u, p, out):
+        out[0], out[1], out[2] = p[0] * x[0], (x[0] + p[1] * 0.1 - x[1]) / p[1], x[1]
+
+    constants = Parameter("gain", "1", gain, "of itself"), Parameter("lag", "s", lag, "behind it")
+    model = Model("three", rhs, ("a", "b", "c"), (1.0, 1.0, 1.0), {"c": 2}, (), constants, "", "a test")
+    assert model.rates == {2: 1}
+
+
 @pytest.mark.parametrize(
     ("name", "options", "rate"),
     [

@@ -10,7 +10,7 @@ import pytest
 
 import fracid
 from browser import CHROMIUM, Browser
-from fracid.cli.app import main
+from fracid.cli.app import main, new_console, print_values
 from fracid.errors import InputError
 from fracid.experiments.plan import Plan, Value
 from fracid.report.study import LARGEST_FIGURE, STUDIES, write_study
@@ -64,7 +64,8 @@ def posterior():
 
 
 def plan():
-    values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None)}
+    values = {"mu": Value(0.9123, "", 0.001, 0.01), HOSTILE: Value(1.0, "N m", None, None),
+              "C1": Value(2.8, "F", 2.5, None, widest=2.8)}  # fmt: skip
     return as_json(Plan, {"for": HOSTILE, "criterion": "D", "of": ["mu"], "experiments": [{"text": "release"}],
                                "expected": values, "gain": {"mu": 10.0}, "candidates": 3, "excluded": 0,
                                "distances": None, "alone": None})  # fmt: skip
@@ -102,6 +103,8 @@ SAYS = {
         "1 × release.",
         "Expected 95 % interval of μ ± 0.0020, 10 times",
         "10 times narrower than today",
+        "not shown by this plan",
+        "practically non-identifiable",
     ),
     "profiles.json": ("Without a closed 95 % interval: μ.", "it lies above 0.88"),
 }
@@ -126,6 +129,14 @@ def test_profiles_answer_for_the_values_that_were_profiled(names, answer):
     ends = [0.88, 0.94]
     one = profiles()["profiles"]["mu"] | {"interval95": ends, "wald95": ends, "verdict": "two-sided"}
     assert STUDIES["profiles.json"].found(profiles() | {"profiles": dict.fromkeys(names, one)}).answer == answer
+
+
+def test_the_terminal_says_of_a_plan_what_its_page_says_of_each_value(capsys):
+    (rows,) = STUDIES["plan.json"].found(plan()).values.values()
+    print_values(new_console(), rows)
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert ["not shown" in line for line in lines] == [False, True, False]
+    assert ["practically non-identifiable" in line for line in lines] == [False, False, True]
 
 
 def test_every_study_that_has_a_page_is_tried_here():

@@ -422,9 +422,12 @@ def print_found(
 
 def print_values(console: Any, estimates: Sequence[Mapping[str, Any]]) -> None:
     """Print values with their intervals, and what else is said of each, or why."""
+    from fracid.estimation.records import in_words
     from fracid.report.sentences import digits, interval
 
-    aside = ("; ".join(filter(None, (e["says"], e["reason"]))) for e in estimates)
+    kinds = (e["identifiable"] for e in estimates)
+    verdicts = ("" if kind in ("unknown", "identifiable") else in_words(kind) for kind in kinds)
+    aside = ("; ".join(filter(None, (e["says"], e["reason"] or v))) for e, v in zip(estimates, verdicts, strict=True))
     cells = ((e["name"], digits(e), interval(e), e["unit"], text) for e, text in zip(estimates, aside, strict=True))
     print_table(console, ("name", "value", "95 % interval", "unit", ""), cells, fold=("name", ""))
 

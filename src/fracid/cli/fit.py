@@ -152,7 +152,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     if len(fit.starts) > 1:
         say(console, f"starts: {escape(_starts(fit))}", "  ")
     warnings = [w for w in unsaid(run.result) if w != PARTIAL]
-    notes = _folded([n for n in (*warnings, *run.project.notes) if n not in told], fit.problem.outputs)
+    notes = _folded([n for n in (*warnings, *run.project.notes) if n not in told], p.outputs, fit.recordings)
     warn(console, *notes[:SHOWN])
     if len(notes) > SHOWN:
         warn(console, f"{len(notes) - SHOWN} more: on the page, and in result.json")
@@ -169,31 +169,29 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
 
 
-def _folded(notes: Sequence[str], outputs: Sequence[str]) -> list[str]:
+def _folded(notes: Sequence[str], outputs: Collection[str], recordings: Collection[str]) -> list[str]:
     """Notes, of which those that say the same of another output, with other numbers, are one."""
-    names = "|".join(map(re.escape, outputs))
-    groups: dict[str, list[str]] = {}
+    kept, of = ("|".join(map(re.escape, sorted(names, key=len)[::-1])) for names in (recordings, outputs))
+    parts = re.compile(rf"(?<!\w)({kept})(?!\w)|\b({of})\b|\d[\d.,e+-]*")  # a number in a name is none
+    groups: dict[str, dict[str, str]] = {}
     for note in notes:
-        groups.setdefault(re.sub(rf"\d[\d.,e+-]*|\b(?:{names})\b", "#", note), []).append(note)
-    folded = []
-    for first, *others in groups.values():
-        also = {name: None for note in others for name in re.findall(rf"\b(?:{names})\b", note)[:1]}
-        same = f"{first} The same holds for {' and '.join(also)}."
-        folded += [same] if also and len(also) == len(others) else [first, *others]
-    return folded
+        output = next((m[2] for m in parts.finditer(note) if m[2]), "")
+        same = groups.setdefault(parts.sub(lambda m: m[1] or "#", note), {})
+        if output in same:
+            same = groups.setdefault(note, {})
+        same[output] = note
+    also = (f" The same holds for {' and '.join(names)}." if names else "" for _, *names in groups.values())
+    return [next(iter(same.values())) + more for same, more in zip(groups.values(), also, strict=True)]
 
 
 def _estimates(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """What was estimated, and the orders that were given; with what its interval does not say."""
-    from fracid.estimation.records import in_words
-
     several = len(result["recordings"]) > 1
     own = [(f" [{name}]" * several, r["parameters"]) for name, r in result["recordings"].items()]
     free = {n: e for n, e in result["parameters"].items() if e["free"]}
     for of, estimates in (("", result["orders"] | free), *own):
         for n, e in estimates.items():
-            says = "" if e["identifiable"] in ("unknown", "identifiable") else in_words(e["identifiable"])
-            yield {**e, "name": f"{n}{of}", "says": says, "reason": ""}
+            yield {**e, "name": f"{n}{of}", "says": "", "reason": ""}
 
 
 def _print_recordings(console: Console, fit: Fit) -> None:

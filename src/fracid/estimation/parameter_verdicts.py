@@ -72,8 +72,9 @@ WIDE_ANGLE = 0.05
 STILL = 1e-2
 """A coordinate that moves by less than this part of the one that moves most stands still."""
 
-NONLINEAR = 1.5
-"""Sensitivities that grow with the swing to more than this power belong to a term of large swings."""
+NONLINEAR, LARGEST_POWER = 1.5, 4.0
+"""Sensitivities that grow with the swing to more than the one power belong to a term of large swings, and to more than
+the other to none: half the motion was another one."""
 
 TIGHT = 0.2
 """A ratio whose interval is below this part of its parts' is identifiable."""
@@ -174,13 +175,9 @@ class _View:
     def widest(self, i: int) -> float:
         """Half an interval that is just narrow enough to use."""
         u = self.problem.unknowns[i]
-        if u.kind == "parameter":
-            return WIDE_ANGLE if _is_angle(self.problem, u) else abs(float(self.x[i]))
-        if u.complete:
-            return WIDE_PART
-        if u.kind == "initial":
+        if u.kind == "initial" and not u.complete:
             return max(self.travels[u.target], WIDE_ANGLE)
-        return WIDE_ORDER if u.kind == "order" else math.inf
+        return widest(self.problem, u, float(self.x[i]))
 
     def too_wide(self, i: int, half: float | None = None) -> bool:
         return (self.half(i) if half is None else half) > self.widest(i)
@@ -236,6 +233,24 @@ class _View:
             for smaller in _halved_angles(self.problem, self.x):
                 grows = np.log2(_effects(self.problem, self.x) / _effects(*smaller))
         return grows
+
+
+def widest(problem: Problem, u: Unknown, value: float) -> float:
+    """Half an interval that is just narrow enough to use, of what is no value at the start.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> still = Experiment("still", 0.1, np.zeros((9, 1)), np.zeros((1, 1)))
+    >>> problem = Problem(fracid.model("pendulum"), (still,), {"mu": fracid.Free(0.9, 0.5, 1.2)})
+    >>> widest(problem, problem.unknowns[0], 0.9)
+    0.1
+    """
+    if u.kind == "parameter":
+        return WIDE_ANGLE if _is_angle(problem, u) else abs(value)
+    if u.complete:
+        return WIDE_PART
+    return WIDE_ORDER if u.kind == "order" else math.inf
 
 
 def _is_angle(problem: Problem, u: Unknown) -> bool:
@@ -455,7 +470,7 @@ def _because(view: _View, i: int) -> str:
             return SAYS("still", moved=moved, size=size, most=view.size(most), of=letter(most))
         if own and not set(own) & set(view.problem.outputs):
             return f"; {moved} is not scored: score it too, or fix {letter(u.name)}"
-    if u.kind == "parameter" and NONLINEAR < view.powers[i] < math.inf:
+    if u.kind == "parameter" and NONLINEAR < view.powers[i] <= LARGEST_POWER:
         return SAYS("nonlinear", power=view.powers[i], of=letter(most), size=view.size(most))
     return ""
 

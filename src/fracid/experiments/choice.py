@@ -12,6 +12,7 @@ import numpy as np
 from fracid.arrays import FloatArray, by_name
 from fracid.errors import Failure, InputError, at_least, refuse_unknown
 from fracid.estimation.derivatives import jacobian
+from fracid.estimation.parameter_verdicts import widest
 from fracid.estimation.search import searched
 from fracid.experiments.alternatives import SHORTLIST, alternatives_of, orders_alone, rivals_of, with_states
 from fracid.experiments.criteria import CRITERIA, objective_named
@@ -291,7 +292,8 @@ def _plan(
     total = sum((possible[i][1] for i in chosen), base)
     before, after = (np.sqrt(np.diag(i.covariance(scale))) for i in (base, total))
     rows = zip(subject.shared, after.tolist(), before.tolist(), scale.tolist(), strict=True)
-    expected = {u.name: Value(u.range.start, u.unit, e if e < s else None, b if b < s else None) for u, e, b, s in rows}
+    expected = {u.name: Value(v := u.range.start, u.unit, e if e < s else None, b if b < s else None,
+                              widest=widest(subject.problem, u, v)) for u, e, b, s in rows}  # fmt: skip
     landscape = tuple((c, by_name(names, np.sqrt(np.diag((base + i).covariance(scale))))) for c, i in possible)
     return Plan(
         subject=subject, name=subject.name, experiments=tuple(possible[i][0] for i in chosen), expected=expected,

@@ -6,7 +6,7 @@ file                    holds
 ``sheet.txt``           the experiments one after the other, and the expected intervals
 ``next.toml``           a project for the recordings to come, at the values of now
 ``next-clamped.toml``   the same of those with the arm clamped
-``voltage-N.csv``       the voltage of experiment N, to be played to the motor
+``voltage-N.csv``       the input of experiment N, by its name, to be played
 ``expected-N.csv``      what experiment N should show, with its 95 % band
 ``plan.json``           the plan for programs
 ``figures/``            the expected curves, and the interval against angle of release and duration
@@ -30,6 +30,7 @@ from fracid.arrays import FloatArray
 from fracid.cards import Card, CardDisplay, estimate_text, listed, rounded
 from fracid.errors import Failure, InputError
 from fracid.estimation.derivatives import jacobian
+from fracid.estimation.records import in_words
 from fracid.experiments.space import Candidate
 from fracid.experiments.subject import VAGUE, Subject, driven
 from fracid.figures import Figure, Style, draw
@@ -43,8 +44,8 @@ from fracid.recording.channel import si_unit
 from fracid.recording.writing import save_recording
 from fracid.safety.door import write_files
 from fracid.safety.json_files import json_number
-from fracid.safety.schema import UNREAD, Beside, Listed, Number, Record, computed
-from fracid.units import letter
+from fracid.safety.schema import UNREAD, Beside, Infinite, Listed, Number, Record, computed
+from fracid.units import half_of, letter
 
 SIGNALS = ("time", "variable", "resample")
 """Keys of a recording's table that the next one has too, beside its signals."""
@@ -69,11 +70,25 @@ class Value(Record):
     """To be expected after the plan; None where the plan does not show it."""
     standard_error_now: Number
     """Of what has been recorded, predicted in the same way; None where that does not show it."""
+    widest: Infinite = math.inf
+    """Half-width of an interval that is just narrow enough to use."""
 
     @computed
     def interval95(self) -> tuple[float, float] | None:
         """To be expected after the plan."""
         return normal_interval(self.value, self.standard_error)
+
+    @computed
+    def identifiable(self) -> str:
+        """The verdict on that interval, as of a fit."""
+        if self.interval95 is None:
+            return "not shown by this plan"
+        return "practically not" if half_of(self.interval95) > self.widest else "identifiable"
+
+    @property
+    def doubt(self) -> str:
+        """What stands behind a value that is not identifiable."""
+        return "" if self.identifiable == "identifiable" else f" ({in_words(self.identifiable)})"
 
 
 if TYPE_CHECKING:
@@ -179,11 +194,12 @@ class Plan(CardDisplay, Record):
                 name = driven(problem)
                 unit = si_unit(model.input_unit(name))
                 played = Recording.of("voltage", curve.time, {name: curve.voltage}, {name: unit})
-                signals[f"voltage-{number}.csv"] = played, note
-            bands = {n: y for o, y in curve.outputs.items() for n, y in
-                     ((o, y), (f"{o} low", y - curve.half[o]), (f"{o} high", y + curve.half[o]))}  # fmt: skip
-            kinds = {n: "rad" if n.split()[0] in model.angles else "1" for n in bands}
-            signals[f"expected-{number}.csv"] = Recording.of("expected", curve.time, bands, kinds), f"{note}, 95 % band"
+                signals[f"{name}-{number}.csv"] = played, note
+            ends = {"": 0, " low": -1, " high": 1}
+            parts = [(o, f"{o}{end}", side) for o in curve.outputs for end, side in ends.items()]
+            bands = {part: curve.outputs[o] + side * curve.half[o] for o, part, side in parts}
+            units = {part: si_unit(self.subject.unit(o)) for o, part, _ in parts}
+            signals[f"expected-{number}.csv"] = Recording.of("expected", curve.time, bands, units), f"{note}, 95 % band"
         files = [*write_files(folder, texts)]
         files += [save_recording(signal, folder / name, note=note) for name, (signal, note) in signals.items()]
         files += save(draw("expected_curves", curves, model), folder / "figures", "expected")
@@ -196,16 +212,14 @@ class Plan(CardDisplay, Record):
         lines = [repr(self), "", "Values with their expected 95 % intervals"]
         for n, v in self.expected.items():
             half = None if v.standard_error is None else NORMAL_95 * v.standard_error
-            ends = rounded(v.value, half) + " (not shown by this plan)" * (half is None)
-            lines.append(f"  {n:<20} {ends} {v.unit}".rstrip())
+            lines.append(f"  {n:<20} {rounded(v.value, half)} {v.unit}".rstrip() + v.doubt)
         return "\n".join(lines)
 
     def _card(self) -> Card:
         named = self.of or tuple(self.expected)
         rows = [(f"{count} ×", str(c)) for c, count in Counter(self.experiments).items()]
         shown = rows if len(rows) <= MOST_ROWS else [*rows[: MOST_ROWS - 1], ("…", "more experiments")]
-        texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + ("" if v.interval95 else " (not shown)")
-                 for n, v in self.expected.items()}  # fmt: skip
+        texts = {n: estimate_text(n, v.value, v.interval95, v.unit) + v.doubt for n, v in self.expected.items()}
         excluded = f", {self.excluded} more excluded" if self.excluded else ""
         tail = [("expected", listed(texts[n] for n in named)), *self._comparisons(named),
                 ("candidates", f"{self.candidates}{excluded}; criterion {self.criterion}")]  # fmt: skip
@@ -285,12 +299,14 @@ def _sheet(plan: Plan) -> str:
     lines = [plan.summary(), "", "Experiments"]
     for k, c in enumerate(plan.experiments, 1):
         first = plan.experiments.index(c) + 1
-        play = "" if c.voltage is None else f"play voltage-{first}.csv; "
+        play = "" if c.voltage is None else f"play {driven(plan.subject.problem)}-{first}.csv; "
         lines += [f"  {k}. {c}", f"     {play}save it as recording-{k}.csv; compare with expected-{first}.csv"]
     if len({c.arm for c in plan.experiments}) > 1:
         lines += ["", "Recordings with the arm clamped are a project of their own. Fit next-clamped.toml first, and",
                   "give next.toml what it finds as prior = { mean = ..., sd = ... }."]  # fmt: skip
     lines += ["", "Then: fracid check recording-1.csv, and fracid fit next.toml."]
+    so_far = "Expected are the intervals of a fit of these together with the recordings so far."
+    lines += [so_far] if plan.subject.intervals else []
     return "\n".join(lines) + "\n"
 
 
@@ -315,7 +331,8 @@ def _project(subject: Subject, experiments: Mapping[int, Candidate]) -> str:
     said += ["# The model is a file of yours: copy it beside this one."] * (".py:" in str(head.get("name")))
     said += [f"# recording-{k}.csv: {c}" for k, c in experiments.items()]
     given = {"parameters": values, "orders": p.orders}
-    plain = {name: {n: plain_value(v) for n, v in some.items()} for name, some in given.items()}
+    plain = {name: {n: plain_value(v, own=table.get(name, {}).get(n)) for n, v in some.items()}
+             for name, some in given.items()}  # fmt: skip
     recordings = [_recording(subject, k, c) for k, c in experiments.items()]
     return "\n".join([*said, toml_document({"model": {**head, **plain}, "recording": recordings, "fit": fit})])
 
@@ -325,11 +342,11 @@ def _recording(subject: Subject, number: int, c: Candidate) -> dict[str, Any]:
     p, known, outputs = subject.problem, subject.table.get("recording", {}), subject.outputs
     entries: dict[str, Any] = {
         "name": f"{number}: {f'{c.release:g}°' if c.release else c.voltage}", "file": f"recording-{number}.csv",
-        "initial": {n: v for n, v in known.get("initial", {}).items() if n in p.model.states and n not in outputs},
+        "initial": {n: plain_value(v) for n, v in subject.initial(c).items()},
         "parameters": {**p.experiments[0].constants, **dict(c.constants)},
     }  # fmt: skip
     signals = {n: known[n] for n in (*SIGNALS, *outputs) if n in known}
-    missing = {n: {"column": n, "unit": "rad" if n in p.model.angles else "1"} for n in outputs if n not in signals}
+    missing = {n: {"column": n, "unit": si_unit(subject.unit(n))} for n in outputs if n not in signals}
     entries |= {**({} if "time" in signals else {"time": {"column": 0}}), **signals, **missing}
     if c.voltage is not None:
         name = driven(p)

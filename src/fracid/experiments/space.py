@@ -49,6 +49,8 @@ class Candidate:
     """Names and values of the constants that are set for it."""
     unit: str = ""
     """That of the input, for its line."""
+    around: float = 0.0
+    """Value of the input about which the voltage swings [unit]."""
 
     @property
     def samples(self) -> int:
@@ -60,6 +62,7 @@ class Candidate:
         parts = [f"release from {self.release:.4g}°" if self.release else "from rest"]
         parts += ["arm clamped"] if self.arm == "clamped" else []
         parts += [f"{self.voltage} {self.unit}".rstrip()] if self.voltage is not None else []
+        parts += [f"offset {self.around:.3g} {self.unit}".rstrip()] if self.voltage is not None and self.around else []
         parts += [f"{n} {v:.4g}" for n, v in self.constants]
         return ", ".join([*parts, f"{self.seconds:.4g} s at {self.rate:.4g} Hz"])
 
@@ -180,7 +183,7 @@ class DesignSpace(CardDisplay):
         arms, rates, durations = map(_several, (self.arm, self.rate, self.seconds))
         decisions = product(arms, self.voltages, self.angles, settings, rates, durations)
         return tuple(
-            Candidate(release, float(seconds), float(rate), arm, voltage=voltage, constants=constants)
+            Candidate(release, float(seconds), float(rate), arm, voltage, constants, around=self.around)
             for arm, voltage, release, constants, rate, seconds in decisions
             if (release != 0.0 or voltage is not None) and (arm == "free" or (voltage is None and release != 0.0))
         )

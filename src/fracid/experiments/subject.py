@@ -20,11 +20,11 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fracid.arrays import FloatArray, by_name
+from fracid.arrays import FloatArray
 from fracid.errors import Failure, InputError, refuse_unknown
 from fracid.estimation.covariance import Uncertainty, uncertainty
 from fracid.estimation.derivatives import differences
@@ -50,6 +50,8 @@ FINE = 1e-3
 VAGUE = 100.0
 """Standard deviation, in typical sizes, of what nothing is known of: it keeps a curvature from being singular."""
 
+V = TypeVar("V", bound=Value)
+
 WIDE = 10.0
 """A constant of a model is free from this part of its value to so many times it."""
 
@@ -59,7 +61,7 @@ class Subject:
     """What is to be determined, and what is known of it."""
 
     problem: Problem
-    """Every free value starts where it is; one recording at least, as a pattern of the sensors."""
+    """Every free value starts where it is; its first recording, the longest as fitted, is the pattern of the next."""
     noise: Mapping[str, Noise]
     """Output → its noise."""
     excess: FloatArray
@@ -99,6 +101,22 @@ class Subject:
     def outputs(self) -> tuple[str, ...]:
         """What is recorded."""
         return tuple(self.space.sensors) or self.problem.outputs
+
+    def unit(self, output: str) -> str:
+        """That of an output as recorded, or else the model's."""
+        return self.problem.experiments[0].units.get(output, self.problem.model.output_unit(output))
+
+    def begins_as_recorded(self, c: Candidate) -> bool:
+        """Whether it begins where the pattern did: what is not released, and is no pendulum, which hangs or stands."""
+        return not (c.release or self.problem.model.pendulum)
+
+    def initial(self, c: Candidate) -> dict[str, float | Free]:
+        """What is said of states at the start, as of the pattern; of those not measured where that began elsewhere."""
+        model, initial = self.problem.model, self.problem.experiments[0].initial
+        shown = {i for n in self.outputs if (i := model.output_states.get(n)) is not None}
+        shown |= {model.rates[i] for i in shown & model.rates.keys()}
+        begins = self.begins_as_recorded(c)
+        return {n: v for n, v in initial.items() if begins or model.states.index(n) not in shown}
 
     @cached_property
     def worth(self) -> float:
@@ -157,10 +175,9 @@ class Subject:
         p, space, pattern = self.problem, self.space, self.problem.experiments[0]
         first = np.array([self._first_value(n, c) for n in self.outputs])
         inputs, between = self._inputs(c, np.arange(c.samples) / c.rate)
-        initial = {} if space.initial_state != "held" else {
-            p.model.states[i]: v for n, v in zip(self.outputs, first.tolist(), strict=True)
-            if (i := p.model.output_states.get(n)) is not None
-        }  # fmt: skip
+        known = zip(self.outputs, first.tolist(), strict=True) if space.initial_state == "held" else ()
+        indices = p.model.output_states
+        initial = self.initial(c) | {p.model.states[indices[n]]: v for n, v in known if n in indices}
         moment = space.moment if c.release else 0.0
         e = Experiment(
             "planned", 1 / c.rate, np.tile(first, (c.samples, 1)), inputs, initial=initial,
@@ -174,8 +191,10 @@ class Subject:
         )  # fmt: skip
 
     def _first_value(self, output: str, c: Candidate) -> float:
-        """Where an output begins: the released one at the angle of release from its rest."""
-        model = self.problem.model
+        """Where an output begins: at rest, the released one that far from it; of no pendulum where the pattern did."""
+        model, outputs, pattern = self.problem.model, self.problem.outputs, self.problem.experiments[0]
+        if self.begins_as_recorded(c) and output in outputs:
+            return float(pattern.measured[0, outputs.index(output)])
         upright = output == model.pendulum and model.zero == "upright"
         rest = self.problem.parameter_starts.get(model.rest_of(output), 0.0)
         return rest + (math.pi if upright else 0.0) + math.radians(c.release) * (output == self.released)
@@ -210,6 +229,20 @@ class Subject:
             raise InputError(f"arm = 'clamped' is of a rotary pendulum; the model {model.name} has no arm.")
         if any(space.angles) and not self.released:
             raise InputError(f"release: the model {model.name} has no output that is a state; leave it out.")
+
+
+def longest(problem: Problem) -> int:
+    """Which experiment is the longest recording of a problem, or the first window of it.
+
+    Examples
+    --------
+    >>> import fracid
+    >>> logs = [Experiment(f"{n}", 0.1, np.zeros((n, 1)), np.zeros((1, 1))) for n in (5, 9, 7)]
+    >>> longest(Problem(fracid.model("pendulum"), tuple(logs), {"mu": 1.0}))
+    1
+    """
+    _, windows = max(problem.recordings.values(), key=lambda recording: float(recording[0].time[-1]))
+    return int(windows.start)
 
 
 def driven(problem: Problem) -> str:
@@ -269,7 +302,13 @@ def subject_of_problem(
         raise InputError("No free value is shared by all recordings; free an order or a parameter in the project.")
     noise, encoder_alone = _noises(problem, J.errors, space)
     excess = np.ones(int(shared.sum())) if encoder_alone else _excess(precision)[shared]
-    values = by_name((u.target for u in unknowns), x)
+    k = longest(problem)
+    pattern, others = problem.experiments[k], problem.experiments[:k] + problem.experiments[k + 1 :]
+    whose = None, pattern.name, pattern.recording.name
+    values = {u.target: v for u, v in zip(unknowns, x.tolist(), strict=True) if u.experiment in whose}
+    initial = {n: _moved(v, values.get(n)) for n, v in pattern.initial.items()}
+    pattern = replace(pattern, measured=pattern.measured - J.errors[k], initial=initial)
+    as_fitted = replace(problem, memo=None, experiments=(pattern, *others))
     held = {u.target for u, k in zip(unknowns, shared, strict=True) if u.experiment is None and not k}
     priors = np.diag([0.0 if u.prior is None else u.prior.sd**-2 for u, k in zip(unknowns, shared, strict=True) if k])
     recorded = Information(priors, priors)
@@ -280,9 +319,8 @@ def subject_of_problem(
                                excess=excess)  # fmt: skip
     intervals = {unknowns[k].name: interval for k in np.flatnonzero(shared).tolist()
                  if (interval := precision.interval(x, k)) is not None}  # fmt: skip
-    start = {n: v for n, v in values.items() if n in problem.per_recording or n in problem.names}
     return Subject(
-        _starting_at(problem, start, held), noise, excess, problem.experiments[0].step / problem.substeps,
+        _starting_at(as_fitted, values, held), noise, excess, problem.experiments[0].step / problem.substeps,
         recorded=recorded, intervals=intervals, name=name or problem.model.name, table=table or {}, space=space,
         jobs=jobs,
     )  # fmt: skip
@@ -350,17 +388,15 @@ def _around(p: Parameter) -> Free:
 
 def _starting_at(problem: Problem, values: Mapping[str, float], held: Collection[str] = ()) -> Problem:
     """The same problem with other values, of free ones to start at or to keep; bounds that exclude one are moved."""
+    orders, parameters = ({n: values[n] if n in held else _moved(v, values.get(n)) for n, v in of.items()}
+                          for of in (problem.orders, problem.parameters))  # fmt: skip
+    return replace(problem, memo=None, orders=orders, parameters=parameters)
 
-    def moved(name: str, value: Value) -> Value:
-        v = values.get(name)
-        if v is None or not isinstance(value, Free) or name in held:
-            return value if v is None else v
-        return replace(value, start=v, lower=min(value.lower, v), upper=max(value.upper, v), prior=None)
 
-    return replace(
-        problem, memo=None, orders={n: moved(n, v) for n, v in problem.orders.items()},
-        parameters={n: moved(n, v) for n, v in problem.parameters.items()},
-    )  # fmt: skip
+def _moved(value: V, to: float | None) -> V | Free | float:
+    if to is None or not isinstance(value, Free):
+        return value if to is None else to
+    return replace(value, start=to, lower=min(value.lower, to), upper=max(value.upper, to), prior=None)
 
 
 # --- noise -------------------------------------------------------------------------------------------

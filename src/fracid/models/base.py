@@ -415,19 +415,21 @@ class Model(CardDisplay):
         {0: 1, 2: 3}
         """
         n = len(self.states)
-        x, out = np.linspace(0.1, 0.2, n), np.full(n, np.nan)  # no value twice
+        points = np.linspace(0.1, 0.2, n) ** np.sqrt([[0.5], [0.7]])  # round constants make no state of another there
+        out, rhs = np.full_like(points, np.nan), getattr(self.rhs, "py_func", self.rhs)
         try:
             with np.errstate(all="ignore"):
-                rhs = getattr(self.rhs, "py_func", self.rhs)
-                returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), out)
-                getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
+                for x, rates in zip(points, out, strict=True):
+                    returned = rhs(0.0, x, np.zeros(len(self.inputs)), self.parameter_vector(), rates)
+                    getattr(returned, "close", bool)()  # of an async def, which is refused where it is compiled
         except (ArithmeticError, ValueError):  # where it has no value, as a root of a negative number
             return {}
         except Exception as error:
             raise InputError(SAYS("rhs-fails", name=self.name, kind=type(error).__name__, error=error, n=n,
                                   inputs=len(self.inputs), parameters=len(self.parameters))) from error  # fmt: skip
         driven = {*self.relaxing_states, *(i for i, q in enumerate(self.orders) if isinstance(q, Complement))}
-        return {i: j for i in range(n) for j in range(n) if out[i] == x[j] and i not in driven}
+        pairs = ((i, j) for i in range(n) if i not in driven for j in range(n) if i != j)
+        return {i: j for i, j in pairs if np.array_equal(out[:, i], points[:, j])}
 
     @cached_property
     def program(self) -> Program:

@@ -22,6 +22,9 @@ from fracid.solver.right_hand_side import probe
 ELSEWHERE, PROBE = 0.05, 1e-6
 """An output that is off at the start by this part of its range begins elsewhere; and the step of a derivative."""
 
+ROWS = 50
+"""Samples of a record that show the range of what is not measured."""
+
 MOST_STEPS = 10**8
 """Of a run: gigabytes, and a minute."""
 
@@ -208,6 +211,30 @@ def _check_hidden_start(p: Parametrisation, e: Experiment) -> None:
         typed = typed_starts({states[i]: around for i, around in ranges.items()})
         raise InputError(SAYS("begins-elsewhere", e=e, name=name, begins=e.measured[0, k], at_start=at_start,
                               states=' and '.join(states[i] for i in ranges), typed=typed))  # fmt: skip
+
+
+def hidden_starts(p: Parametrisation, e: Experiment) -> dict[str, tuple[float, float]]:
+    """States that begin at 0 because nothing says otherwise, and would not stay there: where they rest, and a reach.
+
+    Of states that relax: an integral of others begins at 0 by its meaning, so does a springpot's, and a speed at rest.
+    They rest where all of them do beside the outputs as measured, to first order; that is away from 0 in its range.
+    """
+    model, start = p.model, p.unpack(p.start, e)
+    x = np.array([start.initial] * len(rows := np.linspace(0, len(e.measured) - 1, ROWS).astype(int)))
+    for k, name in enumerate(p.outputs):
+        if name in model.output_states and name not in e.sensors:
+            x[:, model.output_states[name]] = e.measured[rows, k]
+    u = e.inputs[np.linspace(0, len(e.inputs) - 1, ROWS).astype(int)]
+    at_start = model.derivatives(x[0], u[0], start.parameters)
+    slopes = [model.derivatives(x[0] + d, u[0], start.parameters) - at_start for d in PROBE * np.eye(len(x[0]))]
+    hidden = [i for i in p.unstated(p.start, e) if slopes[i][i] < 0.0 and i not in model.rates.values()]
+    if not hidden or e.past is not None:
+        return {}
+    J = np.array([slopes[i][hidden] / PROBE for i in hidden]).T
+    driven = np.array([model.derivatives(*at, start.parameters)[hidden] for at in zip(x, u, strict=True)])
+    levels = -np.linalg.lstsq(J, np.nan_to_num(driven).T)[0]
+    ranges = zip(hidden, levels[:, 0].tolist(), np.ptp(levels, axis=1).tolist(), strict=True)
+    return {model.states[i]: (at, max(size, abs(at))) for i, at, size in ranges if abs(at) > ELSEWHERE * size}
 
 
 def typed_starts(around: Mapping[str, tuple[float, float]]) -> str:

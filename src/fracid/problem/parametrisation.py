@@ -393,6 +393,12 @@ class Parametrisation:
         seen = {i for n in self.outputs if (i := model.output_states.get(n)) is not None} | {*self.rates.values()}
         return {*(model.states[i] for i in seen), *model.relaxing, *model.follows}
 
+    def unstated(self, x: FloatArray, e: Experiment) -> list[int]:
+        """Which states begin at 0 because no output shows them and nothing states how they begin."""
+        free = (u.target for u in self.unknowns if u.kind == "initial" and u.experiment == e.name)
+        known, start = {*self.told, *e.initial, *free}, self.unpack(x, e).initial
+        return [i for i, n in enumerate(self.model.states) if start[i] == 0.0 and n not in known]
+
     def sizes(self, e: Experiment) -> FloatArray:
         """The greatest value of each output where that is no angle, five times a small one; else 1; shape (n_outputs,).
 

@@ -70,7 +70,7 @@ from fracid.models import MODELS, Model, Parameter, model_from_name
 from fracid.models.written.equations import Equation, Equations, equations_in, unknown_units
 from fracid.models.written.formulas import FormulaError
 from fracid.optimise import MOST_STARTS, optimiser_from_name
-from fracid.problem.checks import refuse_twins
+from fracid.problem.checks import hidden_starts, refuse_twins, typed_starts
 from fracid.problem.costs import cost_from_name
 from fracid.problem.experiment import DEVIATION, Experiment, held_inputs
 from fracid.problem.paper import differences, fixed
@@ -481,6 +481,9 @@ def _project(path: Path, text: str, content: _File, preset: str | None, trust: b
         substeps=fit.substeps or 1, weights=fit.weights, windows=fit.windows,  # type: ignore[arg-type]
     )  # fmt: skip
     notes = [*_notes(loaded, experiments, outputs)]
+    starts = {e.name: hidden_starts(problem, e) for e in fitted}
+    notes += [SAYS("begins-at-0", name=name, states=" and ".join(around), typed=typed_starts(around))
+              for name, around in starts.items() if around]  # fmt: skip
     if content.model.equations:
         notes += unknown_units({p.name: p.unit for p in model.parameters} | {**model.input_units})
         notes += [SAYS("no-input", name=n, recording=r.name, unit=unit) for r in (one.recording for one in loaded)

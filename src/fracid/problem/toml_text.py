@@ -71,18 +71,21 @@ def toml_key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
-def plain_value(value: Value, at: float | None = None) -> Any:
+def plain_value(value: Value, at: float | None = None, own: Any = None) -> Any:
     """An order or a parameter as a project file has it: a number, a range from `at` on, or another's name.
+
+    Its `own` table in another file says what else is known of it, such as its unit.
 
     Examples
     --------
-    >>> plain_value(Free(0.1, 0.0, math.inf), 0.2), plain_value(2)
-    ({'start': 0.2, 'lower': 0.0}, 2.0)
+    >>> plain_value(Free(0.1, 0.0, math.inf), 0.2), plain_value(2), plain_value(2, own={"start": 1, "unit": "K"})
+    ({'start': 0.2, 'lower': 0.0}, 2.0, {'value': 2.0, 'unit': 'K'})
     """
+    kept = {k: own[k] for k in ("unit", "prior", "scale", "hard") if k in own} if isinstance(own, Mapping) else {}
     if isinstance(value, Tied):
         return value.to
     if not isinstance(value, Free):
-        return float(value)
+        return {"value": float(value), "unit": kept["unit"]} if "unit" in kept else float(value)
     start = value.start if at is None else min(max(at, value.lower), value.upper)
     ends = {"start": start, "lower": value.lower, "upper": value.upper}
-    return {k: v for k, v in ends.items() if math.isfinite(v)}
+    return {k: v for k, v in ends.items() if math.isfinite(v)} | kept

@@ -108,7 +108,7 @@ def _planned(record: Mapping[str, Any]) -> Found:
     count = len(record["experiments"])
     gains = record["gain"]
     narrower = {n: f"95 % interval {number(g, '.2g')} times narrower than today" for n, g in gains.items() if g}
-    rows = [_row(n, v, says=narrower.get(n, "")) for n, v in record["expected"].items()]
+    rows = [_row(n, v, v["identifiable"], narrower.get(n, "")) for n, v in record["expected"].items()]
     away = {"Distance of the integer-order alternatives": [
         {"alternative": n, "standard deviations": number(d, ".3g")} for n, d in record["distances"].items()
     ]} if record.get("distances") else {}  # fmt: skip
@@ -128,7 +128,8 @@ def _planned(record: Mapping[str, Any]) -> Found:
 
 
 def _drawn(record: Mapping[str, Any]) -> Found:
-    rows = [_row(n, {**v, "value": v["median"]}, f"prior {_prior(v['prior'])}") for n, v in record["unknowns"].items()]
+    rows = [_row(n, {**v, "value": v["median"]}, "identifiable", f"prior {_prior(v['prior'])}")
+            for n, v in record["unknowns"].items()]  # fmt: skip
     evidence = record["log_evidence"]
     facts = (record["method"], f"{counted(record['effective_draws'])} effective draws", f"seed {record['seed']}")
     said = () if evidence is None else (f"Log evidence, relative to the greatest likelihood: {number(evidence)} ± "
@@ -157,8 +158,8 @@ def _profiled(record: Mapping[str, Any]) -> Found:
         known, others = p["verdict"] == "two-sided", {m: found.get(name, {}).get(m) for m in ("sandwich", "bootstrap")}
         halves = {m: half_of(both) for m, both in others.items() if isinstance(both, list) and None not in both}
         says = ", ".join(f"{m} ± {number(half, '.2g')}" for m, half in halves.items())
-        rows.append(_row(name, p, says, reason="" if known else p["sentence"],
-                         verdict="identifiable" if known else p["verdict"]))  # fmt: skip
+        verdict, reason = ("identifiable", "") if known else (p["verdict"], p["sentence"])
+        rows.append(_row(name, p, verdict, says, reason))
     open_ = [letter(r["name"]) for r in rows if r["identifiable"] != "identifiable"]
     names, s = joined([letter(r["name"]) for r in rows]), "s" * (len(rows) > 1)
     closed = f"The 95 % interval{s} of {names} {'are' if s else 'is'} closed."
@@ -231,9 +232,7 @@ STUDIES = {
 """By the file that the command writes; its page is called like that, with .html."""
 
 
-def _row(
-    name: str, e: Mapping[str, Any], says: str = "", verdict: str = "identifiable", reason: str = ""
-) -> dict[str, Any]:
+def _row(name: str, e: Mapping[str, Any], verdict: str, says: str, reason: str = "") -> dict[str, Any]:
     """As the macro of the report's estimates takes it."""
     return {"name": name, "says": says, "value": e["value"], "unit": e["unit"], "interval95": e["interval95"],
             "free": True, "identifiable": verdict, "reason": reason}  # fmt: skip

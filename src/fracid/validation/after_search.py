@@ -380,11 +380,9 @@ def hidden_starts(problem: Problem, x: FloatArray, recording: str) -> str:
     e, _ = problem.recordings[recording]
     if problem.in_windows or problem.initial_state != "estimate" or e.past is not None:
         return ""
-    states, start = problem.model.states, problem.unpack(x, e).initial
-    known = {*e.initial, *(u.target for u in problem.unknowns if u.kind == "initial" and u.experiment == e.name)}
-    hidden = [i for i, n in enumerate(states) if start[i] == 0.0 and n not in known]
-    if not hidden:
+    if not (hidden := problem.unstated(x, e)):
         return ""
+    states = problem.model.states
     moved = np.nan_to_num(np.ptp(problem.simulate(x, e).states, axis=0))
     around = {states[i]: (0.0, 2.0 * float(moved[i]) if i < len(moved) and moved[i] > 0 else 1.0) for i in hidden}
     return f" {SAYS('hidden-starts', states=' and '.join(around), typed=typed_starts(around))}"

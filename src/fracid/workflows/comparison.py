@@ -23,7 +23,6 @@ from fracid.problem import Experiment, Problem
 from fracid.problem.problem import alternative_of
 from fracid.problem.project import Project
 from fracid.problem.toml_text import plain_value, toml_document
-from fracid.problem.unknowns import Value
 from fracid.runs.folder import JOURNAL, open_folder
 from fracid.safety.schema import Block, Record, as_json, fault_of
 from fracid.safety.user_code import is_own
@@ -196,7 +195,7 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
         given = model.get(kind, {})
         new = {n: v for n, v in values.items()
                if n in given or n in row.values or v != project.problem.parameters.get(n)}  # fmt: skip
-        model[kind] = given | {n: _written(given.get(n), v, row.values.get(n)) for n, v in new.items()}
+        model[kind] = given | {n: plain_value(v, row.values.get(n), given.get(n)) for n, v in new.items()}
     way = os.path.relpath(project.path.resolve().parent, folder.resolve()).replace(os.sep, "/")
     places = [(r, "file") for r in tables["recording"]]
     code = [(model, "name"), (tables.get("fit", {}), "cost"), *((a, "model") for a in tables.get("alternative", []))]
@@ -206,16 +205,6 @@ def _best(project: Project, comparison: Comparison, folder: Path) -> dict[str, s
     tables["fit"] = tables.get("fit", {}) | {"substeps": found.substeps}  # at which it was found
     head = f"# {row.name}: the structure that fracid compare found best, with its values.\n"
     return {BEST: head + toml_document(tables)}
-
-
-def _written(given: Any, value: Value, found: float | None) -> Any:
-    """A parameter as a project file has it: its range about what was found, and what else its own table says."""
-    table = given if isinstance(given, dict) else {}
-    kept = {k: v for k, v in table.items() if k in ("unit", "prior", "scale", "hard")}
-    plain = plain_value(value, found)
-    if isinstance(plain, dict):
-        return plain | kept
-    return {"value": plain, "unit": kept["unit"]} if "unit" in kept and not isinstance(plain, str) else plain
 
 
 def _command(project: Project, out: str | Path | None, options: Mapping[str, Any], executor: str) -> list[str]:

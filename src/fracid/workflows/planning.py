@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from fracid.experiments.choice import design
 from fracid.experiments.excitation import Multisine
 from fracid.experiments.plan import Plan
 from fracid.experiments.space import DesignSpace
-from fracid.experiments.subject import driven
+from fracid.experiments.subject import driven, longest
 from fracid.models import RIGS, Model, rotary_pendulum
 from fracid.problem import Problem
 from fracid.problem.project import Project
@@ -60,7 +61,7 @@ def run_design(
         Angles from which a pendulum is released, in place of those of `space` [°]; other models are not.
     unsaid : collection of str
         Of ``seconds``, ``rate`` and ``voltage`` those that are as in the longest recording, unless a pendulum swings: a
-        multisine with that input's amplitude, about its mean where it has one sign.
+        multisine about that input's mean, or nearer to the middle of its range, within that range.
     friction : bool
         Of a rig alone: with the friction that was found on real recordings of it.
     trust, observer
@@ -98,15 +99,17 @@ def run_design(
 
 def _as_recorded(space: DesignSpace, problem: Problem, unsaid: Collection[str]) -> DesignSpace:
     """What is `unsaid` of the space as in the longest recording."""
-    e, name = max(problem.experiments, key=lambda e: float(e.time[-1])), driven(problem)
+    e, name = problem.experiments[longest(problem)].recording, driven(problem)
     seconds = float(e.time[-1])
     rate = min(1 / e.step, MOST_SAMPLES / seconds)
     known: dict[str, Any] = {"seconds": seconds, "rate": rate}
     u = e.inputs[:, problem.model.inputs.index(name)] if name else np.zeros(1)
-    around = float(np.mean(u)) if np.min(u) * np.max(u) >= 0 else 0.0
-    if "voltage" in unsaid and (peak := float(np.max(np.abs(u - around)))):
-        space = replace(space, around=float(f"{around:.2g}"))
-        known["voltage"] = Multisine(2 / seconds, rate / 10, float(f"{peak:.2g}"))
+    low, high = float(np.min(u)), float(np.max(u))
+    if "voltage" in unsaid and (span := high - low):
+        middle = float(np.clip(np.mean(u), low + span / 4, high - span / 4))
+        around = round(middle, 1 - math.floor(math.log10(span)))
+        space = replace(space, around=around)
+        known["voltage"] = Multisine(2 / seconds, rate / 10, min(high - around, around - low))
     return replace(space, **{n: v for n, v in known.items() if n in unsaid})
 
 
