@@ -110,6 +110,34 @@ def test_a_counter_that_begins_again_at_two_to_the_32_is_continued_and_said(tmp_
     assert f"{name!r} begins again at 2³² once: the clock is continued." in recording.report.reading
 
 
+@pytest.mark.parametrize("bits", [8, 16, 24, 32])
+def test_a_count_of_an_encoder_that_begins_again_both_ways_is_continued_and_said(tmp_path, bits):
+    counts = np.round(-80 * np.cos(np.pi * T) * np.exp(-T))  # from below 0, which begins at the top
+    np.savetxt(tmp_path / "log.csv", np.c_[T, counts % 2**bits], "%.10g", ",", header="t,counts", comments="")
+    encoder = {"column": "counts", "unit": "counts", "counts_per_turn": 400}
+    recording = load_recording(tmp_path / "log.csv", {"alpha": encoder})
+    np.testing.assert_allclose(recording.signals["alpha"], 2 * np.pi / 400 * counts, atol=1e-12)
+    assert any(note.startswith("'counts' begins again at 2") for note in recording.report.reading)
+
+
+@pytest.mark.parametrize(
+    "command", [np.where(T < 1, 255, 0), 10 * (np.arange(200) // 20 % 2) + 240 * (T > 1),
+                np.random.default_rng(1).integers(0, 256, 200),
+                np.where(np.arange(200) == 90, 65535, np.round(300 * np.cos(6 * T)) + 400)]
+)  # fmt: skip
+def test_what_jumps_otherwise_is_no_count_that_begins_again(tmp_path, command):
+    np.savetxt(tmp_path / "log.csv", np.c_[T, command], "%.10g", ",", header="t,x", comments="")
+    recording = load_recording(tmp_path / "log.csv", {"x": {"column": "x"}})
+    np.testing.assert_array_equal(recording.signals["x"], command)
+
+
+def test_two_logs_in_one_file_are_no_counter_of_milliseconds_that_begins_again(tmp_path):
+    stamps = np.r_[0:60000:300, 0:60000:300]
+    np.savetxt(tmp_path / "log.csv", np.c_[stamps, np.cos(stamps)], "%.10g", ",", header="t_ms,x", comments="")
+    with pytest.raises(ValueError, match=r"time does not increase: .*split the file there"):
+        load_recording(tmp_path / "log.csv")
+
+
 def test_a_clock_of_another_kind_that_falls_back_is_not_continued(tmp_path):
     stamps = np.where(T < 1, T, T - 0.5)
     (tmp_path / "log.csv").write_text("t,a\n" + "".join(f"{t},{a}\n" for t, a in zip(stamps, ALPHA, strict=True)))
