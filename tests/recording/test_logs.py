@@ -48,6 +48,7 @@ def test_what_stands_beside_the_records_of_a_log_is_said_and_a_list_is_a_column_
     [
         ("2024-03-01 23:59:{:06.3f}", ";"), ("2024-03-01T23:59:{:06.3f}Z", ","), ("2024/03/01 23:59:{:06.3f}", "\t"),
         ("23:59:{:06.3f}", ","), ("2024-03-01 23:59:{:06.3f}", " "), ('"2024-03-01T23:59:{:06.3f}+0100"', ","),
+        ("2024-03-01 12:59:{:06.3f} PM", ","), ("2024-03-01 23:59:{:06.3f} UTC", ","),
     ],
 )  # fmt: skip
 def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
@@ -72,6 +73,27 @@ def test_a_log_of_ros_has_its_columns_of_words_left_out_and_its_stamps_joined(tm
     assert recording.assumed == {"position[0]"}  # it names a place, no unit
     said = "Left out: header.frame_id is no column of numbers; name[0] is no column of numbers."
     assert {said, f"stamp is stamp.{seconds} and stamp.{part} together."} <= {*recording.report.reading}
+
+
+@pytest.mark.parametrize("day", ["2024-03-0{},", ""])
+def test_a_time_of_day_goes_on_after_midnight_and_the_date_beside_it_is_no_signal(tmp_path, day):
+    seconds = 86399 + T
+    stamps = [
+        f"{day.format(1 + int(s // 86400))}{'23:59:59' if s < 86400 else '00:00:00'}.{s % 1:.2f}" for s in seconds
+    ]
+    rows = "\n".join(f"{s.replace('.0.', '.')},{a}" for s, a in zip(stamps, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text(f"{'Date,' * bool(day)}Time,alpha\n{rows}\n")
+    recording = load_recording(tmp_path / "log.csv")
+    np.testing.assert_allclose(recording.time, seconds)
+    assert [*recording.signals] == ["alpha"]
+    assert "'Time' begins again at midnight once: the clock is continued." in recording.report.reading
+
+
+def test_stamps_that_are_all_alike_are_no_edges_of_an_encoder(tmp_path):
+    rows = "".join(f"2024-03-05,{k % 3}\n" for k in range(200))
+    (tmp_path / "log.csv").write_text("time,alpha\n" + rows)
+    with pytest.raises(ValueError, match="time does not increase"):
+        load_recording(tmp_path / "log.csv")
 
 
 @pytest.mark.parametrize("cell", ["1,234.5", "3 V", "0x1F"])

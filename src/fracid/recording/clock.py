@@ -56,8 +56,12 @@ SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 DATES = 9.5e8, 4.1e9
 """Between which a count of seconds is a date of this century."""
 
-WRAPS = {2.0**8: "2⁸", 2.0**16: "2¹⁶", 2.0**24: "2²⁴", 2.0**32: "2³²"}
-"""After how many ticks the counters of microcontrollers begin again: micros() of 32 bits after 71 minutes."""
+DAY = 86400.0
+"""[s]"""
+
+WRAPS = {2.0**8: "2⁸", 2.0**16: "2¹⁶", DAY: "midnight", 2.0**24: "2²⁴", 2.0**32: "2³²"}
+"""After how many ticks the counters of microcontrollers begin again, micros() of 32 bits after 71 minutes; and a time
+of day."""
 
 AROUND, LIKE = 8, 2.0
 """Samples to each side of where a count begins again; so many times the largest step of these is its step there."""
@@ -218,8 +222,8 @@ def short_text(text: str) -> str:
 def unrolled(column: FloatArray) -> tuple[FloatArray, str]:
     """A counter that is continued where it begins again, and how often it does; else the column.
 
-    It has whole numbers, and its steps where it begins again are like those beside: what was started anew, two logs in
-    one file, or an error that is written as 65535 has others.
+    It has whole numbers, unless it is a time of day, and its steps where it begins again are like those beside: what
+    was started anew, two logs in one file, or an error that is written as 65535 has others.
 
     Examples
     --------
@@ -232,7 +236,7 @@ def unrolled(column: FloatArray) -> tuple[FloatArray, str]:
     far = np.diff(ticks)
     wrap = min((w for w in WRAPS if ticks.size and np.ptp(ticks) < w), default=math.inf)
     begins = np.abs(far) > wrap / 2
-    if not begins.any() or np.any(ticks % 1.0):
+    if not begins.any() or (wrap != DAY and np.any(ticks % 1.0)):
         return column, ""
     steps = far - wrap * np.sign(far) * begins
     sizes = np.abs(steps)
