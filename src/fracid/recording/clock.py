@@ -198,7 +198,7 @@ def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
 
     def uneven(j: int) -> float | None:
-        return unevenness(unrolled(table.values[:, j])[0])
+        return unevenness(unrolled(measurable(table.values[:, j])[0])[0])
 
     named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
     in_a_unit = [j for j, name in enumerate(table.names) if _name_unit(name) and uneven(j) is not None]
@@ -229,7 +229,7 @@ def unrolled(column: FloatArray) -> tuple[FloatArray, str]:
     --------
     >>> count, again = unrolled(np.round(300 * np.sin(np.arange(0, 9, 0.05))) % 2**16)
     >>> count.min(), count.max(), again
-    (np.float64(-300.0), np.float64(300.0), 'begins again at 2¹⁶ twice')
+    (np.float64(-300.0), np.float64(300.0), 'begins again at 2¹⁶ 2 times')
     """
     there = np.isfinite(column)
     ticks = column[there]
@@ -249,8 +249,7 @@ def unrolled(column: FloatArray) -> tuple[FloatArray, str]:
     column = column.copy()
     below = wrap * (steps.min() < 0 and ticks[0] > wrap / 2)  # what turns both ways began below 0
     column[there] = ticks[0] - below + np.concatenate([[0.0], np.cumsum(steps)])
-    count = int(begins.sum())
-    times = {1: "once", 2: "twice"}.get(count, f"{count} times")
+    times = "once" if begins.sum() == 1 else f"{begins.sum()} times"
     return column, f"begins again at {WRAPS[wrap]} {times}"
 
 

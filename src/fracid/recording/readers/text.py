@@ -389,10 +389,9 @@ def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[
         titles = {k: cells for k, cells in titles.items() if not re.search(r"[,;|\t]", cells[0])}
     blank, whole = ("",) * width, {k: cells for k, cells in titles.items() if all(cells)} or titles
     named = [k for k, cells in whole.items() if not any(map(is_unit, cells))] or [*whole][:1]
-    if not named:
-        return blank, blank
-    names = tuple(titles[named[-1]])
-    return names, names if all(map(is_unit, names)) else tuple(titles.get(named[-1] + 1, blank))
+    last = named[-1] if named else -2
+    names = tuple(titles.get(last, blank))
+    return names, names if all(map(is_unit, names)) else tuple(titles.get(last + 1, blank))
 
 
 def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...], lines: _Lines) -> Iterator[str]:
