@@ -245,8 +245,10 @@ class Recording(CardDisplay):
         """
         half = 0.5 * self.report.clock.step
         parts = tuple((part[0] - half, part[-1] + half) for part in mask if part)
+        if not parts:
+            return self
         outside = replace(self, bridged=(*self.bridged, *parts))._with(self.time, self.signals)
-        return replace(self, report=replace(self.report, findings=outside.report.findings)) if parts else self
+        return replace(self, report=replace(self.report, findings=outside.report.findings))
 
     def split(self, at: float) -> tuple[Recording, Recording]:
         """Return the parts before and from `at` [s].
