@@ -191,6 +191,15 @@ def test_recordings_that_score_the_same_samples_of_a_column_are_named_and_no_oth
     assert [note.partition(":")[0] for note in project(recordings).notes] == shared
 
 
+def test_what_a_mask_leaves_out_is_found_no_more(project, tmp_path):
+    np.savetxt(tmp_path / "swing.csv", np.c_[T, np.where(np.arange(T.size) == 90, 80.0, ALPHA)], delimiter=",",
+               header="time,alpha", comments="")  # fmt: skip
+    at = float(T[90])
+    read = [project(ONE + mask).recordings[0] for mask in ("", f"mask = [[{at - 0.001}, {at + 0.001}]]")]
+    found = [[f.code for f in recording.report.findings] for recording in read]
+    assert ["jump" in codes for codes in found] == [True, False]
+
+
 def test_only_outputs_that_all_recordings_have_are_scored_unless_told(project):
     assert project(BOTH + ONE + 'name = "b"\n').problem.outputs == ("alpha",)
     assert project(BOTH).problem.outputs == ("theta", "alpha")

@@ -1,5 +1,7 @@
 """Encoders that drop out: an angle that stays at exactly one value while the rig goes on."""
 
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +58,16 @@ def test_a_jump_to_zero_and_back_is_a_dropout_and_no_release(begin, typed):
         report.findings[0]
     )
     assert report.release == pytest.approx(1.0, abs=0.02)
+
+
+def test_all_stretches_of_a_clipped_sensor_are_found_and_left_out_at_once_and_its_tops_are_cut_off():
+    slow = 1e-3 * np.random.default_rng(4).standard_normal(TIME.size) - np.cos(2 * TIME)
+    clipped = recording(np.minimum(slow, 0.6))
+    found = {f.code: str(f) for f in clipped.report.findings}
+    mask = tomllib.loads(re.search(r"mask = \[\[.*?\]\]", found["dropout"])[0])["mask"]
+    np.testing.assert_allclose(mask, [[k * np.pi + 1.107, k * np.pi + 2.034] for k in range(3)], atol=0.02)
+    assert "its tops are cut off at 34.38°, 3 times" in found["saturated"]
+    assert not {f.code for f in clipped.masked(mask).report.findings} & {*found, "jump", "clock-jump"}
 
 
 def test_a_file_that_begins_with_zeros_is_cut_at_its_front():

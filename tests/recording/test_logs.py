@@ -48,6 +48,7 @@ def test_what_stands_beside_the_records_of_a_log_is_said_and_a_list_is_a_column_
     [
         ("2024-03-01 23:59:{:06.3f}", ";"), ("2024-03-01T23:59:{:06.3f}Z", ","), ("2024/03/01 23:59:{:06.3f}", "\t"),
         ("23:59:{:06.3f}", ","), ("2024-03-01 23:59:{:06.3f}", " "), ('"2024-03-01T23:59:{:06.3f}+0100"', ","),
+        ("2024-03-01 12:59:{:06.3f} PM", ","), ("2024-03-01 23:59:{:06.3f} UTC", ","),
     ],
 )  # fmt: skip
 def test_date_and_time_are_seconds_in_a_text(tmp_path, stamp, separator):
@@ -72,6 +73,27 @@ def test_a_log_of_ros_has_its_columns_of_words_left_out_and_its_stamps_joined(tm
     assert recording.assumed == {"position[0]"}  # it names a place, no unit
     said = "Left out: header.frame_id is no column of numbers; name[0] is no column of numbers."
     assert {said, f"stamp is stamp.{seconds} and stamp.{part} together."} <= {*recording.report.reading}
+
+
+@pytest.mark.parametrize("day", ["2024-03-0{},", ""])
+def test_a_time_of_day_goes_on_after_midnight_and_the_date_beside_it_is_no_signal(tmp_path, day):
+    seconds = 86399 + T
+    stamps = [
+        f"{day.format(1 + int(s // 86400))}{'23:59:59' if s < 86400 else '00:00:00'}.{s % 1:.2f}" for s in seconds
+    ]
+    rows = "\n".join(f"{s.replace('.0.', '.')},{a}" for s, a in zip(stamps, ALPHA, strict=True))
+    (tmp_path / "log.csv").write_text(f"{'Date,' * bool(day)}Time,alpha\n{rows}\n")
+    recording = load_recording(tmp_path / "log.csv")
+    np.testing.assert_allclose(recording.time, seconds)
+    assert [*recording.signals] == ["alpha"]
+    assert "'Time' begins again at midnight once: the clock is continued." in recording.report.reading
+
+
+def test_stamps_that_are_all_alike_are_no_edges_of_an_encoder(tmp_path):
+    rows = "".join(f"2024-03-05,{k % 3}\n" for k in range(200))
+    (tmp_path / "log.csv").write_text("time,alpha\n" + rows)
+    with pytest.raises(ValueError, match="time does not increase"):
+        load_recording(tmp_path / "log.csv")
 
 
 @pytest.mark.parametrize("cell", ["1,234.5", "3 V", "0x1F"])
@@ -108,6 +130,34 @@ def test_a_counter_that_begins_again_at_two_to_the_32_is_continued_and_said(tmp_
     recording = load_recording(tmp_path / "log.csv")
     assert recording.step == pytest.approx(0.01)
     assert f"{name!r} begins again at 2³² once: the clock is continued." in recording.report.reading
+
+
+@pytest.mark.parametrize("bits", [8, 16, 24, 32])
+def test_a_count_of_an_encoder_that_begins_again_both_ways_is_continued_and_said(tmp_path, bits):
+    counts = np.round(-80 * np.cos(np.pi * T) * np.exp(-T))  # from below 0, which begins at the top
+    np.savetxt(tmp_path / "log.csv", np.c_[T, counts % 2**bits], "%.10g", ",", header="t,counts", comments="")
+    encoder = {"column": "counts", "unit": "counts", "counts_per_turn": 400}
+    recording = load_recording(tmp_path / "log.csv", {"alpha": encoder})
+    np.testing.assert_allclose(recording.signals["alpha"], 2 * np.pi / 400 * counts, atol=1e-12)
+    assert any(note.startswith("'counts' begins again at 2") for note in recording.report.reading)
+
+
+@pytest.mark.parametrize(
+    "command", [np.where(T < 1, 255, 0), 10 * (np.arange(200) // 20 % 2) + 240 * (T > 1),
+                np.random.default_rng(1).integers(0, 256, 200),
+                np.where(np.arange(200) == 90, 65535, np.round(300 * np.cos(6 * T)) + 400)]
+)  # fmt: skip
+def test_what_jumps_otherwise_is_no_count_that_begins_again(tmp_path, command):
+    np.savetxt(tmp_path / "log.csv", np.c_[T, command], "%.10g", ",", header="t,x", comments="")
+    recording = load_recording(tmp_path / "log.csv", {"x": {"column": "x"}})
+    np.testing.assert_array_equal(recording.signals["x"], command)
+
+
+def test_two_logs_in_one_file_are_no_counter_of_milliseconds_that_begins_again(tmp_path):
+    stamps = np.r_[0:60000:300, 0:60000:300]
+    np.savetxt(tmp_path / "log.csv", np.c_[stamps, np.cos(stamps)], "%.10g", ",", header="t_ms,x", comments="")
+    with pytest.raises(ValueError, match=r"time does not increase: .*split the file there"):
+        load_recording(tmp_path / "log.csv")
 
 
 def test_a_clock_of_another_kind_that_falls_back_is_not_continued(tmp_path):

@@ -93,6 +93,9 @@ def test_a_header_in_a_comment_names_the_columns():
         "Logger;Rig\nXYZ;Anna\nt;x\ns;mm",
         "t [s];x [mm];",
         "TS;x\nSec;mm\n;Smp",
+        '"Time\n[s]";"x\n[mm]"',
+        "x-axis;1\nt;x\ns;mm",
+        "Samples;800\nt;x [mm];Comment",
     ],
 )
 def test_names_are_the_last_line_of_words_above_the_numbers_but_for_their_units(header):
@@ -191,6 +194,19 @@ def test_other_encodings_are_read(tmp_path, encoding):
         ("0 1\n1 2\n2\n", "line 3: 1 cell where other lines have 2"),
         ("t;x\n0;999.5\n1;1,000.5\n2;998.5\n", "'1,000.5' has a separator between its thousands: .*, as 1000.5"),
         ("t;x\n" + "0,5;1 000,5\n" * 3, "'1 000,5' has a separator between its thousands: .*, as 1000,5"),
+        ('t,x\n0,"4,005.0"\n1,999.0\n2,998.0\n', "is not a number. '4,005.0' has a separator .*, as 4005.0"),
+        (
+            "t;x\n" + "3,990;14.130\n" * 3,
+            "'3,990' or '14.130' has a separator between its thousands: .* one decimal sign",
+        ),
+        ("t;x\n" + "27.10.2024 00:59:57,000;1,5\n" * 3, "Expected numbers like .* dates like 2024-01-31 12:00:00"),
+        ("t;x\n" + "1,010 s;0,500 V\n" * 3, "Expected numbers like 0.01 or -1.5e-3, without units"),
+        ("t,x\n" + "2024-03-05 12:00:00.5 Europe/Berlin,1.5\n" * 3, "no row of numbers.*Europe/Berlin"),
+        (
+            "t,x\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(9)),
+            "2 names above rows of 3 cells: is the comma both",
+        ),
+        ("t,x\n0,1.5\n1,2.5\nt,x\n0,1.5\n", "line 4 repeats the names above the numbers: .*Split the file there"),
         ("a\0b", "is not text"),
     ],
 )

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import fracid
+from fracid.errors import Failure, FailureReason
 from fracid.estimation.records import RecordingFit
 from fracid.findings import Finding
 from fracid.models.written.equations import Equation, Equations
+from fracid.validation.after_search import after
 from fracid.validation.misfits import cost_of, misfits, missed
 
 pytestmark = pytest.mark.usefixtures("without_rivals")
@@ -61,6 +63,18 @@ def test_rounding_is_an_encoders_of_an_angle_alone_and_noise_is_a_cause_where_it
     assert (other.unit, "encoder" in other.sentence) == ("times the recording's rounding", False)
     assert "autocorrelated: the model lacks something" in other.sentence
     assert "autocorrelated: correlated noise, or a model that lacks something" in noise.sentence
+
+
+def test_what_is_masked_is_nothing_that_a_model_must_explain():
+    decay = Equations({"v": Equation("-k*v")}, {"v": Equation("v")}, {})
+    model = decay.model("decay", [fracid.Parameter("k", "1/s", 0.3, "", lower=0.0)])
+    none = Failure(FailureReason.INTERRUPTED, "the search was interrupted")
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(TIME.size)
+    frozen = np.where((TIME > 3) & (TIME < 4), 1.0, np.exp(-0.3 * TIME) + noise)[:, None]
+    e = fracid.Experiment("alone", 0.01, frozen, np.zeros((1, 0)), units={"v": "1"}, mask=((3.0, 4.0),))
+    found = [after(fracid.Problem(model, (one,), {}, {"k": fracid.Free(0.3, 0.1, 1.0)}), np.array([0.3, 1.0]), none)
+             for one in (e, replace(e, mask=()))]  # fmt: skip
+    assert [[f.code for f in fs] for fs in found] == [[], ["cannot-explain"]]
 
 
 def test_a_fit_that_explains_little_says_what_to_type_for_a_state_that_no_output_shows():

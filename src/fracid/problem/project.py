@@ -703,6 +703,7 @@ def _load(spec: _Recording, channels: _Channels, model: Model, folder: Path, pas
             if units.get(n.where, "1") != "1"]  # fmt: skip
     report = replace(recording.report, reading=(*recording.report.reading, *told))
     recording = resampled(replace(recording, held=recording.held | held, report=report), spec.resample)
+    recording = recording.masked(spec.mask)
     if not past:
         return _Loaded(spec, channels, recording, None)
     after = recording.trim(spec.start)

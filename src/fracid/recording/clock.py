@@ -8,9 +8,9 @@ In this order, the first that applies:
 3. of the columns whose name means time, or else of all, the one that increases most evenly.
 
 The unit is the caller's, the header's, that in which the first stamp is a date of this century, or s.  Rows without a
-time stamp are left out, a first stamp beyond twelve days is a date, from which time is then counted, and a counter of
-32 bits that begins again is continued.  Every guess is a sentence for the report.  What is no clock at all is refused
-here; jitter, gaps and repeated stamps are measured (:mod:`fracid.recording.measures`) and reported.
+time stamp are left out, a first stamp beyond twelve days is a date, from which time is then counted, and a counter that
+begins again is continued (:func:`unrolled`).  Every guess is a sentence for the report.  What is no clock at all is
+refused here; jitter, gaps and repeated stamps are measured (:mod:`fracid.recording.measures`) and reported.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fracid.arrays import FloatArray
@@ -55,8 +56,18 @@ SHORTEST_STEP, LONGEST_TIME = 1e-15, 1e15
 DATES = 9.5e8, 4.1e9
 """Between which a count of seconds is a date of this century."""
 
-WRAPS = {2.0**16: "2¹⁶", 2.0**32: "2³²"}
-"""After how many ticks the counters of microcontrollers begin again: micros() of 32 bits after 71 minutes."""
+DAY = 86400.0
+"""[s]"""
+
+WRAPS = {2.0**8: "2⁸", 2.0**16: "2¹⁶", DAY: "midnight", 2.0**24: "2²⁴", 2.0**32: "2³²"}
+"""After how many ticks the counters of microcontrollers begin again, micros() of 32 bits after 71 minutes; and a time
+of day."""
+
+AROUND, LIKE = 8, 2.0
+"""Samples to each side of where a count begins again; so many times the largest step of these is its step there."""
+
+SMOOTH, LEVELS = 0.125, 12
+"""Of a wrap: all steps of a count that turns both ways are smaller; and what has no more values is a command."""
 
 EVEN = 0.05
 """Relative scatter of its steps below which a column is a clock."""
@@ -90,7 +101,7 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     guessed = not spec
     column = _guess_time(table) if guessed else table.find(spec["column"])
     header = TIME_SPELLINGS.get(table.units[column].lower(), table.units[column]) or _name_unit(table.names[column])
-    ticks, (wraps, wrap) = _unrolled(measurable(table.values[:, column])[0])
+    ticks, again = unrolled(measurable(table.values[:, column])[0])
     unit = spec.get("unit") or (header if header in SECONDS else _unit_of_date(ticks))
     if unit not in SECONDS:
         raise InputError(f"time: unit = {unit!r} is not possible; expected one of {', '.join(SECONDS)}.")
@@ -100,13 +111,12 @@ def read_clock(table: Table, time: Mapping[str, Any] | int | str | None) -> tupl
     if not stamps.size:
         raise DataError(f"{table.source}: the time column {table.names[column]!r} is blank throughout.")
     name, unsaid = short_text(table.names[column]), header and "unit" not in spec
-    times = "once" if wraps == 1 else f"{wraps} times"
     said = (
         (unit not in (spec.get("unit"), header, "s"), Note(SAYS("date", first=ticks[rows][0], unit=unit), "clock")),
         (guessed, Note(f"Time is taken from {table.names[column]!r} [{unit}].", "clock")),
         (unsaid and unit == "s" and header not in SECONDS, SAYS("no-unit-of-time", header=short_text(header))),
         (unsaid and not table.units[column], Note(f"Time is in {header}, as its name {name!r} says.", "clock")),
-        (wraps, f"{name!r} begins again at {wrap} {times}: the clock is continued."),
+        (again, f"{name!r} {again}: the clock is continued."),
         (not rows.all(), f"{(~rows).sum()} of {rows.size} rows have no time stamp and were left out."),
     )
     sentences = [sentence for holds, sentence in said if holds]
@@ -188,7 +198,7 @@ def _guess_time(table: Table) -> int:
     """Return the column that increases most evenly, of those named like time if there are any."""
 
     def uneven(j: int) -> float | None:
-        return unevenness(_unrolled(table.values[:, j])[0])
+        return unevenness(unrolled(measurable(table.values[:, j])[0])[0])
 
     named = [j for j, name in enumerate(table.names) if TIME_NAME.search(name.lower())]
     in_a_unit = [j for j, name in enumerate(table.names) if _name_unit(name) and uneven(j) is not None]
@@ -209,17 +219,38 @@ def short_text(text: str) -> str:
     return printable(" ".join(text.split()))[:200]
 
 
-def _unrolled(column: FloatArray) -> tuple[FloatArray, tuple[int, str]]:
-    """A counter that is continued where it begins again, how often it does and after what; else the column."""
+def unrolled(column: FloatArray) -> tuple[FloatArray, str]:
+    """A counter that is continued where it begins again, and how often it does; else the column.
+
+    It has whole numbers, unless it is a time of day, and its steps where it begins again are like those beside: what
+    was started anew, two logs in one file, or an error that is written as 65535 has others.
+
+    Examples
+    --------
+    >>> count, again = unrolled(np.round(300 * np.sin(np.arange(0, 9, 0.05))) % 2**16)
+    >>> count.min(), count.max(), again
+    (np.float64(-300.0), np.float64(300.0), 'begins again at 2¹⁶ 2 times')
+    """
     there = np.isfinite(column)
     ticks = column[there]
-    for wrap, words in WRAPS.items():
-        falls = np.diff(ticks) < -wrap / 2
-        if falls.any() and np.ptp(ticks) < wrap:
-            column = column.copy()
-            column[there] = ticks + wrap * np.concatenate([[0], np.cumsum(falls)])
-            return column, (int(falls.sum()), words)
-    return column, (0, "")
+    far = np.diff(ticks)
+    wrap = min((w for w in WRAPS if ticks.size and np.ptp(ticks) < w), default=math.inf)
+    begins = np.abs(far) > wrap / 2
+    if not begins.any() or (wrap != DAY and np.any(ticks % 1.0)):
+        return column, ""
+    steps = far - wrap * np.sign(far) * begins
+    sizes = np.abs(steps)
+    others = np.where(begins, 0.0, sizes)
+    beside = sliding_window_view(np.pad(others, AROUND), 2 * AROUND + 1)[begins].max(axis=1)
+    like = LIKE * np.maximum(beside, np.min(others, where=others > 0, initial=wrap))
+    counts = steps.min() >= 0 or (sizes.max() < SMOOTH * wrap and np.unique(ticks).size > LEVELS)
+    if not (others.any() and np.all(sizes[begins] <= like) and counts):
+        return column, ""
+    column = column.copy()
+    below = wrap * (steps.min() < 0 and ticks[0] > wrap / 2)  # what turns both ways began below 0
+    column[there] = ticks[0] - below + np.concatenate([[0.0], np.cumsum(steps)])
+    times = "once" if begins.sum() == 1 else f"{begins.sum()} times"
+    return column, f"begins again at {WRAPS[wrap]} {times}"
 
 
 def unevenness(column: FloatArray) -> float | None:

@@ -47,7 +47,7 @@ def choose_channels(
     blank = {j for j in others if np.isnan(table.values[rows, j]).all()}
     still = {j for j in others if j not in blank and np.all(table.values[rows, j] == table.values[rows, j][0])}
     late = [j for j in others if time is not None and table.values[0, j] > CLOCK_STAMP]
-    clocks = {j for j in late if unevenness(table.values[:, j]) is not None}  # dates that increase
+    clocks = {j for j in late if np.all(np.diff(table.values[:, j]) >= 0)}  # dates that increase, or stay for a day
     counts = {j for j in others if not table.units[j] and np.all(np.diff(table.values[:, j]) == 1.0)}  # of the rows
     if not (indices := [j for j in others if j not in blank | still | clocks | counts] or [*still] or [*counts]):
         names = ", ".join(table.names[j] for j in [*blank][:20]) or ", ".join(table.names[:20])

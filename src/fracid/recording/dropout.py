@@ -19,7 +19,7 @@ Lost noise
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,10 @@ LAST, FADED = 8, 0.5
 
 BESIDE, FAR = 8, 8.0
 """Samples to each side that show how it moves there, and how many times that, or its step, is a jump or a motion."""
+
+WAYS = {(True, True): ", and jumps there and back", (True, False): ", to which it jumps",
+        (False, True): ", from which it jumps"}  # fmt: skip
+"""Whether it jumps to a value, and from it, in words."""
 
 
 @dataclass(frozen=True)
@@ -108,18 +112,23 @@ def without_dropouts(signals: Mapping[str, FloatArray], found: tuple[Dropout, ..
     return sound
 
 
-def dropout_finding(d: Dropout, time: FloatArray) -> Finding:
-    """What it means and what to type."""
-    begin, end = float(time[d.first]), float(time[min(d.stop, time.size - 1)])
-    if d.stop >= time.size:
-        last = float(time[max(d.first - 1, 0)])
-        when, typed = f"from {last:.6g} s on", f"to = {last:.6g}"
-    elif d.first == 0:
-        when, typed = f"until {end:.6g} s", f"from = {end:.6g}"
-    else:
-        when, typed = f"from {begin:.6g} to {end:.6g} s", f"mask = [[{begin:.6g}, {float(time[d.stop - 1]):.6g}]]"
-    value = with_unit(d.value, "rad")
-    return SAYS.finding("dropout", d.signal, end - begin, 0.0, value=value, when=when, why=d.why, typed=typed)
+def dropout_finding(found: Sequence[Dropout], time: FloatArray) -> Finding:
+    """What those of one signal mean, and what to type to leave all of them out."""
+    stays, typed, masks = [], list[str](), list[str]()
+    for d in found:
+        begin, end = float(time[d.first]), float(time[min(d.stop, time.size - 1)])
+        if d.stop >= time.size:
+            last = float(time[max(d.first - 1, 0)])
+            when, typed = f"from {last:.6g} s on", [*typed, f"to = {last:.6g}"]
+        elif d.first == 0:
+            when, typed = f"until {end:.6g} s", [f"from = {end:.6g}"]
+        else:
+            when, masks = f"from {begin:.6g} to {end:.6g} s", [*masks, f"[{begin:.6g}, {float(time[d.stop - 1]):.6g}]"]
+        stays.append(f"{with_unit(d.value, 'rad')} {when}")
+    typed += [f"mask = [{', '.join(masks)}]"] if masks else []
+    seconds = sum(float(time[min(d.stop, time.size - 1)] - time[d.first]) for d in found)
+    return SAYS.finding("dropout", found[0].signal, seconds, 0.0, stays=" and ".join(stays), why=found[0].why,
+                        typed=" and ".join(typed))  # fmt: skip
 
 
 def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) -> Iterator[Dropout]:
@@ -132,16 +141,18 @@ def _of_signal(name: str, time: FloatArray, angles: Mapping[str, FloatArray]) ->
     lattice = encoder_lattice(x[sound & np.isfinite(x)])
     step = lattice.step if lattice else 0.0
     even = np.diff(time) <= 1.5 * np.median(np.diff(time))
+    heard = x.copy()  # without those that are found: a noise is lost more than once
     for a, b in runs:
         jumps = _jumps(x, a, step, even), _jumps(x[::-1], x.size - b, step, even[::-1])
         moves = _moves(x, a, step), _moves(x[::-1], x.size - b, step)
-        noisy = _scatter(x[:a], step), _scatter(x[b:], step)
+        noisy = _scatter(heard[:a], step), _scatter(x[b:], step)
         if all(jumps) or any(all(way) for way in zip(jumps, moves, noisy, strict=True)):
-            ways = {(True, True): ", and jumps there and back", (True, False): ", to which it jumps",
-                    (False, True): ", from which it jumps"}  # fmt: skip
-            yield Dropout(name, a if jumps[0] or a == 0 else a + 1, b, float(x[a]), why=ways[jumps])
-        elif why := _lost_noise(name, a, b, angles, noise=noisy[0], moving=moves[0]):
-            yield Dropout(name, a + 1, b, float(x[a]), why=why)
+            why = WAYS[jumps]
+        else:
+            why = _lost_noise(name, a, b, angles, noise=noisy[0], moving=moves[0])
+        if why:
+            heard[a + 1 : b] = np.nan
+            yield Dropout(name, a if jumps[0] or a == 0 else a + 1, b, float(x[a]), why=why)
 
 
 def _standstills(x: FloatArray) -> list[tuple[int, int]]:

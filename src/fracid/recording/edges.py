@@ -38,7 +38,7 @@ def counts_at_edges(time: FloatArray, signals: Mapping[str, FloatArray]) -> dict
     {}
     """
     apart = np.diff(time)
-    if len(time) < FEWEST or apart.min() < 0 or np.std(apart) < UNEVEN * np.mean(apart):
+    if len(time) < FEWEST or apart.min() < 0 or np.std(apart) <= UNEVEN * np.mean(apart):
         return {}
     counts, moved = {}, np.zeros(len(apart), dtype=bool)
     for name, x in signals.items():

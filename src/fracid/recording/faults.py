@@ -52,6 +52,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,8 +162,8 @@ def signal_faults(
     ['degrees-as-radians']
     """
     gone = dropouts(time, signals, {s.name: s.unit for s in reports})
-    findings = [dropout_finding(d, time) for d in gone]
-    signals = without_dropouts(signals, gone)
+    findings = [dropout_finding([*of_one], time) for _, of_one in groupby(gone, key=lambda d: d.signal)]
+    whole, signals = signals, without_dropouts(signals, gone)
     angles = sum(s.unit == "rad" for s in reports)
     for s in reports:
         x = signals[s.name]
@@ -176,7 +177,7 @@ def signal_faults(
         if s.unit != "rad":  # a command is held on purpose, and a voltage may jump
             findings += _saturated(s, x)
             continue
-        findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, x))
+        findings += (*_unit(s, x, pendulum), *_jumps(s, t, x), *_repeated(s, t, x), *_saturated(s, whole[s.name]))
         for at, length in clock_jumps(t, x)[:1] if pendulum else ():
             findings.append(SAYS.finding("clock-jump", s.name, length, JUMPED * float(np.median(np.diff(t))), at=at))
         if not s.resolution or s.range >= FEW_COUNTS * s.resolution:

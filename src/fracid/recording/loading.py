@@ -25,7 +25,7 @@ from fracid.arrays import FloatArray
 from fracid.errors import DataError, InputError, brief
 from fracid.findings import Finding
 from fracid.recording.channel import COUNTING, SAYS, Channel, Specs, constant, header_unit, measurable
-from fracid.recording.clock import read_clock
+from fracid.recording.clock import read_clock, short_text, unrolled
 from fracid.recording.columns import channel_with_unit, choose_channels, hold_blanks, refuse_shared, unit_of_header
 from fracid.recording.faults import still
 from fracid.recording.guess import guessed_units, is_angle
@@ -217,6 +217,10 @@ def _signals(
         channel, unit_said = channel_with_unit(table, signal, given, guessed=chosen)
         raw, beyond = measurable(table.values[:, column], channel.scale)
         sentences += [f"{signal}: {beyond}"] if beyond else []
+        unsaid = not unit_of_header(table, column) and (signal in guesses or given.unit is None)
+        if unsaid or given.unit == "counts":  # what has a unit of its own is no count
+            raw, again = unrolled(raw)
+            sentences += [f"{short_text(table.names[column])!r} {again}: the count is continued."] if again else []
         if channel.fill == "hold":
             raw, filled = hold_blanks(raw, signal, channel)
             sentences.append(filled)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
@@ -232,6 +232,23 @@ class Recording(CardDisplay):
         signals = {n: _filled(time, x[part], steps[n]) for n, x in self.signals.items()}
         note = f"{count} missing sample{'s are' if count > 1 else ' is'} interpolated and not scored."
         return replace(self, bridged=(*self.bridged, *runs))._with(time, signals, Note(note, "interpolated"))
+
+    def masked(self, mask: Iterable[Sequence[float]]) -> Recording:
+        """Return the recording with the findings of what is not masked, from when to when [s].
+
+        Examples
+        --------
+        >>> alpha = np.where(np.arange(50) == 7, 90.0, np.sin(np.arange(50.0) / 9))
+        >>> spike = Recording.of("twin", np.arange(50.0), {"alpha": alpha})
+        >>> len(spike.report.findings), len(spike.masked([[7.0, 7.0]]).report.findings)
+        (1, 0)
+        """
+        half = 0.5 * self.report.clock.step
+        parts = tuple((part[0] - half, part[-1] + half) for part in mask if part)
+        if not parts:
+            return self
+        outside = replace(self, bridged=(*self.bridged, *parts))._with(self.time, self.signals)
+        return replace(self, report=replace(self.report, findings=outside.report.findings))
 
     def split(self, at: float) -> tuple[Recording, Recording]:
         """Return the parts before and from `at` [s].

@@ -365,7 +365,7 @@ def _cannot_explain(problem: Problem, x: FloatArray, e: Experiment) -> Iterator[
     fitted = problem.followed(x, e.name)
     if isinstance(fitted, Failure):
         return
-    there = np.isfinite(fitted[:, 0])
+    there = np.isfinite(fitted[:, 0]) & (True if e.scored is None else e.scored)
     for o, y, z in zip(problem.outputs, e.measured[there].T, fitted[there].T, strict=True):
         rms, spread, noise = float(np.sqrt(np.mean((y - z) ** 2))), float(np.std(y)), noise_level(y)
         part, times = rms / max(spread, 1e-300), rms / noise

@@ -145,10 +145,11 @@ def seconds(dates: NDArray[np.generic]) -> NDArray[np.float64]:
 
 STAMP = re.compile(
     r"(?P<day>[0-9]{4}([-/])[0-9]{2}\2[0-9]{2})?[T ]?"
-    r"(?P<time>[0-9]{2}:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,12})?(?:Z|[+-][0-9]{2}:?[0-9]{2})?)?",
+    r"(?:(?P<hour>[0-9]{1,2})(?P<time>:[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,12})?)"
+    r"(?: ?(?P<half>[AP]M))?(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?(?: ?(?:UTC|GMT))?)?",
     re.I,
 )
-"""A day, a time of day, or both, as ISO 8601 has them."""
+"""A day, a time of day, or both, as ISO 8601 has them; the time also with AM or PM, and UTC behind it."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -158,13 +159,16 @@ def seconds_of_stamp(text: str) -> float | None:
 
     Examples
     --------
-    >>> seconds_of_stamp("1970-01-02T00:00:00.5Z"), seconds_of_stamp("00:01:00"), seconds_of_stamp("1.5")
+    >>> seconds_of_stamp("1970-01-02T00:00:00.5Z"), seconds_of_stamp("12:01:00 AM"), seconds_of_stamp("1.5")
     (86400.5, 60.0, None)
     """
     stamp = STAMP.fullmatch(text)
     if stamp is None or not (stamp["day"] or stamp["time"]):
         return None
-    moment_text = f"{stamp['day'] or '1970-01-01'}T{stamp['time'] or '00:00:00'}"
+    hour, half = int(stamp["hour"] or 0), (stamp["half"] or "").upper()
+    if half:
+        hour = hour % 12 + 12 * (half == "PM")
+    moment_text = f"{stamp['day'] or '1970-01-01'}T{hour:02}{stamp['time'] or ':00:00'}{stamp['zone'] or ''}"
     try:
         moment = datetime.fromisoformat(moment_text.replace("/", "-").replace(",", ".").upper())
     except ValueError:  # the 31st of February

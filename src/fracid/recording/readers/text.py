@@ -29,7 +29,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import TextIOWrapper
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -53,11 +53,18 @@ NUMBER = {
 """A number as an instrument writes it, by its decimal sign.  No digit can be matched in two ways, so that a line of ten
 thousand of them takes no longer than to read it."""
 
-THOUSANDS = re.compile(r"(?<![\w.])[0-9]{1,3}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w)")
-"""A number with a separator between its thousands."""
+THOUSANDS = re.compile(
+    r"(?<![\w.:])[1-9][0-9]{0,2}([,.'’ \u00a0\u202f])[0-9]{3}(?:\1[0-9]{3})*(?:[.,][0-9]+)?(?!\w| [^\W\d])"
+)
+"""A number with a separator between its thousands, and no unit."""
 
-NUMERAL = re.compile(r"\W*[0-9]|[+-]?inf", re.I)
-"""How a number begins, whatever is wrong with it."""
+WHOLE = re.compile(r"[+-]?[0-9]+")
+
+QUOTED = re.compile(r'(?<![^\n,;|\t ])"(?:[^"]|"")*"')
+"""A cell in quotes, which may have ends of lines."""
+
+NUMERAL = re.compile(r"(?:.*[,;|\t])?[^\w,;|\t]*[0-9]|[+-]?inf", re.I)
+"""How a number begins, whatever is wrong with it, also behind a delimiter: ``s;0,5`` is no word."""
 
 SEPARATOR = re.compile('"?sep=.?"?', re.I)
 """A line for Excel above a table."""
@@ -252,9 +259,10 @@ def _parse(lines: _Lines) -> Table:
     first = next((i for i, line in lines.rows() if _is_row(dialect, width, line)), None)
     if first is None:
         raise DataError(_no_row(lines))
-    above = map(str.strip, islice(lines.read(), first - 1))
-    header = [line for line in above if line and not SEPARATOR.fullmatch(line)]
-    _refuse_comma_twice(dialect, width, header, lines.name)
+    above = "\n".join(map(str.strip, islice(lines.read(), first - 1)))
+    joined = QUOTED.sub(lambda cell: " ".join(cell[0].split()), above)  # a name may have ends of lines
+    header = [line for line in joined.split("\n") if line and not SEPARATOR.fullmatch(line)]
+    _refuse_comma_twice(dialect, width, header, lines)
     remarks = _numbers_in_header(dialect, width, header, lines.name)
     names, units = _names(dialect, width, header, lines.name)
     every, count = replace(dialect, left_out=frozenset()), width + len(dialect.left_out)
@@ -305,7 +313,7 @@ def _sniff(lines: _Lines) -> tuple[Dialect, int]:
 
 
 def _words(dialect: Dialect, rows: list[list[str]]) -> frozenset[int]:
-    """Columns of words alone: no cell beside numbers is one, or begins like one."""
+    """Columns of words alone: no cell beside numbers is one, or begins like one, or has one behind a delimiter."""
     rows = [cells for cells in rows if any(map(dialect.is_number, cells))]
     width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
     columns = zip(*(cells for cells in rows if len(cells) == width), strict=True)
@@ -324,9 +332,11 @@ def _no_row(lines: _Lines) -> str:
 
 
 def _thousands(text: str) -> str:
-    """What to write for the first number of a text that has its thousands separated; "" where there is none."""
-    found = THOUSANDS.search(text)
-    return SAYS("thousands", number=ascii_short(found[0]), plain=found[0].replace(found[1], "")) if found else ""
+    """What to write for numbers of a text that have their thousands separated; "" where there are none."""
+    signs = {found[1]: found[0] for found in reversed([*THOUSANDS.finditer(text)])}
+    if len(signs) > 1:
+        return SAYS("either-thousands", numbers=" or ".join(map(ascii_short, reversed(signs.values()))))
+    return "".join(SAYS("thousands", number=ascii_short(n), plain=n.replace(sign, "")) for sign, n in signs.items())
 
 
 # --- the header -----------------------------------------------------------------------------------------
@@ -345,30 +355,43 @@ def _numbers_in_header(dialect: Dialect, width: int, header: list[str], file: st
     if count > 2:
         raise DataError(SAYS("two-kinds", file=file, count=count, first=ascii_short(rows[0][0]), count_first=rows[0][1],
                              width=width, s='s' * (width != 1), dialect=dialect))  # fmt: skip
-    if not rows:
-        return []
-    lines = f"{count} lines of numbers were" if count > 1 else "a line of numbers was"
-    return [f"Above the table {lines} left out: {ascii_short(rows[0][0])}."]
+    return [_left_out([*dict(rows)], "numbers")] if rows else []
+
+
+def _left_out(lines: list[str], of: str) -> str:
+    count = f"{len(lines)} lines of {of} were" if len(lines) > 1 else f"a line of {of} was"
+    return f"Above the table {count} left out: {ascii_short(lines[0])}."
+
+
+def _is_setting(dialect: Dialect, width: int, line: str) -> bool:
+    """Tell whether a line above the numbers is a word and numbers, ``x-axis,1,2``, as instruments write settings."""
+    first, *cells = dialect.split(line)
+    word = first and not NUMERAL.match(first) and not line.startswith(COMMENT)
+    return bool(word) and width == len(cells) + 1 and any(map(dialect.is_number, cells))
 
 
 def _names(dialect: Dialect, width: int, header: list[str], file: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units: the last header line of `width` words that are no units, and the one under it."""
     split = [dialect.split(line.lstrip("#%/ ") if line.startswith(COMMENT) else line) for line in header]
-    split = [cells[:width] if not any(cells[width:]) else cells for cells in split]
-    for line, cells in zip(header, split, strict=True):
+    split = [cells[:width] if {*map(str.lower, cells[width:])} <= {"", "comment"} else cells for cells in split]
+    beside = [line.startswith(COMMENT) or _is_setting(dialect, width, line) for line in header]
+    for line, cells, passed_over in zip(header, split, beside, strict=True):
         texts = _text_cells(dialect, cells)
         plain = any(map(NUMBER[dialect.decimal].fullmatch, cells))
-        if 0 < len(texts) < width == len(cells) and plain and line[0] not in "#%/":
-            raise DataError(SAYS("not-a-number", file=file, text=ascii_short(cells[texts[0]]), column=texts[0],
-                                 row=ascii_short(line)))  # fmt: skip
+        if 0 < len(texts) < width == len(cells) and plain and not passed_over:
+            cell = cells[texts[0]]
+            raise DataError(SAYS("not-a-number", file=file, text=ascii_short(cell), column=texts[0],
+                                 row=ascii_short(line), cure=_thousands(cell) or SAYS("correct")))  # fmt: skip
     titles = {k: cells for k, cells in enumerate(split) if len(cells) == width and _text_cells(dialect, cells)}
-    # a comment is a header only where nothing better is: prose has commas too
-    titles = {k: cells for k, cells in titles.items() if not header[k].startswith(COMMENT)} or titles
+    # a comment, or a setting, is a header only where nothing better is: prose has commas too
+    titles = {k: cells for k, cells in titles.items() if not beside[k]} or titles
     if width == 1:  # a list of names is not that of one column
         titles = {k: cells for k, cells in titles.items() if not re.search(r"[,;|\t]", cells[0])}
     blank, whole = ("",) * width, {k: cells for k, cells in titles.items() if all(cells)} or titles
     named = [k for k, cells in whole.items() if not any(map(is_unit, cells))] or [*whole][:1]
-    return (tuple(titles[named[-1]]), tuple(titles.get(named[-1] + 1, blank))) if named else (blank, blank)
+    last = named[-1] if named else -2
+    names = tuple(titles.get(last, blank))
+    return names, names if all(map(is_unit, names)) else tuple(titles.get(last + 1, blank))
 
 
 def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, ...], lines: _Lines) -> Iterator[str]:
@@ -376,17 +399,21 @@ def _doubts(dialect: Dialect, width: int, header: list[str], names: tuple[str, .
     cells = dialect.split(header[-1]) if header and not any(names) and not header[-1].startswith(COMMENT) else []
     if 1 < len(cells) == len(_text_cells(dialect, cells)):
         yield f"The header has {len(cells)} names and the rows {width} cells: columns are called by their position."
+    if settings := [line for line in header if _is_setting(dialect, width, line)]:
+        yield _left_out(settings, "a word and numbers")
     others, end = lines.sample[-200:-1], lines.tail
     if end.strip() and len(others) >= 4 and len(end) < min(map(len, others)):
         yield f"The last line, {ascii_short(end.strip())}, has no end: its last number may have been cut off."
 
 
-def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], file: str) -> None:
-    """``t,alpha`` above ``0,01,1,5``: the comma separates the cells, and is in them."""
+def _refuse_comma_twice(dialect: Dialect, width: int, header: list[str], lines: _Lines) -> None:
+    """``t,alpha`` above ``0,01,1,5``, or ``10,1,5``: the comma separates the cells, and is in them."""
     rows = map(dialect.split, reversed(header))
     last: list[str] = next((cells for cells in rows if not all(map(dialect.is_number, cells))), [])
-    if dialect == DIALECTS[0] and width == 2 * len(last) and len(_text_cells(dialect, last)) == len(last):
-        raise DataError(SAYS("names-above", file=file, cells=len(last), width=width))
+    samples = (row for row in map(dialect.split, lines.sample[-200:]) if len(row) == width)
+    twice = width == 2 * len(last) or (len(last) < width < 2 * len(last) and all(map(WHOLE.fullmatch, chain(*samples))))
+    if dialect == DIALECTS[0] and twice and len(_text_cells(dialect, last)) == len(last):
+        raise DataError(SAYS("names-above", file=lines.name, cells=len(last), width=width))
 
 
 def _refuse_thousands(
@@ -433,6 +460,8 @@ def _block(
 
 def _row(dialect: Dialect, width: int, i: int, line: str, names: tuple[str, ...], file: str) -> list[float]:
     cells = dialect.split(line)
+    if any(names) and tuple(cells) == names:
+        raise DataError(SAYS("header-again", file=file, i=i))
     if len(cells) != width:
         raise DataError(SAYS("cells", file=file, i=i, count=len(cells), s='s' * (len(cells) != 1), width=width,
                              text=ascii_short(line.strip())))  # fmt: skip
