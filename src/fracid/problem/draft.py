@@ -204,9 +204,6 @@ def with_between(fields: Mapping[str, Any], name: str, recording: Recording, mod
     return {**fields, "between": "hold" if held else "line", **fields}
 
 
-CROWDED = 3.0
-"""Samples of one quarter of a recording that lie so much closer than those of another are meant to."""
-
 JITTER, FEW = 0.02, 20_000
 """Of half of the steps, relative, from which on they are no grid; in so few samples: more are fitted on one, faster."""
 
@@ -221,8 +218,7 @@ def why_uneven(recording: Recording) -> str:
     'its samples crowd where much happens'
     """
     dt = np.diff(recording.time)
-    steps = [np.median(part) for part in np.array_split(dt, 4)]
-    if max(steps) > CROWDED * min(steps):
+    if recording.report.clock.crowded:
         return "its samples crowd where much happens"
     jitters = len(dt) < FEW and np.median(np.abs(dt - np.median(dt))) > JITTER * np.median(dt)
     return "its stamps jitter, and straight lines between samples are not the motion" if jitters else ""

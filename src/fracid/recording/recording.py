@@ -50,7 +50,7 @@ class Recording(CardDisplay):
 
     @property
     def uneven(self) -> bool:
-        """Whether its samples are meant to lie unevenly: ``resample="uneven"`` of :func:`fracid.load_recording`."""
+        """Whether its samples are meant to lie unevenly: they crowd, or ``resample="uneven"`` says so."""
         return self.report.uneven
 
     @property
@@ -198,7 +198,7 @@ class Recording(CardDisplay):
         >>> sampled.report.clock.uniform, bool(abs(error).max() < 0.5)
         (True, True)
         """
-        if not (counts := {} if self.uneven else counts_at_edges(self.time, self.signals)):
+        if not (counts := counts_at_edges(self.time, self.signals)):
             return self
         time, signals = between_edges(self.time, self.signals, counts)
         note = Note(SAYS("edges", count=len(self.time), counts=' or '.join(counts), ms=1e3 * (time[1] - time[0])),

@@ -194,12 +194,16 @@ class Report:
         c = self.clock
         jitter = f"{c.jitter * 1e6:.3g} µs standard deviation, at most {100 * c.worst_jitter:.2g} % of a step"
         blocks = f"{self.release:.3f} s" if self.release is not None else "none"
-        return [
-            ("samples", str(c.samples)),
-            ("duration", f"{c.duration:.6g} s"),
+        uneven = [("steps", f"uneven, {with_time_unit(c.step)} in the median: a fit takes the samples where they are")]
+        steps = uneven if self.uneven else [
             ("rate", f"{c.rate:.6g} Hz (step {with_time_unit(c.step)})" if c.step > 0 else "unknown"),
             ("jitter", jitter if c.worst_jitter > 1e-6 else "none"),
             ("gaps", f"{len(c.gaps)}, {sum(g for _, g in c.gaps):.4g} s in all" if c.gaps else "none"),
+        ]  # fmt: skip
+        return [
+            ("samples", str(c.samples)),
+            ("duration", f"{c.duration:.6g} s"),
+            *steps,
             ("release", f"{blocks}: {self.release_reason}"),
         ]
 
@@ -256,7 +260,7 @@ def measure(
     bridged
         From when to when a gap was bridged [s]: what is there is no sample, and has no faults.
     uneven
-        Whether samples are meant to lie unevenly: what is told by their steps is not asked.
+        Whether samples are meant to lie unevenly, as those that crowd are: what is told by their steps is not asked.
 
     Returns
     -------
@@ -271,7 +275,7 @@ def measure(
     """
     clock = measure_clock(time)
     disorder = bool(clock.duplicated or clock.backward)
-    uneven = uneven and not clock.uniform
+    uneven = (uneven or clock.crowded) and not clock.uniform
     sound = signals if uneven or disorder else without_dropouts(signals, dropouts(time, signals, units))
     if disorder or clock.samples < 2:
         release, reason = None, "time does not increase"
@@ -362,7 +366,7 @@ def _clock_warnings(c: Clock, uneven: bool) -> Iterable[str]:
         more = f" and {len(c.gaps) - 3} shorter" if len(c.gaps) > 3 else ""
         yield f"samples are missing in {len(c.gaps)} gap{'s' * (len(c.gaps) > 1)} ({gaps}{more})"
     if c.worst_jitter > UNIFORM:
-        yield f"the step jitters by up to {100 * c.worst_jitter:.2g} %: a fit resamples it to a uniform grid"
+        yield SAYS("jitters", percent=100 * c.worst_jitter)
 
 
 def _missing_fault(s: SignalReport) -> str:
