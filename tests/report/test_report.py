@@ -22,6 +22,7 @@ import fracid
 from browser import CHROMIUM, Browser
 from fracid.arrays import extremes
 from fracid.cli.app import main
+from fracid.cli.fit import _discretisation
 from fracid.errors import InputError
 from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.records import in_words
@@ -36,6 +37,7 @@ from fracid.report.whiskers import orders_drawn
 from fracid.runs.folder import open_folder, write_result
 from fracid.runs.saved import load_run
 from fracid.selection.comparison_records import Comparison, OrderOfRow, Row, Score
+from fracid.validation.discretisation import Discretisation
 from fracid.validation.residual_analyses import first_part
 from twins import RIG, write_release
 
@@ -490,6 +492,15 @@ def test_the_table_of_the_step_shows_how_far_the_orders_move(page):
     text = " ".join(Parsed(page).text)
     assert "With the same values, half the step gives a cost of" in text
     assert "shift" in text
+
+
+def test_a_step_at_half_of_which_no_run_ends_is_said_so_beside_no_shift(material):
+    check = material.result["discretisation"] | {"cost_half_step": None, "cost_second_order": None, "orders": {}}
+    text = report_page(replace(material, result=material.result | {"discretisation": check | {"shift": {}}}))
+    table = text[text.index("Sensitivity to step size") : text.index("Integer-order alternative")]
+    assert table.count("no run") == 2
+    assert "shift" not in table
+    assert _discretisation(Discretisation(1.0, np.inf, np.inf, {}, {})) == "with pi2 at half the step the run fails"
 
 
 AGAINST = {

@@ -232,6 +232,6 @@ def _starts(fit: Fit) -> str:
 
 def _discretisation(check: Discretisation) -> str:
     shifts = ", ".join(f"{letter(n)} {shift:+.1e}" for n, shift in check.shift.items())
-    cost = f"with pi2 at half the step the cost is {check.cost_second_order:.6g}"
-    said = f"{cost} and the orders move by {shifts}" if shifts else cost
+    cost = f"the cost is {check.cost_second_order:.6g}" if isfinite(check.cost_second_order) else "the run fails"
+    said = f"with pi2 at half the step {cost}{f' and the orders move by {shifts}' * bool(shifts)}"
     return f"{check.refinement} {said[0].upper()}{said[1:]}" if check.refinement else said
