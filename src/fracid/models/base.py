@@ -415,7 +415,7 @@ class Model(CardDisplay):
         {0: 1, 2: 3}
         """
         n = len(self.states)
-        x, out = np.linspace(0.1, 0.2, n), np.full(n, np.nan)  # no value twice
+        x, out = np.sqrt(np.arange(2, n + 2)) / 10, np.full(n, np.nan)  # no value twice, nor by chance one of constants
         try:
             with np.errstate(all="ignore"):
                 rhs = getattr(self.rhs, "py_func", self.rhs)
