@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import How, command, new_console, open_page, say_next, typed
+from fracid.cli.app import How, command, open_page
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
 
@@ -27,4 +27,7 @@ def open(file: Path | None = None, *, how: How) -> None:
     if not open_page(path, how.open_):
         typer.echo(f"Open {path.resolve().as_uri()} in a browser.")
     if file is not None:
-        say_next(new_console(), (typed("init", file), "the project, with what the file itself says"))
+        from fracid.cli.check import inspected, say_next_of
+
+        recording, own, _ = inspected(file, None, None, how.variable)
+        say_next_of(recording, dict.fromkeys(("column", "time", "rate")) | {"variable": how.variable}, own)

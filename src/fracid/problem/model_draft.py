@@ -121,6 +121,19 @@ def _channels(columns: Columns) -> Columns:
     return {n: {k: v for k, v in c.items() if k not in (*QUANTITIES, "between")} for n, c in columns.items()}
 
 
+def states_with_unit(spec: Mapping[str, Any]) -> dict[str, str]:
+    """The states that others depend on and whose first value nothing else says → their units, of ``[model]``.
+
+    Examples
+    --------
+    >>> states_with_unit(table_of("capacitor")["model"])
+    {'v': 'V'}
+    """
+    texts = [(n, str(row)) for part in ("definitions", "equations", "outputs") for n, row in spec.get(part, {}).items()]
+    units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
+    return {n: u for n, u in sorted(units.items()) if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)}
+
+
 class _ModelPage:
     """What the template, ``model.j2``, asks about recordings."""
 
@@ -378,14 +391,10 @@ class _ModelPage:
     @cached_property
     def near(self) -> dict[str, str]:
         """State that nothing measures and others depend on → the output near whose first sample it begins, or ""."""
-        m, spec = self.model, self.table["model"]
+        m = self.model
         alike = {m.output_unit(n): n for n in self.outputs if "gain" not in self.columns[n]}
         told = {m.derived[n][0] if n in m.derived else n for n in self.columns}
-        parts = [spec.get(part, {}) for part in ("definitions", "equations", "outputs")]
-        texts = [(n, str(row)) for part in parts for n, row in part.items()]
-        units = {n: row["unit"] for n, row in spec["equations"].items() if row.keys() & {"unit", "only"} == {"unit"}}
-        felt = [n for n in units.keys() - told if any(re.search(rf"\b{n}\b", text) for k, text in texts if k != n)]
-        return {n: alike.get(units[n], "") for n in sorted(felt)}
+        return {n: alike.get(unit, "") for n, unit in states_with_unit(self.table["model"]).items() if n not in told}
 
     def begins(self, recording: Recording) -> Iterator[tuple[str, float, float]]:
         """Those states, with that first sample and how far it and 0 are apart."""

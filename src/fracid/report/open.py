@@ -19,7 +19,7 @@ from fracid.models import MODELS, RIGS, Model, model
 from fracid.models.library import table_of
 from fracid.models.written.languages import JavaScript
 from fracid.problem import Experiment, Free, Problem
-from fracid.problem.model_draft import SPAN
+from fracid.problem.model_draft import SPAN, states_with_unit
 from fracid.problem.roles import ROTARY
 from fracid.recording.channel import TABLES
 from fracid.recording.readers.table import Table, read_table
@@ -118,6 +118,8 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
     """What the page must know of a model."""
     table = table_of(name)
     scene, outputs = m.scene, {i: n for n, i in m.output_states.items()}
+    units = {} if "without" in table else states_with_unit(table["model"])
+    sought = {*units, *_sought_states(m)}
     return {
         "about": m.about,
         "zero": m.zero,
@@ -126,7 +128,8 @@ def _spec(name: str, m: Model) -> dict[str, Any]:
         "inputs": [{"name": n, "unit": m.input_unit(n),
                     "value": m.input_defaults.get(n, 0.0), "rateOf": m.input_rates.get(n)} for n in m.inputs],
         "outputs": [_output(m, n, k) for k, n in enumerate(m.shown)],
-        "initial": [{"state": m.states.index(s), "output": outputs.get(m.states.index(s))} for s in _sought_states(m)],
+        "initial": [{"state": i, "output": outputs.get(i), "unit": units.get(s)}
+                    for i, s in enumerate(m.states) if s in sought],
         "parameters": list(_parameters(table, m)),
         "columns": table["columns"],
         "needs": table["needs"],
@@ -166,7 +169,7 @@ def _parameters(table: Mapping[str, Any], m: Model) -> Iterator[dict[str, Any]]:
             free = row["free"]
         elif row.get("known") or row.get("needs") or p.name.startswith(("springpot_order", "stribeck_speed")):
             free = "never"
-        elif p.value == 0.0:
+        elif p.value == (0.0 if kind is None else kind.off):
             free = "always" if kind is not None and kind.dry and p.name.startswith("coulomb") else "never"
         else:
             free = "driven" if row.get("gauge") else "always"
