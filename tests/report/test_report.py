@@ -28,6 +28,7 @@ from fracid.estimation.cost_plane import cost_plane
 from fracid.estimation.records import in_words
 from fracid.optimise import Outcome
 from fracid.report import plane_of, report_page, write_report
+from fracid.report.charts import Chart, Series, still
 from fracid.report.equations import equations
 from fracid.report.material import Material
 from fracid.report.page import _wide
@@ -709,6 +710,14 @@ def test_thinning_keeps_ends_and_extremes_and_holds_its_budget(n):
         assert (np.nanmin(y[at]), np.nanmax(y[at])) == (np.nanmin(y), np.nanmax(y))
 
 
+@pytest.mark.parametrize("end", [2000.0, 86400.0])
+def test_the_last_label_below_a_still_is_whole(end):
+    t = np.linspace(0.0, end, 9)
+    drawing = still(Chart("force", t, "time [s]", "[N]", (Series("measured", np.sin(t), "measured"),), "time"), 400)
+    labels = re.findall(r'<text[^>]* x="([\d.]+)"[^>]*>([\d.]+)</text>', drawing)
+    assert max(float(x) + 3.4 * len(text) for x, text in labels) <= 400
+
+
 @pytest.mark.parametrize("recordings", [1, 5, 20, 200])
 def test_the_budget_of_a_page_bounds_its_size_however_many_recordings(recordings):
     points = budget(recordings)
@@ -790,6 +799,14 @@ def test_no_value_and_no_score_is_cut_off_at_the_side(browser, file, width):
     cut = "[...document.querySelectorAll('.wide')].filter(e => e.querySelector('.estimates, .fits')" \
           " && e.scrollWidth > e.clientWidth).map(e => e.ariaLabel)"  # fmt: skip
     assert browser.run(cut) == []
+
+
+def test_the_last_label_below_a_chart_is_whole(browser, file):
+    browser.open(file, width=400, **CALM)
+    browser.run("Chart.rebuild(true)")
+    beside = "u.width - (u.bbox.left + u.bbox.width) / uPlot.pxRatio"
+    short = f"Chart.all.filter(({{ plot: u, spec }}) => !spec.right?.length && {beside} < half(u) - 1).length"
+    assert browser.run(short) == 0
 
 
 def test_the_indices_of_an_equation_stand_below_their_letters(browser, file):
