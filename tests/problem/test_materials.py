@@ -97,7 +97,7 @@ def test_samples_that_crowd_stay_where_they_are_whether_the_project_says_so_or_n
 def test_a_recording_of_crowded_samples_is_checked_as_it_is_fitted(tmp_path):
     strip(tmp_path)
     report = fracid.load_recording(tmp_path / "fast.csv").report
-    assert dict(report.rows())["steps"].endswith("a fit takes the samples where they are")
+    assert dict(report.rows())["jitter"] == "uneven: a fit takes the samples where they are"
     assert not report.warnings
     t = np.arange(200.0) + np.random.default_rng(1).uniform(0, 0.2, 200)
     jitters = fracid.Recording.of("log", t, {"x": np.cos(t)}).report

@@ -295,8 +295,8 @@ def test_what_to_type_next_is_what_a_check_of_the_file_says(tmp_path, monkeypatc
     rows = "".join(f"{k},{k % 2},{20 + k / 9}\n" for k in range(60))
     (tmp_path / "heat.csv").write_text("time,heater,plate\n" + rows)
     said = [run(capsys, *command)[1].partition("next ")[2] for command in (("open", "heat.csv"), ("check", "heat.csv"))]
-    assert "fracid init heat.csv --model NAME" in said[0]
-    assert said[0] == said[1]
+    assert said[0].startswith("    fracid init heat.csv --model NAME --column NAME=COLUMN")
+    assert said[0].strip() in said[1]
 
 
 @in_node

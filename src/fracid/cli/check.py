@@ -34,28 +34,22 @@ def check(file: Path, how: How) -> None:
     Exit code 0 if it is good or usable, 3 if it is unfit.
     """
     with shown("recording") as observer:
-        recording, own, notes = inspected(file, how.column, time_from_text(how.time, how.rate), how.variable,
-                                          start=start_from_text(how.start), stop=how.stop)  # fmt: skip
+        from fracid.recording import inspect_recording
+
+        clock = time_from_text(how.time, how.rate)
+        own, notes = ({}, []) if how.column else _columns_of_model(file, clock, how.variable)
+        recording = inspect_recording(file, own or columns_from_texts(how.column), time=clock, stop=how.stop,
+                                      start=start_from_text(how.start), variable=how.variable,
+                                      guess_units=True)  # fmt: skip
+        recording = replace(recording, report=recording.report.of_model(_inputs(recording)))
         figure = None if how.out is None else _figure(recording, how.out, observer)
     head = {"name": recording.name, "file": str(recording.path), "sha256": recording.sha256, "step": recording.step}
     record = head | recording.report.to_dict() | {"figure": str(figure) if figure else None}
     how.answer(record, lambda _: print_check(recording, figure, notes))
-    if not how.json_:
-        say_next_of(recording, {name: vars(how)[name] for name in ("column", "time", "rate", "variable")}, own)
+    if not recording.report.faults and not how.json_:
+        _say_next(recording, {name: vars(how)[name] for name in ("column", "time", "rate", "variable")}, own)
     if recording.report.level == "unfit":
         raise typer.Exit(DataError.exit_code)
-
-
-def inspected(
-    file: Path, column: list[str] | None, clock: Any, variable: str | None, **part: Any
-) -> tuple[Recording, Columns, list[str]]:
-    """A recording as ``fracid init`` takes it, the columns of the one model that it is of, and notes on these."""
-    from fracid.recording import inspect_recording
-
-    own, notes = ({}, []) if column else _columns_of_model(file, clock, variable)
-    columns = own or columns_from_texts(column)
-    recording = inspect_recording(file, columns, time=clock, variable=variable, guess_units=True, **part)
-    return replace(recording, report=recording.report.of_model(_inputs(recording))), own, notes
 
 
 def _figure(recording: Recording, out: Path, observer: Observer) -> Path:
@@ -94,10 +88,7 @@ def _inputs(recording: Recording) -> set[str]:
     return {n for name in likely_models([*recording.signals]) for n in table_of(name)["model"].get("inputs", ())}
 
 
-def say_next_of(recording: Recording, options: Mapping[str, Any], own: Columns) -> None:
-    """What one would type next of a recording, as these options read it; nothing of one that is unfit."""
-    if recording.report.faults:
-        return
+def _say_next(recording: Recording, options: Mapping[str, Any], own: Columns) -> None:
     found = {f.code: f for f in recording.report.findings}
     again, why = dict(options), ""
     if "still" in found:
@@ -118,11 +109,11 @@ def say_next_of(recording: Recording, options: Mapping[str, Any], own: Columns) 
         why = "if these are the columns and units; else change them: rad, deg, turns, counts"
     steps = [(typed("check", recording.path, *words_of(again)), why)] if why else []
     words = [*words_of(again if "wrong-clock" in found else options)]
-    steps += [(typed("init", recording.path, *words, *which), why) for which, why in _models_for(recording, own)]
+    steps += [(typed("init", recording.path, *words, *which), why) for which, why in models_for(recording, own)]
     say_next(new_console(), *steps)
 
 
-def _models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
+def models_for(recording: Recording, own: Columns) -> list[tuple[tuple[str, ...], str]]:
     """What ``fracid init`` is to be told of the model, and what it then does: what it cannot decide is asked here."""
     from fracid.problem.roles import likely_models
 

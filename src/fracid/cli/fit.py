@@ -164,8 +164,7 @@ def show_fit(run: FinishedRun, console: Console | None = None, told: Collection[
         say(console, "cut: a record begins in motion; --cut shows how far the orders move with that", "  ")
     without = [n for n, e in fit.orders.items() if e.free and p.model.integer_order(n) is None]
     if fit.alternative is None and without:
-        said = f"no alternative model was tried: the model gives {escape(' and '.join(without))} no integer value"
-        say(console, f"integer order: {said}", "  ")
+        say(console, SAYS("no-integer-value", orders=escape(" and ".join(without))), "  ")
     console.print(f"result   {escape(str(run.folder / 'result.json'))}", soft_wrap=True)
 
 

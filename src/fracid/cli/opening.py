@@ -6,9 +6,10 @@ from pathlib import Path
 
 import typer
 
-from fracid.cli.app import How, command, open_page
+from fracid.cli.app import How, command, new_console, open_page, say_next, typed
 from fracid.safety.text import printable
 from fracid.tasks.display import shown
+from fracid.workflows.records import words_of
 
 
 @command
@@ -27,7 +28,9 @@ def open(file: Path | None = None, *, how: How) -> None:
     if not open_page(path, how.open_):
         typer.echo(f"Open {path.resolve().as_uri()} in a browser.")
     if file is not None:
-        from fracid.cli.check import inspected, say_next_of
+        from fracid.cli.check import models_for
+        from fracid.recording import inspect_recording
 
-        recording, own, _ = inspected(file, None, None, how.variable)
-        say_next_of(recording, dict.fromkeys(("column", "time", "rate")) | {"variable": how.variable}, own)
+        options = {"variable": how.variable}
+        models = models_for(inspect_recording(file, **options), {})
+        say_next(new_console(), *((typed("init", file, *words_of(options), *which), why) for which, why in models))

@@ -246,8 +246,7 @@ def guess_file(
     if "voltage" not in columns and (command := _rare_command(table)):
         columns["voltage"] = {"column": command, "unit": "V", "fill": "hold"}
         return columns, (*notes, SAYS("rare-command", command=command))
-    blank = with_code(raw.report.reading, "blank")
-    return columns, notes if "voltage" in columns else notes + blank
+    return columns, notes + with_code(raw.report.reading, "blank") * ("voltage" not in columns)
 
 
 def draft_project(
@@ -455,8 +454,7 @@ def _breaks(recording: Recording) -> NDArray[np.bool_]:
 def _rare_command(table: Table) -> str | None:
     """A column that is called like an input, is blank in part, and has more than one value."""
     commands = ((n, x) for n, x in zip(table.names, table.values.T, strict=True) if is_angle(n, "voltage"))
-    moving = (n for n, x in commands if not np.isfinite(x).all() and np.unique(x[np.isfinite(x)]).size > 1)
-    return next(moving, None)
+    return next((n for n, x in commands if not np.isfinite(x).all() and np.unique(x[np.isfinite(x)]).size > 1), None)
 
 
 def _way(recording: Recording) -> float:

@@ -116,8 +116,7 @@ def resampled(recording: Recording, resample: bool | float | str | None) -> Reco
     if not (isinstance(resample, Real | None) or (isinstance(resample, str) and resample in ("needed", "uneven"))):
         raise InputError(SAYS("other-resample", resample=brief(resample)))
     off = isinstance(resample, bool) and not resample
-    as_it_is = recording.uneven or recording.step is not None
-    if off or resample in (None, "uneven") or (resample == "needed" and as_it_is):
+    if off or resample in (None, "uneven") or (resample == "needed" and (recording.uneven or recording.step)):
         return recording
     return recording.resample(None if resample in (True, "needed") else float(resample))
 

@@ -168,10 +168,8 @@ class Recording(CardDisplay):
         grid = self.time[0] + h * np.arange(int(clock.duration / h * (1 + 1e-12)) + 1)
         signals = {n: step_means(self.time, x, h, len(grid)) if n in self.held else np.interp(grid, self.time, x)
                    for n, x in self.signals.items()}  # fmt: skip
-        gaps = "".join(
-            f" The gap of {with_time_unit(g, '.3g')} after {t:.4g} s was bridged by a line."
-            for t, g in sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
-        )
+        longest = sorted(clock.gaps, key=lambda gap: -gap[1])[:5]
+        gaps = "".join(SAYS("gap-bridged", gap=with_time_unit(g, ".3g"), after=t) for t, g in longest)
         more = f" So were {len(clock.gaps) - 5} more gaps." if len(clock.gaps) > 5 else ""
         hold_note = f" ({', '.join(sorted(self.held))}: last value held)" if self.held else ""
         how = f"Resampled to a step of {with_time_unit(h)} by linear interpolation{hold_note}.{gaps}{more}"

@@ -230,8 +230,8 @@ def still(chart: Chart, width: int = 720, points: int = 900, room: float = 12.0)
     """
     bottom = chart.height - (BOTTOM if chart.xlabel else 20.0)
     x = Axis(*_bounds([chart.x], chart.logx, 0.0), LEFT, width - room, chart.logx)
-    last = max((3.5 * len(tick(v, x.log)) + 1.0 for v in x.ticks(70)[-1:]), default=0.0)  # half of the last label
-    right = RIGHT if chart.right else max(room, last)
+    halves = [3.5 * len(tick(v, x.log)) + 1.0 for v in x.ticks(70)[-1:]]  # of the last label
+    right = RIGHT if chart.right else max(room, *halves)
     x = replace(x, end=width - right)
     ends = chart.yrange or _bounds([s.y for s in chart.series], chart.logy, 0.05)
     y = Axis(*ends, bottom, TOP + KEYS * (len(chart.series) > 1), chart.logy)
